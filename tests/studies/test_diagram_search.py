@@ -17,7 +17,7 @@ from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.derive import table_schema
 from gapwalk.studies.document import result_document
-from gapwalk.studies.option_tables import SearchTable
+from gapwalk.studies.options import SearchTable
 from tests.interruption import until_ctrl_c
 from tests.studies.diagrams import islands
 from tests.studies.killing import killed_after

@@ -30,8 +30,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.kind import Found, Work, found_by
 from gapwalk.studies.kinds import MAX_VALUES, Counted, check_integers, check_values
-from gapwalk.studies.option_tables import SEARCH_KEYS, search_words, with_search
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
 from gapwalk.studies.runner import call
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Join the special points of two neighbouring members of a family, by their exact loci or by nearness.
+"""The work on a family: its members, then their special points joined, by their exact loci or by nearness.
 
 The locus of a special point is followed from one member towards the next, in the plane of the parameter of the branches
 and of the one in which members differ. Points whose loci end on the way, or are not followed, are assigned by nearness.
@@ -6,13 +6,15 @@ and of the one in which members differ. Points whose loci end on the way, or are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, follow_locus
 from gapwalk.bifurcation.loci.locus import LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import Secant, zero_along
@@ -22,9 +24,18 @@ from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.parameter_path import WAY, on_the_way
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import is_same, stroboscopic
-from gapwalk.studies.family import TURN, Connection, Fate, Member, Passage, Place
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.family import TURN, Connection, Family, Fate, Member, Passage, Place
+from gapwalk.studies.kind import Finding, Found, Work
 from gapwalk.studies.kinds import Counted, check_integers
+
+if TYPE_CHECKING:
+    from gapwalk.studies.family_study import FamilyStudy
 
 LIMIT = 0.25
 """Distance beyond which two special points are not taken for the same, as `distance_between` measures it."""
@@ -99,64 +110,103 @@ class FamilyOptions:
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
 
-@dataclass(frozen=True)
-class Gap:
-    """Two neighbouring members, and what moves between them.
+MEMBER = Part("member", Member, numbered=True)
+JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
+"""What becomes of special points between two members, by the number of the first."""
 
-    One parameter is followed by its own name; several that move together are one parameter, the way from the one member
-    to the other.
+
+class FamilyWork(Work):
+    """The work on one family: its members, then what becomes of special points between them.
 
     Parameters
     ----------
-    members
-        The two.
-    parameter, within
-        Along what the members are walked, and the range, the smaller value first.
-    ends
-        The values of what moves, at the one member and at the other.
-    options
-        How special points are joined.
+    finding
+        Makes of a family what a study finds.
     """
 
-    members: tuple[Member, Member]
-    parameter: str
-    within: tuple[float, float]
-    ends: tuple[Mapping[str, float], Mapping[str, float]]
-    options: FamilyOptions
+    def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
+        self.asked, self._finding = asked, finding
+        self._family = Family(system, asked.parameter, asked.ends, asked.over)
+        self.members: dict[int, Member] = {}
+        self.connections: dict[int, tuple[Connection, ...]] = {}
+
+    def take(self, known: Parts) -> None:
+        """Take over members and connections; a ValueError if they are not those of this family."""
+        self.members, self.connections = dict(known.all(MEMBER)), dict(known.all(JOINTS))
+        for number, member in self.members.items():
+            if member.number != number or not 0 <= number < self.count:
+                raise ValueError(f"member {number} calls itself {member.number}")
+        if any(not 0 <= number < self.count - 1 for number in self.connections):
+            raise ValueError("there are connections between members that are not there")
+
+    def parts(self, hands: Workers) -> Generator[Found]:
+        """Walk the members that are left; then join special points where that is left."""
+        numbers = [number for number in range(self.count) if number not in self.members]
+        walk = partial(_walk_member, self._family.system, self.asked)
+        for index, member in hands.each(walk, numbers, in_order=False):
+            self.members[numbers[index]] = member
+            yield Found.part(MEMBER, member, numbers[index])
+        gaps = [pair for pair in self.record.gaps if pair[0].number not in self.connections]
+        for index, connections in hands.each(partial(_join, self.asked), gaps, in_order=False):
+            number = gaps[index][0].number
+            self.connections[number] = connections
+            yield Found.part(JOINTS, connections, number)
 
     @property
-    def second(self) -> str:
-        """The parameter that leads from the one member to the other."""
-        return next(iter(self.ends[0])) if len(self.ends[0]) == 1 else WAY
+    def complete(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.record.complete
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """Its values at the one member and at the other."""
-        return (0.0, 1.0) if self.second == WAY else (self.ends[0][self.second], self.ends[1][self.second])
+    def done(self) -> int:
+        """Members that are walked, and gaps between two of them that are closed."""
+        return len(self.members) + len(self.connections)
 
     @property
-    def ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The ranges of both parameters, the smaller value first."""
-        low, high = sorted(self.bounds)
-        return self.within, (low, high)
+    def total(self) -> int:
+        """Members, and gaps between them, of which there are fewer where a member has no branch."""
+        gaps = len(self.record.gaps) if len(self.members) == self.count else self.count - 1
+        return self.count + gaps
 
-    def lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
-        """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
-        system = special.orbit.system
-        if self.second == WAY:
-            system = on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
-        return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
+    @property
+    def record(self) -> Family:
+        """The family, as far as it has come."""
+        members = tuple(member for _, member in sorted(self.members.items()))
+        return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
-    def share(self, second: float) -> float:
-        """How far a value of the second parameter is on the way from the one member (0) to the other (1)."""
-        begin, end = self.bounds
-        return (second - begin) / (end - begin)
+    def finding(self) -> Finding:
+        """The family as what a study has found."""
+        return self._finding(self.record)
 
-    def value(self, second: float) -> float:
-        """What the family is over at a value of the second parameter."""
-        one, other = (member.value for member in self.members)
-        share = self.share(second)
-        return (1.0 - share) * one + share * other
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return len(self._family.over.axis)
+
+
+def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
+    """Walk the branches of one member; what goes wrong costs no other one."""
+    value, parameter, ends = asked.over.axis[number], asked.parameter, (asked.begin, asked.end)
+    how: Any = {"walk": asked.walk, "method": asked.method}
+    try:
+        first = system.at({**asked.over.at(number), parameter: asked.begin})
+        orbit = find_orbit(first, asked.period, asked.start, method=asked.method)
+        if asked.max_period is None:
+            return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
+        limits = DiagramOptions(max_period=asked.max_period, workers=1)
+        grown = diagram(first, parameter, ends, start=orbit, options=limits, **how)
+    except NumericalError as error:
+        return Member(number, value, failures=(f"no branch could be walked: {error}",))
+    return Member(number, value, grown.branches, grown.notes, grown.failures)
+
+
+def _join(asked: FamilyStudy, members: tuple[Member, Member]) -> tuple[Connection, ...]:
+    """What becomes of each special point of two members between them.
+
+    Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
+    the way back.
+    """
+    return _Joiner(asked, members).join()
 
 
 # The gap is one wide, like the range. Loci bend less than branches, and steps shorten where they do; where one leads is
@@ -167,15 +217,6 @@ _SECANT = Secant(longest=0.05, farthest=0.2)
 _CORNERS = (Codim2.CUSP, Codim2.GRAZING, Codim2.DEGENERATE_GRAZING)  # in which a locus may turn back
 
 
-def join(gap: Gap) -> tuple[Connection, ...]:
-    """What becomes of each special point of two members between them.
-
-    Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
-    the way back.
-    """
-    return _Joiner(gap).join()
-
-
 Specials = dict[Place, SpecialPoint]
 
 _SAME = 1e-5  # distance of two special points, in widths of the range, and of their orbits, within which they are one
@@ -183,24 +224,48 @@ _TRUNCATED = 30.0  # the same in the share of the motion that is neglected: cont
 
 
 class _Joiner:
-    """Joins the special points of two members."""
+    """Joins the special points of two neighbouring members.
 
-    def __init__(self, gap: Gap) -> None:
-        self.gap = gap
+    One parameter is followed by its own name; several that move together are one parameter, the way from the one member
+    to the other.
+
+    Parameters
+    ----------
+    asked
+        What is asked of the family.
+    members
+        The two.
+
+    Attributes
+    ----------
+    plane
+        The parameter of the members, the one that leads from the one member to the other, and their ranges.
+    bounds
+        The values of the second at the one member and at the other.
+    """
+
+    def __init__(self, asked: FamilyStudy, members: tuple[Member, Member]) -> None:
+        self.asked, self.members = asked, members
+        self.ends = tuple(asked.over.at(member.number) for member in members)
+        names = asked.over.names
+        second = names[0] if len(names) == 1 else WAY
+        self.bounds = (0.0, 1.0) if second == WAY else (self.ends[0][second], self.ends[1][second])
+        self.plane = (asked.parameter, second, (asked.ends, (min(self.bounds), max(self.bounds))))
         self.left: tuple[Specials, Specials] = (self._chosen(0), self._chosen(1))
         self.lost: dict[Place, str] = {}
         self.connections: list[Connection] = []
 
     def join(self) -> tuple[Connection, ...]:
-        if self.gap.options.exact:
+        """Join them by their loci, then by nearness; what is left stays alone."""
+        if self.asked.exact:
             for side in (0, 1):
                 for place in list(self.left[side]):
                     special = self.left[side].get(place)  # it may be what another one has led to
                     if special is not None and special.kind is not Kind.BRANCH_POINT:
                         self._join_exactly(place, special, side)
-        for one, other in nearest_pairs(*self.left, self.gap.within):
+        for one, other in nearest_pairs(*self.left, self.asked.ends):
             pair = (self.left[0].pop(one), self.left[1].pop(other))
-            curve = tuple((each.value, member.value) for each, member in zip(pair, self.gap.members, strict=True))
+            curve = tuple((each.value, member.value) for each, member in zip(pair, self.members, strict=True))
             detail = self.lost.get(one, self.lost.get(other, ""))
             self._add(pair[0], Fate.NEAR, one, other, curve=curve, detail=detail)
         for specials in self.left:
@@ -210,14 +275,32 @@ class _Joiner:
         return tuple(sorted(self.connections, key=lambda connection: connection.begin))
 
     def _chosen(self, side: int) -> Specials:
-        low, high = self.gap.within
-        kinds = self.gap.options.kinds
+        low, high = self.asked.ends
+        kinds = self.asked.kinds
         # a fold between two points of a branch may lie just beyond the edge
         return {
             place: special
-            for place, special in self.gap.members[side].special_points
+            for place, special in self.members[side].special_points
             if special.kind in kinds and low <= special.value <= high
         }
+
+    def _lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
+        """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
+        system = special.orbit.system
+        if self.plane[1] == WAY:
+            system = on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
+        return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
+
+    def _share(self, second: float) -> float:
+        """How far a value of the second parameter is on the way from the one member (0) to the other (1)."""
+        begin, end = self.bounds
+        return (second - begin) / (end - begin)
+
+    def _value(self, second: float) -> float:
+        """What the family is over at a value of the second parameter."""
+        one, other = (member.value for member in self.members)
+        share = self._share(second)
+        return (1.0 - share) * one + share * other
 
     def _add(self, special: SpecialPoint, fate: Fate, begin: Place, end: Place | None = None, **more: Any) -> None:
         about = (special.kind, special.contact, special.orbit.period)
@@ -225,9 +308,9 @@ class _Joiner:
 
     def _join_exactly(self, place: Place, special: SpecialPoint, side: int) -> None:
         """Add the connection of a special point by its locus; note why, if that cannot be followed."""
-        gap, lifted = self.gap, self.gap.lifted(special, side)
+        lifted = self._lifted(special, side)
         try:
-            locus = _inwards(follow_locus(lifted, gap.parameter, gap.second, gap.ranges, walk=_WALK))
+            locus = _inwards(follow_locus(lifted, *self.plane, walk=_WALK))
         except NumericalError as error:
             self.lost[place] = str(error)
             return
@@ -238,16 +321,16 @@ class _Joiner:
         del self.left[side][place]
         first, second = locus.points[-1].values
         at_edge = end.reason is LocusEndReason.RANGE and len(locus.points) > 1
-        arrives = next((edge for edge in (0, 1) if at_edge and abs(gap.share(second) - edge) <= _EDGE), None)
+        arrives = next((edge for edge in (0, 1) if at_edge and abs(self._share(second) - edge) <= _EDGE), None)
         partner = None if arrives is None else self._at_end(locus, arrives)
         if partner is not None and arrives is not None:
             del self.left[arrives][partner]
-        ways = tuple((first, gap.value(second)) for first, second in locus.values.tolist())
+        ways = tuple((first, self._value(second)) for first, second in locus.values.tolist())
         passages = tuple(
-            Passage(each.kind.value, each.values[0], gap.value(each.values[1]), each.contact)
+            Passage(each.kind.value, each.values[0], self._value(each.values[1]), each.contact)
             for each in locus.codim2_points
         )
-        more: dict[str, Any] = {"curve": ways, "passages": passages, "at": (first, gap.value(second))}
+        more: dict[str, Any] = {"curve": ways, "passages": passages, "at": (first, self._value(second))}
         if partner is not None and arrives != side:
             if side == 0:
                 self._add(special, Fate.JOINED, place, partner, curve=ways, passages=passages)
@@ -266,7 +349,7 @@ class _Joiner:
 
     def _at_end(self, locus: Locus, side: int) -> Place | None:
         """The special point to which a locus has led."""
-        (low, high), reached = self.gap.within, locus.points[-1]
+        (low, high), reached = self.asked.ends, locus.points[-1]
         near = []
         for place, special in self.left[side].items():
             tolerance = max(_SAME, _TRUNCATED * special.orbit.truncation)
@@ -281,20 +364,20 @@ class _Joiner:
 
         Unless it turns in a corner, it turns where the second parameter does not change along it.
         """
-        gap, here = self.gap, self.gap.bounds[side]
+        here = self.bounds[side]
         points: list[tuple[LocusPoint, str]] = [(point, TURN) for point in locus.points]
         points += [(each.point, each.kind.value) for each in locus.codim2_points if each.kind in _CORNERS]
         best, event = max(points, key=lambda each: abs(each[0].values[1] - here))
         first, second = best.values
         if event == TURN:
-            corrector = start_locus(lifted, gap.parameter, gap.second, gap.ranges)[0].corrector
+            corrector = start_locus(lifted, *self.plane)[0].corrector
 
             def slope(correction: Correction) -> float:
                 return float(corrector.tangent(correction.evaluation, best.tangent).tangent[-1])
 
             if (turn := zero_along(corrector, best.x, slope, _SECANT)) is not None:
                 first, second = (turn.x[-2:] * corrector.scales[-2:]).tolist()
-        return (first, gap.value(second)), event
+        return (first, self._value(second)), event
 
 
 def _inwards(locus: Locus) -> Locus:

@@ -27,11 +27,9 @@ from gapwalk.studies.changes import leaves_of
 from gapwalk.studies.columns import measure_names, measure_values, method_names, method_values, parameter_headings
 from gapwalk.studies.document import branch_document, special_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
-from gapwalk.studies.family_joining import FamilyOptions
-from gapwalk.studies.family_work import FamilyWork
+from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
 from gapwalk.studies.kind import Finding, Rows, values_of
-from gapwalk.studies.option_tables import kinds_key
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import Table

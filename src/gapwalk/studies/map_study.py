@@ -32,8 +32,7 @@ from gapwalk.studies.derive import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.kind import Found, Work
 from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
-from gapwalk.studies.option_tables import SEARCH_KEYS, kinds_key, search_words, with_search
-from gapwalk.studies.options import BranchOptions, Second
+from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
 from gapwalk.studies.runner import call
 from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
 
