@@ -121,7 +121,12 @@ def change_system(
         _check_units(system, values)
         system.at(values)
     except ModelError as error:
-        return system, list(_own_problems(source, own, error))
+        problems = []
+        for line in dict.fromkeys(str(error).splitlines()):  # each is at the value that it begins with, or at the first
+            name, _, reason = line.partition(" ")
+            path = own[name].path if name in own else next(iter(own.values())).path
+            problems.append(source.problem(reason if name in own else f"is refused: {line}", path))
+        return system, problems
     problems = unknown_names(system, source, changes)
     values |= {name: value for name, value in changes.items() if name in system.structure.names}
     try:
@@ -154,16 +159,6 @@ def _check_units(system: System, values: Mapping[str, Any]) -> None:
                 lines.append(f"{name} {error}")
     if lines:
         raise ModelError("\n".join(lines))
-
-
-def _own_problems(source: Source, own: Mapping[str, Change], error: ModelError) -> Iterator[Problem]:
-    """Each line of an error, at the value that it begins with, or at the first of them."""
-    for line in dict.fromkeys(str(error).splitlines()):
-        name, _, reason = line.partition(" ")
-        if name in own:
-            yield source.problem(reason, own[name].path)
-        else:
-            yield source.problem(f"is refused: {line}", next(iter(own.values())).path)
 
 
 def _study_paths(source: Source, name: str) -> Iterator[Path]:

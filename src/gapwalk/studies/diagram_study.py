@@ -297,8 +297,14 @@ class DiagramWork(Work):
 
     def _branch_off(self, generation: list[DiagramBranch], hands: Workers) -> Iterator[DiagramBranch]:
         """Walk away from every flip and branch point of one generation of branches."""
-        buds = [bud for member in generation for bud in _buds(member, self.options.max_period)]
-        buds = [bud for bud in buds if (bud[0], bud[2]) not in self._tried]
+        buds = [
+            (origin, special, way)
+            for member in generation
+            for index, special in enumerate(member.branch.special_points)
+            if special.kind.times * member.period <= max(member.period, self.options.max_period)
+            for way in range(special.kind.ways)
+            if ((origin := Origin(member.name, index)), way) not in self._tried
+        ]
         self._tried.update((origin, way) for origin, _, way in buds)
 
         def is_new(index: int) -> bool:
@@ -306,7 +312,11 @@ class DiagramWork(Work):
             return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
 
         for index, branch in hands.each(self._walker, [(special, way) for _, special, way in buds], is_new):
-            if isinstance(branch, str) or not any(_is_same_branch(known, branch) for known in self._known):
+            # a branch that begins where a known one ends is that one if its middle lies on it
+            if isinstance(branch, str) or not any(
+                known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)
+                for known in self._known
+            ):
                 yield from self._accepted(branch, buds[index][0])
 
     @property
@@ -331,15 +341,6 @@ class DiagramWork(Work):
         return True
 
 
-def _buds(member: DiagramBranch, max_period: int) -> list[tuple[Origin, SpecialPoint, int]]:
-    """The special points of a branch from which others leave, and which of their directions."""
-    buds = []
-    for index, special in enumerate(member.branch.special_points):
-        if special.kind.times * member.period <= max(member.period, max_period):
-            buds += [(Origin(member.name, index), special, way) for way in range(special.kind.ways)]
-    return buds
-
-
 def _walk_branch(
     parameter: str,
     within: tuple[float, float],
@@ -358,11 +359,6 @@ def _walk_branch(
         return walk_out(beginnings, walk)
     except NumericalError as error:
         return f"the branch that leaves {value:.10g} could not be walked: {error}"
-
-
-def _is_same_branch(known: Branch, branch: Branch) -> bool:
-    """Whether a branch is one that is known: it begins where that ends, and its middle lies on it."""
-    return known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)
 
 
 def whole_diagram(diagram: Diagram, *, finished: bool) -> Iterator[Entry]:

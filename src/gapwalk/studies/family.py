@@ -117,7 +117,14 @@ class MemberParameter:
                 "called and values belong together: what the family is over, and its value at each member, as in "
                 'called = "Kb", values = [1.0, 1.5]'
             )
-        _check_steps(self.name, self.axis)
+        if not all(math.isfinite(value) for value in self.axis):
+            raise ModelError(f"over has {self.axis} of {self.name}; they must be finite numbers")
+        steps = {math.copysign(1.0, b - a) if b != a else 0.0 for a, b in pairwise(self.axis)}
+        if len(steps) > 1 or 0.0 in steps:
+            raise ModelError(
+                f"over has the values {', '.join(f'{value:g}' for value in self.axis)} of {self.name}; they must rise, "
+                "or fall, from each member to the next: special points are joined from one to the next"
+            )
 
     @classmethod
     def of(
@@ -170,17 +177,6 @@ class MemberParameter:
                 raise ModelError(
                     "\n".join(f"over is refused at {where}: {line}" for line in str(error).splitlines())
                 ) from None
-
-
-def _check_steps(name: str, axis: tuple[float, ...]) -> None:
-    if not all(math.isfinite(value) for value in axis):
-        raise ModelError(f"over has {axis} of {name}; they must be finite numbers")
-    steps = {math.copysign(1.0, b - a) if b != a else 0.0 for a, b in pairwise(axis)}
-    if len(steps) > 1 or 0.0 in steps:
-        raise ModelError(
-            f"over has the values {', '.join(f'{value:g}' for value in axis)} of {name}; they must rise, or fall, from "
-            "each member to the next: special points are joined from one to the next"
-        )
 
 
 class Fate(StrEnum):

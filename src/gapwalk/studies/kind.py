@@ -180,16 +180,6 @@ def values_of(options: Any) -> dict[str, Any]:
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
-def in_order(parts: Iterable[tuple[int, Any]]) -> list[Any]:
-    """Parts that follow one another from number 0; a ValueError if one is missing."""
-    found = []
-    for number, value in parts:
-        if number != len(found):
-            raise ValueError(f"what should follow its part {len(found)} is missing")
-        found.append(value)
-    return found
-
-
 register(
     StudyKind,
     OneOf(

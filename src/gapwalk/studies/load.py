@@ -236,7 +236,12 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     check_place(path)
     if resume:
         result = load_result(path)
-        _check_same(name, study, result.study)
+        now, before = as_before(study, result.study), result.study
+        # titles, texts and names change nothing of a result
+        before = replace(now, system=before.system, options=before.options)
+        check_same(
+            name, now, before, "choose another name for the new result (--output), or write over this one (--force)"
+        )
         return result
     if not force:
         raise StoreError(
@@ -246,15 +251,6 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     if not looks_like_result(path):
         raise StoreError(f"{name} is not a result file of gapwalk, so it is not written over; choose another name")
     return None
-
-
-def _check_same(name: str, study: Study, stored: Study) -> None:
-    """Refuse to resume another study; titles, texts and names change nothing of a result."""
-    study = as_before(study, stored)
-    before = replace(study, system=stored.system, options=stored.options)
-    check_same(
-        name, study, before, "choose another name for the new result (--output), or write over this one (--force)"
-    )
 
 
 _ROUNDING = 1e-9  # of a value, relative to the largest there is

@@ -24,7 +24,7 @@ from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.orbit import Orbit, phases
+from gapwalk.orbit.orbit import phases
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
@@ -246,7 +246,13 @@ class MapWork(Work):
             if special.kind in self.options.kinds and low <= special.value <= high
         ]
         if which is not None and not specials:
-            self.chart = replace(self.chart, failures=(*self.chart.failures, _none_of(which, self.chart)))
+            there = [
+                f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
+                for branch in self.chart.branches
+                for special in branch.special_points
+            ]
+            none = f"the branch has no {which.words}; it has {', '.join(there) or 'no special points'}"
+            self.chart = replace(self.chart, failures=(*self.chart.failures, none))
         done, left = self.chart.tried, specials[self.chart.tried :]
 
         def is_new(index: int) -> bool:
@@ -306,16 +312,6 @@ def _follow_section(
     return grown.branches, [f"{where}: {text}" for text in grown.notes], [f"{where}: {text}" for text in grown.failures]
 
 
-def _none_of(which: Which, chart: Map) -> str:
-    """Why there is nothing to follow."""
-    found = [
-        f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
-        for branch in chart.branches
-        for special in branch.special_points
-    ]
-    return f"the branch has no {which.words}; it has {', '.join(found) or 'no special points'}"
-
-
 def _follow_special(
     first: str, second: str, within: Ranges, walk: WalkOptions | None, method: Method | None, special: SpecialPoint
 ) -> Locus | str:
@@ -339,17 +335,12 @@ def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map
         rise = b[k, 1] - a[k, 1]
         share = 0.5 if rise == 0.0 else (value - a[k, 1]) / rise
         if abs(a[k, 0] + share * (b[k, 0] - a[k, 0]) - special.value) <= _BESIDE * width:
-            nearest = locus.points[k] if share < 0.5 else locus.points[k + 1]
-            if _are_alike(nearest.orbit, special.orbit):
+            # two orbits of neighbouring systems may be the same motion, one begun later
+            nearest, orbit = locus.points[k if share < 0.5 else k + 1].orbit, special.orbit
+            distance = float(np.abs(phases(nearest) - orbit.state).max(axis=1).min())
+            if distance <= _ALIKE * magnitude(orbit.state, orbit.system):
                 return True
     return False
-
-
-def _are_alike(a: Orbit, b: Orbit) -> bool:
-    """Whether two orbits of neighbouring systems may be the same motion, one begun later perhaps."""
-    states = phases(a)
-    distance = float(np.abs(states - b.state).max(axis=1).min())
-    return distance <= _ALIKE * magnitude(b.state, b.system)
 
 
 @shows_progress(lambda count, chart, added: f"{len(chart.sections)} sections, {len(chart.loci)} loci")

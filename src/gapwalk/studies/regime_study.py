@@ -273,7 +273,11 @@ class RegimeWork(CellWork):
         exact = [found for _, some in hands.each(_classify_some, jobs) for found in some]
         mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
         both = zip(systems, mine, exact, strict=True)
-        sentences = [self._difference(system, *words) for system, *words in both if words[0] != words[1]]
+        sentences = []
+        for system, one, other in both:
+            if one != other:
+                where = ", ".join(f"{name} = {system[name]:.6g}" for name in self.asked.names)
+                sentences.append(f"at {where}: {regime_word(*one)}, but {regime_word(*other)} by the exact flow")
         self._checked = RegimeCheck(len(chosen), tuple(sentences))
 
     def found(self, *, complete: bool) -> Regimes:
@@ -302,10 +306,6 @@ class RegimeWork(CellWork):
             cells, size = grid.transpose(0, 2, 1)[:, :: 1 if carry is Carry.UP else -1], ROWS
         starts = range(0, cells.shape[2], size)
         return [(cells[0, :, first : first + size], cells[1, :, first : first + size]) for first in starts]
-
-    def _difference(self, system: System, mine: Finding, exact: Finding) -> str:
-        where = ", ".join(f"{name} = {system[name]:.6g}" for name in self.asked.names)
-        return f"at {where}: {regime_word(*mine)}, but {regime_word(*exact)} by the exact flow"
 
 
 def _system_at(system: System, names: tuple[str, str], pair: NDArray[np.float64]) -> System:

@@ -31,7 +31,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import checked
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Found, Work, in_order
+from gapwalk.studies.kind import Found, Work
 from gapwalk.studies.options import BranchOptions
 
 _SECONDS = 0.1  # between two moments that are written
@@ -97,9 +97,10 @@ class ResponseWork(Work):
 
     def take(self, known: Parts) -> None:
         """Take over the orbit that was found first, and the walk from there so far."""
-        self._start, self._moments = known.one(START), in_order(known.all(MOMENT))
-        if not self._moments:
-            raise ValueError("it holds nothing")
+        self._start, moments = known.one(START), dict(known.all(MOMENT))
+        if not moments or list(moments) != list(range(len(moments))):
+            raise ValueError("it holds nothing, or a part of the walk is missing")
+        self._moments = list(moments.values())
 
     def parts(self, hands: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""

@@ -210,7 +210,10 @@ class SweepWork(Work):
         self.system, self.asked = system, asked
         self.values = np.linspace(low, high, asked.steps)
         self.box = np.maximum(*(state_box(end) for end in at_ends))
-        starts = _starts(at_ends[0], asked, self.box)
+        if isinstance(asked.starts, int):  # the first one is rest
+            starts = [np.zeros(len(self.box)), *spread_starts(self.box, asked.starts, asked.seed, 0.0)[1:]]
+        else:
+            starts = [check_state(at_ends[0], start) for start in asked.starts]
         self.lanes = tuple(
             Lane(way, number, state) for way in asked.each_way() for number, state in enumerate(starts, start=1)
         )
@@ -314,14 +317,6 @@ class SweepWork(Work):
         places = places_of(lane.way, asked.steps, number)
         where = (lane, index, number, places, self.values[places])
         return Task(self.system, asked.parameter, asked.limits, self.box, *where, state)
-
-
-def _starts(system: System, options: SweepOptions, box: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The states from which a sweep starts."""
-    if not isinstance(options.starts, int):
-        return [check_state(system, start) for start in options.starts]
-    rest = np.zeros(len(box))
-    return [rest, *spread_starts(box, options.starts, options.seed, 0.0)[1:]]
 
 
 @shows_progress(lambda count, part, pace: str(pace))
