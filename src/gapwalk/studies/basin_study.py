@@ -19,6 +19,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.basin_work import BasinOptions, BasinWork
 from gapwalk.studies.cell_work import CellFinding
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.kind import Rows, StudyKind, values_of
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
@@ -136,7 +137,7 @@ class BasinStudy(BasinOptions, StudyKind):
     """
 
     kind: ClassVar[str] = "basins"
-    table_types: ClassVar[Mapping[str, Any]] = {"resolution": Resolution}
+    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
     plane: Annotated[Plane, Field(description=_PLANE), AfterValidator(_is_a_plane)] = field(kw_only=True)
     fixed: Annotated[Mapping[str, float], AfterValidator(_is_fixed)] = field(default_factory=dict)

@@ -73,7 +73,7 @@ def _keys_of(names: tuple[str, ...]) -> frozenset[str]:
 @cache
 def table_schema(record: type) -> type[Part]:
     """The schema of a table that describes a dataclass."""
-    return _made(record, Part, {}, getattr(record, "table_types", {}))
+    return _made(record, Part, {}, {})
 
 
 def given_of(record: type, part: Part) -> dict[str, Any]:

@@ -56,10 +56,10 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
     if isinstance(sections, int):
         return sections
     if len(set(sections)) < len(sections):
-        raise ValueError(f"is {given(sections)}; each value must stand there once")
+        raise ValueError(f"is {given(list(sections))}; each value must stand there once")
     if second := info.data.get("second"):
         check_inside(sections, "sections", second.ends)
-    return tuple(sections)
+    return sections
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
         "shooting": (Annotated[key_type(Shooting), AfterValidator(_has_one_segment)], Shooting()),
-        "sections": Annotated[CountOrValues, AfterValidator(_lie_in_the_range)],
+        "sections": Annotated[key_type(CountOrValues), AfterValidator(_lie_in_the_range)],
         "kinds": kinds_key(Kind.with_locus),
         **SEARCH_KEYS,
     }

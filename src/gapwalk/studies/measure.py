@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt
@@ -105,8 +105,6 @@ class Measurement:
         Names of parameters to fit, and their lowest and highest values.
     """
 
-    table_types: ClassVar[Mapping[str, Any]] = {"start": StartOrState}
-
     signal: Annotated[
         Any, Field(description="write what the record measures, as in signal = \"q1''\""), AfterValidator(_is_a_signal)
     ]
@@ -116,7 +114,7 @@ class Measurement:
     speed_scale: Factor = 1.0
     order: Factor = 1.0
     period: Counted = 1
-    start: Start | tuple[float, ...] = Start.SETTLE
+    start: StartOrState = Start.SETTLE
     fit: Annotated[tuple[str, ...], AfterValidator(_exist)] = ()
     bounds: Annotated[Any, AfterValidator(_are_ranges)] = field(default_factory=dict)
 

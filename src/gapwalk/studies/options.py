@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
 from gapwalk.bifurcation.branch import Kind
@@ -14,7 +14,7 @@ from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Count, one_of
+from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
@@ -24,9 +24,10 @@ from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.studies.derive import key_type, table_schema
 from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import INLINE, MAX_VALUES, OPEN
+from gapwalk.studies.kinds import INLINE, OPEN
 from gapwalk.studies.tables import (
     WITH_UNIT,
+    CountOrValues,
     Start,
     StartOrState,
     Surroundings,
@@ -245,8 +246,6 @@ class BranchOptions(RangeStudy):
     """
 
     table_types: ClassVar[Mapping[str, Any]] = {
-        "period": Annotated[Count, Field(le=MAX_PERIOD)],
-        "start": StartOrState,
         "method": (
             Annotated[Annotated[str, BeforeValidator(one_of(_method_names))] | None, AfterValidator(_has_contacts)],
             None,
@@ -259,8 +258,8 @@ class BranchOptions(RangeStudy):
     }
 
     measure: Annotated[str, OPEN, AfterValidator(_can_be_measured)]
-    period: int = 1
-    start: Start | tuple[float, ...] = Start.SETTLE
+    period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
+    start: StartOrState = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
     method: Method = field(default_factory=Shooting)
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
@@ -296,8 +295,7 @@ class SearchTable:
     """The table of a search: at which values of the parameter, and beside them the options of the search."""
 
     values: Annotated[
-        Annotated[int, Ge(1), Le(MAX_VALUES)] | Annotated[tuple[float, ...], MinLen(1)],
-        Field(description="write at how many values of the parameter to search, or a list of them"),
+        CountOrValues, Field(description="write at how many values of the parameter to search, or a list of them")
     ]
     options: Annotated[SearchOptions, INLINE] = SearchOptions()
 

@@ -26,6 +26,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
 from gapwalk.studies.columns import parameter_headings
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.kind import Rows, plain_numbers, values_of
 from gapwalk.studies.kinds import INLINE, Counted, check_integers
 from gapwalk.studies.options import RangeStudy, Second, SecondParameter
@@ -96,11 +97,11 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     """
 
     kind: ClassVar[str] = "regimes"
-    table_types: ClassVar[Mapping[str, Any]] = {"resolution": Resolution, "start": RestOrState}
+    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
     second: Second = field(kw_only=True)
     resolution: tuple[int, int] = (128, 128)
-    start: str | tuple[float, ...] = "rest"
+    start: RestOrState = "rest"
 
     @property
     def plan(self) -> str:

@@ -78,13 +78,12 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     kind: ClassVar[str] = "settle"
     table_types: ClassVar[Mapping[str, Any]] = {
-        "start": RestOrState,
         "phase": Annotated[Angle, AfterValidator(_lies_in_one_turn)],
         "lyapunov": None,
     }
 
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
-    start: str | tuple[float, ...] = "rest"
+    start: RestOrState = "rest"
     phase: float = 0.0
     lyapunov: LyapunovOptions = LyapunovOptions()
 

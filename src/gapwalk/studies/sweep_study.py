@@ -22,6 +22,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.columns import parameter_headings
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.kind import Finding, Found, Rows, Work, plain_numbers, values_of
 from gapwalk.studies.kinds import OPEN
 from gapwalk.studies.options import RangeStudy
@@ -163,7 +164,7 @@ class SweepStudy(SweepOptions, RangeStudy):
     """
 
     kind: ClassVar[str] = "sweep"
-    table_types: ClassVar[Mapping[str, Any]] = {"starts": CountOrStates, "block": None}
+    table_types: ClassVar[Mapping[str, Any]] = {"starts": key_type(CountOrStates), "block": None}
 
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
     block: int = BLOCK

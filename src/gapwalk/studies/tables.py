@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any
 
+from annotated_types import Ge, Le, MinLen
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -20,10 +21,10 @@ from pydantic import (
 
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Count, Number, Part, Text, by_shape, one_of, tagged
+from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.studies.kinds import MAX_VALUES
+from gapwalk.studies.kinds import MAX_VALUES, Counted
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""
@@ -32,16 +33,7 @@ MAX_CELLS = 10_000_000
 """Of a map over a plane; of each some hundred bytes are kept."""
 
 
-def count_shape(value: object) -> str:
-    """Whether a value is a count, or a list of values."""
-    return "values" if isinstance(value, list) else "count"
-
-
-CountOrValues = Annotated[
-    Annotated[Annotated[Count, Field(le=MAX_VALUES)], tagged("count")]
-    | Annotated[Annotated[list[Number], Field(min_length=1)], tagged("values")],
-    by_shape(count_shape),
-]
+CountOrValues = Annotated[int, Ge(1), Le(MAX_VALUES)] | Annotated[tuple[float, ...], MinLen(1)]
 """How many values, spread evenly over a range; or the values themselves."""
 
 
@@ -115,7 +107,7 @@ class Surroundings:
     guessed: bool = False
 
 
-def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
+def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
     system = info.context.system
     if system and len(start) != 2 * system.size:
         raise ValueError(
@@ -123,10 +115,6 @@ def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> lis
             "then the velocities"
         )
     return start
-
-
-def _start_shape(value: object) -> str:
-    return "state" if isinstance(value, list) else "word"
 
 
 class Start(StrEnum):
@@ -138,36 +126,21 @@ class Start(StrEnum):
     """Newton's method from where a transient from rest has come to."""
 
 
-_StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
-_RestName = Annotated[str, BeforeValidator(one_of(["rest"], "the state at t = 0, a list of numbers"))]
-_State = Annotated[list[Number], AfterValidator(_state_length), AfterValidator(tuple)]
-State = _State
+_STATE = "the state at t = 0, a list of numbers"
+
+State = Annotated[tuple[float, ...], AfterValidator(_state_length)]
 """A state at t = 0: positions, then velocities."""
 
-CountOrStates = Annotated[
-    Annotated[Count, tagged("count")] | Annotated[list[State], Field(min_length=1), tagged("values")],
-    by_shape(count_shape),
-    AfterValidator(lambda given: tuple(given) if isinstance(given, list) else given),
-]
+CountOrStates = Counted | Annotated[tuple[State, ...], MinLen(1)]
 """How many states; or the states themselves."""
 
-RestOrState = Annotated[
-    Annotated[_RestName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-]
+RestOrState = Annotated[str, BeforeValidator(one_of(["rest"], _STATE))] | State
 """Where a motion begins: from rest, or from a state."""
 
-StartOrState = Annotated[
-    Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-]
+StartOrState = Annotated[Start, BeforeValidator(one_of(Start, _STATE))] | State
 """Where an orbit is looked for: from rest, from where a transient settles, or from a state."""
 
-
-_Pair = Annotated[list[Count], Field(min_length=2, max_length=2)]
-Resolution = Annotated[
-    Annotated[Count, tagged("count")] | Annotated[_Pair, tagged("values")],
-    by_shape(count_shape),
-    AfterValidator(lambda given: check_resolution(given if isinstance(given, int) else tuple(given))),
-]
+Resolution = Annotated[Counted | tuple[Counted, Counted], AfterValidator(check_resolution)]
 """Cells along each axis of a plane, or columns and rows; as columns and rows."""
 
 
