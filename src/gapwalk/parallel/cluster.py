@@ -69,7 +69,7 @@ class Cluster:
         return self._executor.submit(do_piece, function, piece, self._versions)
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether workers died over a piece."""
+        """Return True if workers died over a piece."""
         return isinstance(error, self._killed)
 
     def check(self) -> None:

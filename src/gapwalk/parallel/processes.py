@@ -66,7 +66,7 @@ class Processes:
         return future
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether an error says that a process died, and nothing of its piece of work."""
+        """Return True if an error says that a process died, and nothing of its piece of work."""
         return isinstance(error, BrokenProcessPool)
 
     def check(self) -> None:

@@ -145,7 +145,7 @@ class BasinStudy(BasinOptions, StudyKind):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         columns, rows = self.resolution
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in self.plane.items()]
         return f"basins over {' and '.join(ranges)}, {columns} x {rows} cells"

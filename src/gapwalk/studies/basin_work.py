@@ -159,7 +159,7 @@ class BasinWork(CellWork):
         self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
 
     def notes(self, complete: bool) -> tuple[str, ...]:
-        """What could not be done, in sentences."""
+        """Return sentences on what could not be done."""
         left = int(np.sum(self.labels == UNRESOLVED))
         if not complete:
             done = sum(len(chunk.sorted.labels) for chunk in self.chunks.values())

@@ -90,7 +90,7 @@ class CellWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether all cells are done, and checked."""
+        """True if all cells are done, and checked."""
         return self._whole is not None
 
     @property

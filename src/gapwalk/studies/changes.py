@@ -199,12 +199,12 @@ def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
 
 
 def _walks_second(table: Mapping[str, object], name: str) -> bool:
-    """Whether a study walks a parameter as its second one."""
+    """Return True if a study walks a parameter as its second one."""
     return name in walked_parameters(table) and table.get("parameter") != name
 
 
 def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]) -> bool:
-    """Whether a study walks a parameter and says from where."""
+    """Return True if a study walks a parameter and says from where."""
     if _walks_second(table, name):
         return True
     parameter = changes.get("study.parameter", table.get("parameter"))

@@ -107,13 +107,13 @@ class Pair:
         return max((shift.share for shift in self.shifts), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Whether the curves agree: distances, locations and ranges, with no special point on one of them alone."""
+        """Return True if the curves agree: distances, locations and ranges, and no special point is on one alone."""
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
 
 @dataclass(frozen=True)
 class ResultComparison(Shown):
-    """What two results have in common, and what not.
+    """Common and different branches and loci of two results.
 
     Lengths are shares: of the range of the parameter, and of the range of each measure, over all branches of both.
 
@@ -154,7 +154,7 @@ class ResultComparison(Shown):
         return max((pair.largest_shift for pair in self.pairs), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Whether all that one has the other has too, within a tolerance (a share of the ranges)."""
+        """Return True if each has all that the other has, within a tolerance (a share of the ranges)."""
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 
     def __str__(self) -> str:
@@ -170,7 +170,7 @@ def place_words(parameters: Sequence[str], values: Sequence[float]) -> str:
 
 
 def _pair_lines(pair: Pair, parameters: tuple[str, ...]) -> list[str]:
-    """What there is to say of a pair, line by line."""
+    """Return a pair in words, line by line."""
     name = pair.names[0] if pair.names[0] == pair.names[1] else " and ".join(pair.names)
     lines = [f"{name}: largest distance {pair.largest:.3g} of the ranges, at {place_words(parameters, pair.worst)}"]
     if pair.missing > 0.0:
@@ -401,7 +401,7 @@ def _notes(first: Result, second: Result) -> tuple[str, ...]:
 
 
 def comparison_document(found: ResultComparison, tolerance: float) -> dict[str, Any]:
-    """What two results have in common, and what not; shares are those of the ranges."""
+    """Return a comparison as plain JSON values; lengths are shares of the ranges."""
     return {
         "agree": found.within(tolerance),
         "tolerance": tolerance,

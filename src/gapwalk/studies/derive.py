@@ -77,7 +77,7 @@ def table_schema(record: type) -> type[Part]:
 
 
 def given_of(record: type, part: Part) -> dict[str, Any]:
-    """What a table gives of the fields of a dataclass, by their names."""
+    """Return the fields of a dataclass that a table gives, by their names."""
     names = {field.name for field, _ in _hints(record)}
     own = (getattr(record, "table_types", {}).keys() & type(part).model_fields.keys()) - names
     found = {name: getattr(part, name) for name in own}

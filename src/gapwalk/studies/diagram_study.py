@@ -96,7 +96,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return (
             f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
@@ -119,7 +119,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
 
 class DiagramState(NamedTuple):
-    """What is known of a diagram as a whole, without its branches and its search; and whether nothing is left to do."""
+    """A diagram without its branches and its search; and True if nothing is left to do."""
 
     diagram: Diagram
     finished: bool
@@ -203,7 +203,7 @@ class DiagramWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do, because all is found or at a limit."""
+        """True if nothing is left to do, because all is found or at a limit."""
         return self._finished
 
     @property
@@ -217,7 +217,7 @@ class DiagramWork(Work):
         return len(self.diagram.members)
 
     def _state(self, *, finished: bool) -> Iterator[Entry]:
-        """What is known of the diagram as a whole; its search only when it is new, for it may be long."""
+        """Yield the diagram as a whole; its search only when it is new, for it may be long."""
         yield STATE.entry(DiagramState(replace(self.diagram, members=(), search=None), finished))
         if self.diagram.search is not None and self.diagram.search is not self._kept:
             yield SEARCH.entry(self.diagram.search)
@@ -362,7 +362,7 @@ def _walk_branch(
 
 
 def whole_diagram(diagram: Diagram, *, finished: bool) -> Iterator[Entry]:
-    """What a file keeps of a whole diagram, except for its search."""
+    """Yield the parts of a file that keep a whole diagram, except for its search."""
     yield from _branches(diagram)
     yield STATE.entry(DiagramState(replace(diagram, members=()), finished))
 

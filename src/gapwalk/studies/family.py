@@ -130,7 +130,7 @@ class MemberParameter:
     def of(
         cls, over: MemberParameter | Mapping[str, Sequence[float]], called: str = "", values: Sequence[float] = ()
     ) -> MemberParameter:
-        """What is given as a mapping of names to values."""
+        """Make it from a mapping of names to values."""
         if isinstance(over, MemberParameter):
             return over
         moved = tuple((name, tuple(float(value) for value in given)) for name, given in over.items())
@@ -138,7 +138,7 @@ class MemberParameter:
 
     @property
     def name(self) -> str:
-        """What the family is over."""
+        """Name of the quantity that the family is over."""
         return self.called or self.moved[0][0]
 
     @property
@@ -180,7 +180,7 @@ class MemberParameter:
 
 
 class Fate(StrEnum):
-    """What becomes of a special point on the way to the next member."""
+    """Fate of a special point on the way to the next member."""
 
     JOINED = "joined"
     """Its locus leads to a special point of the other member: that is proved."""
@@ -226,7 +226,7 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """What becomes of a special point between two neighbouring members.
+    """Way of a special point between two neighbouring members.
 
     Attributes
     ----------
@@ -265,12 +265,12 @@ class Connection:
 
     @property
     def leads_on(self) -> bool:
-        """Whether it joins a special point to one of the other member."""
+        """True if it joins a special point to one of the other member."""
         return self.fate in (Fate.JOINED, Fate.NEAR)
 
     @property
     def text(self) -> str:
-        """What becomes of the special point, in words."""
+        """Fate of the special point, in words."""
         words = {
             Fate.JOINED: "goes on",
             Fate.NEAR: "goes on to the nearest of its kind (a guess)",
@@ -321,7 +321,7 @@ class SpecialPointPath:
 
     @property
     def exact(self) -> bool:
-        """Whether all of its connections are exact."""
+        """True if all of its connections are exact."""
         return all(connection.fate is Fate.JOINED for connection in self.connections)
 
 
@@ -354,7 +354,7 @@ class Family(Shown):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return len(self.members) == len(self.over.axis) and len(self.connections or {}) == len(self.gaps)
 
     @property
@@ -369,7 +369,7 @@ class Family(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
+        """Remarks, in sentences."""
         found = [f"{self._where(member)}: {text}" for member in self.members for text in member.notes]
         guesses = [
             connection for connection in self._all_connections if connection.fate is Fate.NEAR and connection.detail
@@ -378,7 +378,7 @@ class Family(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked or followed, in sentences."""
+        """Sentences on what could not be walked or followed."""
         found = [f"{self._where(member)}: {text}" for member in self.members for text in member.failures]
         for member in self.members:
             for name, branch in member.named:
@@ -391,7 +391,7 @@ class Family(Shown):
         return self._by_number[place.member].branches[place.branch].special_points[place.special]
 
     def value(self, place: Place) -> float:
-        """What the family is over at a place."""
+        """Return the value of the quantity that the family is over, at a place."""
         return self._by_number[place.member].value
 
     @cached_property
@@ -458,7 +458,7 @@ class Family(Shown):
             yield from connections
 
     def _ends(self) -> tuple[dict[Place, Connection], dict[Place, Connection]]:
-        """What becomes of special points in the gap before their member, and in the one after it, if they end there."""
+        """Return the ways that end in the gap before the member of a special point, and in the one after it."""
         before: dict[Place, Connection] = {}
         after: dict[Place, Connection] = {}
         for number, connections in (self.connections or {}).items():

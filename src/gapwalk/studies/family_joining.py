@@ -154,7 +154,7 @@ class FamilyWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.record.complete
 
     @property
@@ -201,7 +201,7 @@ def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
 
 
 def _join(asked: FamilyStudy, members: tuple[Member, Member]) -> tuple[Connection, ...]:
-    """What becomes of each special point of two members between them.
+    """Join the special points of two neighbouring members.
 
     Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
     the way back.
@@ -297,7 +297,7 @@ class _Joiner:
         return (second - begin) / (end - begin)
 
     def _value(self, second: float) -> float:
-        """What the family is over at a value of the second parameter."""
+        """Return the quantity that the family is over, at a value of the second parameter."""
         one, other = (member.value for member in self.members)
         share = self._share(second)
         return (1.0 - share) * one + share * other

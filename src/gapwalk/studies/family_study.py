@@ -66,7 +66,7 @@ class FamilyFinding(Finding):
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is any branch."""
+        """True if there is any branch."""
         return bool(self.family.branches)
 
     def summary(self) -> Iterator[str | Table]:
@@ -160,7 +160,7 @@ class FamilyFinding(Finding):
                 ]
 
     def _connection_rows(self) -> Iterator[list[object]]:
-        """What becomes of special points between members, but for those that just go on: births, meetings, ends."""
+        """Yield the ways of special points between members that do not just continue: births, meetings, ends."""
         found = self.family
         yield ["point_path", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
         point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
@@ -299,7 +299,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         axis = self.over.axis
         far = "" if self.max_period is None else f", to period {self.max_period}"
         return (

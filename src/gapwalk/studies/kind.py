@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyKind:
-    """What is asked of a study, of any kind.
+    """Request of a study of any kind.
 
     A kind of study is a frozen dataclass that derives from this class:
 
@@ -56,7 +56,7 @@ class StudyKind:
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return self.kind
 
     @classmethod
@@ -140,20 +140,20 @@ class Work(ABC):
         """
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
-        """What a file keeps when the work ends, because all is done or after Ctrl-C.
+        """Return the parts that a file keeps when the work ends, because all is done or after Ctrl-C.
 
         Numbered parts that the file has are left out: Ctrl-C may come when a part is done and not yet in the file.
         """
         return ()
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """What is reported of all that was taken over, as far as that is reported again."""
+        """Yield the reports of the parts that were taken over, as far as they are reported again."""
         return iter(())
 
     @property
     @abstractmethod
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
 
     @property
     def done(self) -> int:
@@ -168,10 +168,10 @@ class Work(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """What the Python function returns that does the same work, as far as that has come."""
+        """Record that the Python function of the same work returns, as far as the work has come."""
 
     def finding(self) -> Finding | None:
-        """What the result of the study holds, as far as the work has come; None for a branch, a diagram or a map."""
+        """Return the finding of the study, as far as the work has come; None for a branch, a diagram or a map."""
         return None
 
 
@@ -194,7 +194,7 @@ Rows = Iterable[Sequence[object]]
 
 
 class Finding(ABC):
-    """What a study has found, of a kind whose result is more, or other, than a list of branches.
+    """Result of a study of a kind that finds more than, or something other than, branches.
 
     A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
     values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
@@ -203,26 +203,26 @@ class Finding(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """What the Python function of the same name returns; None if the work was stopped before there was one."""
+        """Record that the Python function of the same name returns; None if the work was stopped before that."""
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.record is not None and self.record.complete
 
     @property
     @abstractmethod
     def stored(self) -> str:
-        """What has been done, in words, as far as it is not complete."""
+        """Part of the work that is done, in words, while it is not complete."""
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is something to draw."""
+        """True if there is something to draw."""
         return self.record is not None
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
+        """Remarks, in sentences."""
         return getattr(self.record, "notes", ())
 
     @property
@@ -236,7 +236,7 @@ class Finding(ABC):
 
     @abstractmethod
     def document(self, points: bool) -> dict[str, Any]:
-        """The same as plain JSON values; with everything point by point if wanted."""
+        """Return plain JSON values; with everything point by point if wanted."""
 
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
@@ -255,7 +255,7 @@ R = TypeVar("R")
 
 
 def found_by(call: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
-    """What a call returns; after Ctrl-C, what it had found by then."""
+    """Return what a call returns; after Ctrl-C, what it had found by then."""
     try:
         return call(*arguments, **options)
     except Interrupted as stop:

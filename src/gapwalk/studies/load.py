@@ -167,7 +167,7 @@ def load_result(path: str | os.PathLike[str], *, sealed: bool = True) -> Result:
 
 
 def read(parts: Parts) -> Any:
-    """What the parts of a file make together; errors as `load`."""
+    """Return the result or record that the parts of a file make together; errors as `load`."""
     written_by = parts.one(VERSIONS)
     try:
         request = parts.one(REQUEST)
@@ -199,7 +199,7 @@ def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result
 
 
 def _record_of(call: Call, work: Work, parts: Parts) -> Any:
-    """What a function returned, as far as it had come; a StoreError if nothing can be made of that yet."""
+    """Return the record of a function, as far as it had come; a StoreError if there is none yet."""
     finding = work.finding()
     if finding is not None and finding.record is None:
         name, kind = os.fspath(parts.path), call.options.kind
@@ -227,7 +227,7 @@ def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume:
 
 
 def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, force: bool) -> Result | None:
-    """The same as `earlier_result`, without a change to any file."""
+    """Check as `earlier_result`, without a change to any file."""
     name = os.fspath(path)
     if resume and force:
         raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")

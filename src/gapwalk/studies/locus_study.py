@@ -142,7 +142,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         assert isinstance(self.sections, tuple)
         return (
             f"{self.kind} of {self.which.words} over {self.range_words} and {self.second.words}, picked up at "

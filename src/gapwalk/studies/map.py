@@ -23,7 +23,7 @@ from gapwalk.summary import Table, remarks
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """What a map shows, and where its loci are picked up.
+    """Options of a map: its loci, and the sections on which they begin.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class Map(Shown):
 
 
 def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
-    """What the document of a map has besides its branches: the plane, and the loci with their points (if wanted)."""
+    """Return what a map has besides its branches: the plane, and the loci with their points (if wanted)."""
     return {
         "plane": [
             {"parameter": name, "from": low, "to": high}
@@ -384,10 +384,10 @@ class Which:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """The choice in words."""
         contact = f" of {self.contact}" if self.contact else ""
         return f"{self.kind.value}{contact}{'' if self.near is None else f' nearest to {self.near:.8g}'}"
 
     def _touches(self, contact: str) -> bool:
-        """Whether a contact with its stage and side, as a special point names them, is meant."""
+        """Return True if a contact with its stage and side, as a special point names them, is meant."""
         return not self.contact or contact == self.contact or contact.startswith(f"{self.contact} ")

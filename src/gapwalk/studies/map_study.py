@@ -97,7 +97,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return (
             f"{self.kind} over {self.range_words} and {self.second.words}, period {self.period}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
@@ -197,7 +197,7 @@ class MapWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.chart.complete
 
     @property
@@ -272,7 +272,7 @@ class MapWork(Work):
 
 
 def whole_map(chart: Map) -> Iterator[Entry]:
-    """What a file keeps of a map that is there as a whole."""
+    """Yield the parts of a file that keep a whole map."""
     yield from (SECTION.entry(section, number) for number, section in enumerate(chart.sections))
     yield from (LOCUS.entry(locus, number) for number, locus in enumerate(chart.loci))
     yield _state(chart)
@@ -324,7 +324,7 @@ def _follow_special(
 
 
 def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map) -> bool:
-    """Whether a special point is on a locus that is known: between two of its points, with an orbit like theirs."""
+    """Return True if a special point is on a locus: between two of its points, with an orbit like theirs."""
     if locus.kind is not special.kind or locus.period != special.orbit.period or locus.contact != special.contact:
         return False
     places = locus.values

@@ -213,7 +213,7 @@ class Measured:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
+        """Remarks, in sentences."""
         return self.alignment.doubts if self.fit is None else self.fit.notes
 
     @property
@@ -249,7 +249,7 @@ class Measured:
         yield from remarks(self.notes, ())
 
     def document(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """Return plain JSON values."""
         found, orbit = self.alignment, self.alignment.orbit
         return {
             "title": self.model.title,

@@ -157,7 +157,7 @@ class SecondParameter:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """Name and range in words."""
         return f"{self.parameter} from {self.begin:g} to {self.end:g}"
 
 
@@ -219,7 +219,7 @@ def _method_names() -> list[str]:
 
 @dataclass(frozen=True)
 class BranchOptions(RangeStudy):
-    """What the studies of branches have in common: a first orbit, and the range of one parameter.
+    """Options of all studies of branches: a first orbit, and the range of one parameter.
 
     Parameters
     ----------
@@ -281,12 +281,12 @@ class BranchOptions(RangeStudy):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}"
 
     @property
     def balanced(self) -> bool:
-        """Whether its orbits are stored with their series."""
+        """True if its orbits are stored with their series."""
         return isinstance(self.method, Balance)
 
 

@@ -19,7 +19,7 @@ from gapwalk.studies.changes import study_tables, walked_parameters
 
 @dataclass(frozen=True)
 class ReducedFrom:
-    """What a reduced system comes from.
+    """Origin of a reduced system.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class ReducedFrom:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """The reduction in words."""
         return (
             f"reduced from {self.degrees} degrees of freedom to {len(self.kept) + self.modes}: {len(self.kept)} kept, "
             f"{self.modes} modes; contacts deflect within {self.error:.1e} up to frequency {self.up_to:g}"

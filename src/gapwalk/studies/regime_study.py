@@ -105,7 +105,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         columns, rows = self.resolution
         return f"regimes over {self.range_words} and {self.second.words}, {columns} x {rows} cells"
 
@@ -195,7 +195,7 @@ class RegimeFinding(CellFinding):
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """What there is at each cell."""
+        """Return the table of the cells."""
         return {"cells": lambda: _cell_rows(self.map)}
 
 

@@ -60,7 +60,7 @@ class Progress:
 
 
 class Moment(NamedTuple):
-    """What a walk has found since the moment before.
+    """Points of a walk since the moment before.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class ResponseWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether the walk has come to a proper end."""
+        """True if the walk has come to a proper end."""
         ends = self._moments[-1].ends if self._moments else None
         return ends is not None and ends[-1].reason.is_final
 

@@ -89,7 +89,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
         return f"settle from {start}, showing {self.signal}"
 
@@ -169,7 +169,7 @@ class SettleFinding(Finding):
         yield repr(self.rattle)
 
     def document(self, points: bool) -> dict[str, Any]:
-        """The same as plain JSON values; with the section if points are wanted."""
+        """Return plain JSON values; with the section if points are wanted."""
         attractor = plain(self.attractor)
         del attractor["strobes"]
         rattle = self.rattle
@@ -237,7 +237,7 @@ class SettleWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether it has been found."""
+        """True if it has been found."""
         return self._found is not None
 
     @property
@@ -246,7 +246,7 @@ class SettleWork(Work):
         return self._found and self._found.settled
 
     def finding(self) -> SettleFinding | None:
-        """What has been found."""
+        """Return the settled motion with its evidence; None before it is found."""
         return self._found
 
 

@@ -43,7 +43,7 @@ from gapwalk.studies.tables import StudyPart, Surroundings
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """What is known of the system of a file.
+    """Known part of the system of a file.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[s
 
 
 def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:
-    """What stands under some keys, as far as it is allowed."""
+    """Return the values of some keys, as far as they are allowed."""
     known = {key: table[key] for key in keys if key in table}
     return {key: value for key, value in known.items() if allowed is None or value in list(allowed)}
 
@@ -300,7 +300,7 @@ def _kind_problem(table: Mapping[str, object]) -> str:
 
 
 def _refused(source: Source, at: Path, table: StudyPart, error: ModelError) -> Problem:
-    """What a kind of study refuses as a whole, at the key with which its message begins."""
+    """Return the refusal of a whole study as a problem at the key with which the message begins."""
     fields = type(table).model_fields.items()
     keys = {name: info.alias or name for name, info in fields}
     name, _, _ = str(error).partition(" ")

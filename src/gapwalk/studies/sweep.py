@@ -150,7 +150,7 @@ class Lane:
 
     @property
     def is_carried(self) -> bool:
-        """Whether the state is carried over from one value to the next; otherwise each begins at the start."""
+        """True if the state is carried over from one value to the next; otherwise each begins at the start."""
         return self.way is not Way.AFRESH
 
     def __repr__(self) -> str:
@@ -159,7 +159,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class SweepSegment:
-    """What was seen at the values of a segment, in the order in which they were visited.
+    """Motions at the values of a segment, in the order in which they were visited.
 
     Attributes
     ----------

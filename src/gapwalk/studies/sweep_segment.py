@@ -33,7 +33,7 @@ _LARGE = 1e-3  # steady returns smaller than that may be those of a very slow ap
 
 
 class Settled(NamedTuple):
-    """What has become of a transient.
+    """End of a transient.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def let_settle(
 
 
 def has_settled(states: NDArray[np.float64], max_period: int, tolerance: float) -> bool:
-    """Whether the returns of a path, of shape (periods + 1, 2n), say that it has settled; see `let_settle`."""
+    """Return True if the returns of a path, of shape (periods + 1, 2n), show that it has settled; see `let_settle`."""
     window = (len(states) - 1 - max_period) // 3  # what is older is not looked at
     if window < 2:
         return False
@@ -149,7 +149,7 @@ _RETURNS = 64  # forcing periods in which a motion may still become periodic: it
 def wandering_words(
     system: System, parameter: str, values: NDArray[np.float64], states: NDArray[np.float64], max_period: int
 ) -> Sequence[str]:
-    """What motions are, in words, all of them judged side by side as those of a regime map are.
+    """Return the regimes of motions in words, all judged at once as those of a regime map are.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def wandering_words(
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is to be done: one piece of work.
+    """Segment to be done: one piece of work.
 
     Attributes
     ----------

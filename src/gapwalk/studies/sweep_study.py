@@ -57,7 +57,7 @@ class SweepFinding(Finding):
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is any section point: all motions may have diverged."""
+        """True if there is any section point: all motions may have diverged."""
         return not np.isnan(self.sweep.sections).all()
 
     @property
@@ -171,7 +171,7 @@ class SweepStudy(SweepOptions, RangeStudy):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         starts = self.starts if isinstance(self.starts, int) else len(self.starts)
         many = f", from {starts} starts" if starts > 1 else ""
         return f"sweep over {self.range_words} at {self.steps} values, {self.ways}{many}, showing {self.signal}"
@@ -188,7 +188,7 @@ class SweepStudy(SweepOptions, RangeStudy):
 
 
 class _Done(NamedTuple):
-    """What is remembered of a segment besides what stands in the sweep: what failed, and where it ended."""
+    """Failure and last state of a segment, which are not in the arrays of the sweep."""
 
     note: str
     last: NDArray[np.float64]
@@ -255,7 +255,7 @@ class SweepWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.done == self.total
 
     @property
@@ -308,7 +308,7 @@ class SweepWork(Work):
         return tasks
 
     def _next_task(self, lane: int, number: int) -> list[Task]:
-        """What follows a segment of a lane that is carried over; nothing at its end."""
+        """Return the task that follows a segment of a lane that is carried over; none at its end."""
         if self._ends(lane, number) or number + 1 == self._per_lane:
             return []
         return [self._task(lane, number + 1, self._done[lane, number].last)]

@@ -81,7 +81,7 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the validators of a study may look at.
+    """Values that the validators of a study may look at.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ WITH_UNIT = WrapValidator(_with_unit)
 
 
 class StudyPart(Part):
-    """What the tables of all kinds of study have in common; `gapwalk.studies.derive` makes the keys of each kind."""
+    """Keys that the tables of all kinds of study share; `gapwalk.studies.derive` adds those of each kind."""
 
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""

@@ -125,7 +125,7 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 
 
 def _found(result: Result) -> Verifiable:
-    """What of a result can be verified."""
+    """Return the record of a result that can be verified."""
     if result.finding is not None:
         if isinstance(result.finding.record, Family):
             return result.finding.record
