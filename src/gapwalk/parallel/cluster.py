@@ -80,7 +80,7 @@ class Cluster:
             )
 
     def close(self, *, at_once: bool) -> None:
-        """Part from the cluster, which goes on running; results that nobody has taken are forgotten there."""
+        """Leave the cluster, which keeps running; results that were not fetched are forgotten there."""
         self._executor.shutdown(wait=not at_once)
         self._client.close()
 

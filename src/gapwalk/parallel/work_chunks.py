@@ -1,4 +1,4 @@
-"""Do many small independent items of work in chunks, and tell how far a job has come and how long it will take."""
+"""Do many small independent items of work in chunks, and estimate the time until a job is done."""
 
 from __future__ import annotations
 

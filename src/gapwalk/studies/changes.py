@@ -81,7 +81,7 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
 
 
 class Change(NamedTuple):
-    """Another value of a parameter, and where it stands in the file."""
+    """Another value of a parameter, and its place in the file."""
 
     value: object
     path: Path
@@ -162,7 +162,7 @@ def _check_units(system: System, values: Mapping[str, Any]) -> None:
 
 
 def _study_paths(source: Source, name: str) -> Iterator[Path]:
-    """The keys of studies that the name of a change stands for."""
+    """Yield the keys of studies that the name of a change means."""
     first, *keys = name.split(".")
     if first != "study" or not keys:
         return

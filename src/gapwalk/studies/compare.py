@@ -126,7 +126,7 @@ class ResultComparison(Shown):
     ranges
         The range of each, in its units: what a share is a share of.
     measures
-        What tells motions apart beside the parameters; nothing on loci, which are curves in the plane.
+        Measures that distinguish motions, as well as the parameters; none on loci, which are curves in the plane.
     pairs
         The branches, and the loci of maps, that both have.
     only
@@ -199,8 +199,8 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
     first, second
         The results.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
-        which have no corners along a branch, as extremes have.
+        Measures (see `Orbit.measure`) that distinguish motions; by default mean and root mean square of each
+        coordinate, which have no corners along a branch, as extremes have.
 
     Raises
     ------
@@ -385,7 +385,7 @@ def _check_comparable(first: Result, second: Result) -> None:
 
 
 def _notes(first: Result, second: Result) -> tuple[str, ...]:
-    """In what the studies differ beside their methods: values of parameters, and whether they are complete."""
+    """Return the differences of two studies except for their methods: parameters, and if they are complete."""
     notes = []
     walked = {first.walked.parameter, *([] if first.map is None else [first.map.second])}
     then, now = first.system.parameters, second.system.parameters

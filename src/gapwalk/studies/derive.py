@@ -44,7 +44,7 @@ class DerivedPart(StudyPart):
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Names of tables that stand in it and change nothing."""
+        """Names of tables in it that change nothing."""
         return _KINDS[type(self)].unused({name: getattr(self, name) for name in self.model_fields_set})
 
 

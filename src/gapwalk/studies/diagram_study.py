@@ -437,7 +437,7 @@ def diagram(
     NumericalError
         If no first orbit is found, or no branch can be walked from it.
     Interrupted
-        After Ctrl-C; its `found` is the diagram as far as it has come, from which `resume` goes on.
+        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
     """
     orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
     work = DiagramWork(
@@ -480,7 +480,7 @@ def find_others(
     ModelError
         For an unknown parameter, a value that is not allowed, or no value at which to search.
     Interrupted
-        After Ctrl-C; its `found` is the diagram as far as it has come, from which `resume` goes on.
+        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
     """
     options = options or DiagramOptions(search_values=_VALUES)
     if not options.search_values:

@@ -298,7 +298,7 @@ class SpecialPointPath:
     Attributes
     ----------
     name
-        Such as ``fold-3``: the third point_path of folds.
+        Such as ``fold-3``: the third path of folds.
     kind, contact, period
         What happens at it: to motions of which period; what grazes, if anything does.
     places
@@ -425,7 +425,7 @@ class Family(Shown):
         return tuple(point_paths)
 
     def of_kind(self, kind: Kind | str) -> tuple[SpecialPointPath, ...]:
-        """The point_paths of one kind."""
+        """Return the paths of one kind."""
         return tuple(point_path for point_path in self.point_paths if point_path.kind == kind)
 
     def plot(self, **options: Any):
@@ -435,7 +435,7 @@ class Family(Shown):
         return draw(self, **options)
 
     def __getitem__(self, name: str) -> SpecialPointPath:
-        """The point_path of a name."""
+        """Return the path of a name."""
         for point_path in self.point_paths:
             if point_path.name == name:
                 return point_path

@@ -49,7 +49,7 @@ def nearest_pairs(
     """The pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
 
     To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
-    what goes on.
+    what continues.
     """
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 

@@ -275,7 +275,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         How far they go, and how their special points are joined; as `FamilyOptions`.
     over
         What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
-        and ``values`` stand beside it.
+        and ``values`` are keys next to it.
     """
 
     kind: ClassVar[str] = "family"
@@ -294,7 +294,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, whose `over` has what stands beside it."""
+        """Make the study of a table, whose `over` contains the keys next to it."""
         return super().of_table({key: values[key] for key in values.keys() - {"called", "values"}}, system)
 
     @property

@@ -37,7 +37,7 @@ class StudyKind:
     - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
       which it holds: no option is written down twice.
     - `work` returns its `Work`, which yields what is found part by part. So one runner (`gapwalk.studies.runner`)
-      serves all kinds: it writes each part, reports it once it is safe, and goes on with what a stopped run has left.
+      serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
     - A line in `gapwalk.studies.kinds`, or `gapwalk.studies.kinds.add_kind`, makes it known by its `kind`.
     """
 
@@ -52,7 +52,7 @@ class StudyKind:
     """What pydantic takes for the types of keys, where it does not follow from the fields; None for what is not a key.
 
     A pair of a type and a default is a key that is no field of this type: `of_table` makes something of it. These keys
-    are checked after all others, in this order: a validator sees in ``info.data`` what stands before it."""
+    are checked after all others, in this order: a validator sees the keys before it in ``info.data``."""
 
     @property
     def plan(self) -> str:
@@ -136,7 +136,7 @@ class Work(ABC):
         """Do what is left, part by part; KeyboardInterrupt where Ctrl-C ends it.
 
         The parts come in an order in which each makes sense together with those before it: what a file has after any
-        of them is enough to go on from, to the same result bit for bit.
+        of them is enough to continue to the same result, bit for bit.
         """
 
     def last(self, *, finished: bool) -> Iterable[Entry]:

@@ -259,7 +259,7 @@ _ROUNDING = 1e-9  # of a value, relative to the largest there is
 def as_before(study: Study, stored: Study) -> Study:
     """The study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
 
-    A resumed walk goes on bit for bit only with the very numbers that it began with.
+    A resumed walk is the same bit for bit only with the very numbers that it began with.
     """
     if study.reduced is None or stored.reduced is None or study.system.structure != stored.system.structure:
         return study

@@ -125,7 +125,7 @@ class Map(Shown):
     failures
         What could not be followed, in sentences.
     tried
-        How many of the special points of the sections have been dealt with: a map that is resumed goes on there.
+        How many of the special points of the sections have been dealt with: a map that is resumed continues there.
     """
 
     first: str
@@ -270,7 +270,7 @@ def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, An
 
 
 def _point(point: LocusPoint) -> dict[str, Any]:
-    """`angle` is the argument of the critical multiplier; on a grazing locus it tells when the contact touches."""
+    """`angle` is the argument of the critical multiplier; on a grazing locus the phase at which the contact touches."""
     about = {"parameters": list(point.values), "angle": point.angle, "contacts": point.orbit.pattern}
     return {**about, **method_document(point.orbit)}
 

@@ -390,7 +390,7 @@ def bifurcation_map(
     WorkError
         If a worker process dies.
     Interrupted
-        After Ctrl-C; its `found` is the map as far as it has come, from which `resume` goes on.
+        After Ctrl-C; its `found` is the map as far as it has come, which `resume` continues.
     """
     options = options or MapOptions()
     work = MapWork(system, first, second, to, options, start, period, walk, method)

@@ -195,7 +195,7 @@ def check_measurement(source: Source, system: System | None) -> tuple[Measuremen
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A record beside a motion.
+    """A record and the motion that it is compared with.
 
     Attributes
     ----------
@@ -291,12 +291,12 @@ class Measured:
 
 
 def measure(model: MeasuredModel, record: Record) -> Measured:
-    """Put a record beside the motion of a model, and fit the parameters that the model names.
+    """Compare a record with the motion of a model, and fit the parameters that the model names.
 
     Raises
     ------
     ModelError
-        If the record does not suit the motion, or nobody knows the frequency.
+        If the record does not suit the motion, or the frequency is unknown.
     ConvergenceError
         If there is no such motion, or no fit is found.
     """

@@ -109,7 +109,7 @@ class RangeStudy(StudyKind):
 
 
 def is_allowed(value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    """Refuse a value that the parameter beside it cannot have."""
+    """Refuse a value that the parameter of the same table cannot have."""
     return None if value is None else check_value(value, info.data.get("parameter"), info.context)
 
 
@@ -239,7 +239,7 @@ class BranchOptions(RangeStudy):
         Numerical options of the walk.
     method
         How its orbits are found, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
-        table names it by ``method``; the options of the first two stand in tables of these names, and both may stand,
+        table names it by ``method``; the options of the first two are in tables of these names, and both may be given,
         so that one word changes the method.
     verify
         Whether the result is checked by other means when it is complete; see `gapwalk.verify`.
@@ -292,7 +292,7 @@ class BranchOptions(RangeStudy):
 
 @dataclass(frozen=True)
 class SearchTable:
-    """The table of a search: at which values of the parameter, and beside them the options of the search."""
+    """The table of a search: at which values of the parameter, and the options of the search."""
 
     values: Annotated[
         CountOrValues, Field(description="write at how many values of the parameter to search, or a list of them")

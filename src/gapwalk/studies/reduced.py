@@ -57,7 +57,7 @@ def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> t
     Parameters
     ----------
     source, at
-        The file, and where the study stands in it.
+        The file, and the path of the study in it.
     part
         How to reduce.
     full

@@ -87,7 +87,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     parameter, begin, end
         The parameter across, and its range.
     carry, judging, check, seed, workers
-        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` stand among the others.
+        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
     second
         The parameter up, and its range.
     resolution

@@ -69,7 +69,7 @@ class Moment(NamedTuple):
     progress
         Where the walk can continue; None if it has not left its first point.
     ends
-        Where and why it ends, at its beginning and at its end; None while it goes on.
+        Where and why it ends, at its beginning and at its end; None while it continues.
     """
 
     points: tuple[BranchPoint, ...]

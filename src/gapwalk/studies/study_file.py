@@ -122,7 +122,7 @@ class Study:
     system
         The system; a parameter that the study walks has its first value.
     options
-        What is to be done; its type tells the kind of study.
+        What is to be done; its type is the kind of study.
     title
         A line for people; may be empty.
     text
@@ -130,13 +130,13 @@ class Study:
     changes
         What was changed after reading it, by name.
     name
-        What tells it from the other studies of its file; may be empty.
+        Name among the studies of its file; may be empty.
     reduced
         What the system was reduced from, if the file says so.
     unused
         Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
     matrices
-        Digest of the matrices that stand in files beside the model file; empty if none do.
+        Digest of the matrices in files next to the model file; empty if there are none.
     """
 
     system: System

@@ -187,7 +187,7 @@ class SweepSegment:
 
     @property
     def last(self) -> NDArray[np.float64]:
-        """The state with which the next segment goes on, shape (2n,)."""
+        """The state with which the next segment continues, shape (2n,)."""
         return self.sections[-1, -1]
 
 
@@ -290,7 +290,7 @@ class Sweep(Shown):
         return x[seen], y[seen]
 
     def place(self, coordinate: str | None) -> int:
-        """Where a coordinate, or a velocity, stands in a state; errors as `section`."""
+        """Return the place of a coordinate or a velocity in a state; errors as `section`."""
         names = [*self.system.coordinates, *(f"{name}'" for name in self.system.coordinates)]
         name = names[0] if coordinate is None else coordinate
         if name not in names:

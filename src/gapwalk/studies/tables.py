@@ -145,7 +145,7 @@ Resolution = Annotated[Counted | tuple[Counted, Counted], AfterValidator(check_r
 
 
 def check_signal(signal: str, known: Sequence[str]) -> str:
-    """Refuse a signal that is none of those that are known; nothing is said if none is known."""
+    """Refuse an unknown signal; nothing is refused if none is known."""
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")
     return signal
@@ -178,11 +178,11 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
     """Read a text with a unit where the parameter has one; the number is in the unit of that parameter."""
     parameter, system = info.data.get("parameter"), info.context.system
     if parameter is None and has_unit(value):
-        return math.nan  # nobody knows its unit while the parameter is wrong itself
+        return math.nan  # its unit is unknown while the parameter is wrong itself
     kind = kind_of(parameter) if isinstance(parameter, str) else None
     if value is None or kind is None or isinstance(value, bool | list | Mapping):
         return handler(value)
-    if system is None:  # the file is wrong elsewhere, so nobody knows whether it has units
+    if system is None:  # the file is wrong elsewhere, so it is unknown if it has units
         return read_quantity(value, kind).number if isinstance(value, str) else handler(value)
     if system.units is None or (value == 0 and not isinstance(value, str)):
         return handler(value)
@@ -190,7 +190,7 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
 
 
 WITH_UNIT = WrapValidator(_with_unit)
-"""Reads texts with units where the parameter that is named beside a value has a unit."""
+"""Reads texts with units where the parameter of the same table has a unit."""
 
 
 class StudyPart(Part):

@@ -39,7 +39,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Each orbit is carried around by another integrator; its stages, extremes and multipliers are checked. Between
     neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts must be
     explained by special points between; each special point is looked at from both sides and located again. Balanced
-    orbits are checked by quadrature and beside exact ones; of loci some points are shot again. See `Check`.
+    orbits are checked by quadrature and against exact ones; some points of loci are shot again. See `Check`.
 
     Parameters
     ----------
