@@ -151,7 +151,7 @@ class BasinStudy(BasinOptions, StudyKind):
         return f"basins over {' and '.join(ranges)}, {columns} x {rows} cells"
 
     def work(self, system: System) -> PlaneBasins:
-        """The work on the basins."""
+        """Return the work on the basins."""
         return PlaneBasins(system, self)
 
 
@@ -167,7 +167,7 @@ class PlaneBasins(BasinWork):
         super().__init__(system, states, beside_cells(rows, columns), asked.resolution, asked)
 
     def found(self, *, complete: bool) -> Basins | None:
-        """The basins; None before the attractors are known, without which the labels of chunks mean nothing."""
+        """Return the basins; None before the attractors are known, without which the labels of chunks mean nothing."""
         if not (complete or self.is_begun):
             return None
         attractors, labels = in_order(self.catalogue.attractors, self.labels)

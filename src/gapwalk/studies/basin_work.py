@@ -286,7 +286,7 @@ def basin_shares(
     hands: Workers | None = None,
     report: Report | None = None,
 ) -> BasinShares:
-    """The shares of a box of initial states that lead to each attractor, with confidence limits.
+    """Return the shares of a box of initial states that lead to each attractor, with confidence limits.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class CellWork(Work):
 
     @abstractmethod
     def found(self, *, complete: bool) -> Any:
-        """The record of what is found so far; None as long as there can be none."""
+        """Return the record of what is found so far; None as long as there can be none."""
 
     @property
     def error(self) -> float:
@@ -85,7 +85,7 @@ class CellWork(Work):
         self.note(chunk)
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
-        """The record, if it is complete."""
+        """Return the record, if it is complete."""
         return [self.whole_part.entry(self._whole)] if finished else []
 
     @property
@@ -104,7 +104,7 @@ class CellWork(Work):
         return self._whole or self.found(complete=False)
 
     def finding(self) -> CellFinding:
-        """The record as what a study has found."""
+        """Return the record as what a study has found."""
         return self.found_as(self.record, self.done, self.total)
 
 

@@ -16,7 +16,7 @@ from gapwalk.model.units import PACES, kind_of
 
 
 def parse_changes(texts: Iterable[str]) -> dict[str, object]:
-    """The changes of ``--set`` by their names; see `parse_change`."""
+    """Return the changes of ``--set`` by their names; see `parse_change`."""
     return dict(parse_change(text) for text in texts)
 
 
@@ -88,7 +88,7 @@ class Change(NamedTuple):
 
 
 def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict[str, Change], list[Problem]]:
-    """The parameters to which the ``set`` of the study at a path gives other values."""
+    """Return the parameters to which the ``set`` of the study at a path gives other values."""
     table = study_tables(source)[at]
     if "set" not in table:
         return {}, []
@@ -138,7 +138,7 @@ def change_system(
 
 
 def unknown_names(system: System, source: Source, changes: Mapping[str, object]) -> list[Problem]:
-    """The changes from outside of a file that name no parameter."""
+    """Return the changes from outside of a file that name no parameter."""
     problems = []
     for name in changes:
         try:
@@ -175,14 +175,14 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
 
 
 def walked_parameters(table: Mapping[str, object]) -> list[str]:
-    """The parameters that a study walks or varies, as far as they are written down as texts."""
+    """Return the parameters that a study walks or varies, as far as they are written down as texts."""
     second = table.get("second")
     found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
     return [*(name for name in found if isinstance(name, str)), *varied_parameters(table)]
 
 
 def varied_parameters(table: Mapping[str, object]) -> list[str]:
-    """The parameters that differ from member to member of a family."""
+    """Return the parameters that differ from member to member of a family."""
     over = table.get("over")
     leaves = leaves_of(over, ()) if isinstance(over, Mapping) else ()
     return [".".join(str(key) for key in leaf.path) for leaf in leaves]
@@ -212,7 +212,7 @@ def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]
 
 
 def leaves_of(table: Mapping[str, object], path: Path) -> Iterator[Change]:
-    """All values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
+    """Yield all values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from leaves_of(value, (*path, key))

@@ -254,7 +254,7 @@ def _loci(chart: Map) -> list[_Named]:
 def _paired(
     first: list[_Named], second: list[_Named], compare: Callable[[_Named, _Named], Pair | None]
 ) -> tuple[tuple[Pair, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
-    """The pairs of curves that are the same ones, and the names of those that are left over."""
+    """Return the pairs of curves that are the same ones, and the names of those that are left over."""
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
     costs = np.full((len(first), len(second)), _FAR)
@@ -330,12 +330,12 @@ def _compare_loci(first: _Named, second: _Named, plane: NDArray[np.float64]) -> 
 
 
 def _missing(first: tuple[float, float], second: tuple[float, float], width: float) -> float:
-    """The largest part of a range that one curve covers and the other does not, as a share of a width."""
+    """Return the largest part of a range that one curve covers and the other does not, as a share of a width."""
     return max(abs(a - b) for a, b in zip(first, second, strict=True)) / width
 
 
 def _knots(locus: Locus) -> NDArray[np.float64]:
-    """The points of a locus and its points of codimension two in their order, shape (points, 2)."""
+    """Return the points of a locus and its points of codimension two in their order, shape (points, 2)."""
     points = [*locus.points, *(codim2.point for codim2 in locus.codim2_points)]
     return np.array([point.values for point in sorted(points, key=lambda point: point.arclength)])
 

@@ -91,7 +91,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, with its search."""
+        """Return the study of a table, with its search."""
         return super().of_table(with_search(values), system)
 
     @property
@@ -103,7 +103,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
         )
 
     def work(self, system: System) -> DiagramWork:
-        """The work on the diagram."""
+        """Return the work on the diagram."""
 
         def first() -> Orbit:
             return find_orbit(system, self.period, self.start, method=self.method)
@@ -191,13 +191,13 @@ class DiagramWork(Work):
         self.diagram, self._finished = replace(self.diagram, complete=not self._truncated), True
 
     def last(self, *, finished: bool) -> Iterator[Entry]:
-        """The whole diagram, if there is anything."""
+        """Yield the whole diagram, if there is anything."""
         if self.diagram.members or self.diagram.search is not None:
             yield from _branches(self.diagram)
             yield from self._state(finished=finished)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """The branches, each with the diagram as it was when it was added."""
+        """Yield the branches, each with the diagram as it was when it was added."""
         for count, member in enumerate(self.diagram.members, start=1):
             yield replace(self.diagram, members=self.diagram.members[:count]), member
 
@@ -324,7 +324,7 @@ class DiagramWork(Work):
         return partial(_walk_branch, self.diagram.parameter, self.diagram.within, self.walk, self.method)
 
     def _accepted(self, branch: Branch | str, origin: Origin | None) -> Iterator[DiagramBranch]:
-        """The branch when it has been added; nothing where there is none, which is noted."""
+        """Yield the branch when it has been added; nothing where there is none, which is noted."""
         if isinstance(branch, str):
             self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
             return
@@ -372,7 +372,7 @@ def _branches(diagram: Diagram) -> Iterator[Entry]:
 
 
 def stored_diagram(parts: Parts) -> DiagramState:
-    """The diagram of a file; a ValueError if it makes no sense."""
+    """Return the diagram of a file; a ValueError if it makes no sense."""
     members: list[DiagramBranch] = []
     for number, member in parts.all(BRANCH):
         known = {each.name: len(each.branch.special_points) for each in members}
@@ -410,7 +410,7 @@ def diagram(
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Diagram:
-    """The tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
+    """Return the tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
 
     Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
     shift of whole forcing periods are the same orbit.

@@ -152,7 +152,7 @@ class MemberParameter:
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
-        """The values of the parameters of one member, from 0."""
+        """Return the values of the parameters of one member, from 0."""
         return {name: values[number] for name, values in self.moved}
 
     def check(self, system: System, parameter: str, *, names_only: bool = False) -> None:
@@ -387,7 +387,7 @@ class Family(Shown):
         return (*found, *(f"{self._told(connection)} {connection.text}" for connection in lost))
 
     def special(self, place: Place) -> SpecialPoint:
-        """The special point at a place."""
+        """Return the special point at a place."""
         return self._by_number[place.member].branches[place.branch].special_points[place.special]
 
     def value(self, place: Place) -> float:

@@ -46,7 +46,7 @@ _FORBIDDEN = 1e6
 def nearest_pairs(
     left: Mapping[Place, SpecialPoint], right: Mapping[Place, SpecialPoint], within: tuple[float, float]
 ) -> list[tuple[Place, Place]]:
-    """The pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
+    """Return the pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
 
     To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
     what continues.
@@ -175,7 +175,7 @@ class FamilyWork(Work):
         return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
     def finding(self) -> Finding:
-        """The family as what a study has found."""
+        """Return the family as what a study has found."""
         return self._finding(self.record)
 
     @property
@@ -348,7 +348,7 @@ class _Joiner:
             self._add(special, Fate.ENDS, place, event=event, **more)
 
     def _at_end(self, locus: Locus, side: int) -> Place | None:
-        """The special point to which a locus has led."""
+        """Return the special point to which a locus has led."""
         (low, high), reached = self.asked.ends, locus.points[-1]
         near = []
         for place, special in self.left[side].items():
@@ -381,7 +381,7 @@ class _Joiner:
 
 
 def _inwards(locus: Locus) -> Locus:
-    """The locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
+    """Return the locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
     begin, end = locus.ends
     if begin.reason is LocusEndReason.START:
         return locus

@@ -61,7 +61,7 @@ class StudyKind:
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study that a table asks for.
+        """Return the study that a table asks for.
 
         Parameters
         ----------
@@ -89,11 +89,11 @@ class StudyKind:
         return ()
 
     def first_system(self, system: System) -> System:
-        """The system at the beginning of the study."""
+        """Return the system at the beginning of the study."""
         return system
 
     def work(self, system: System) -> Work:
-        """The work of the study on a system, of which nothing is done yet; a ModelError if it makes no sense."""
+        """Return the work of the study on a system, of which nothing is done yet; a ModelError if it makes no sense."""
         raise NotImplementedError
 
 
@@ -115,7 +115,7 @@ class Found(NamedTuple):
 
     @classmethod
     def part(cls, part: Part, value: Any, number: int = 0) -> Found:
-        """One part of the work, counted by its pace."""
+        """Return one part of the work, counted by its pace."""
         return cls((part.entry(value, number),))
 
 
@@ -176,7 +176,7 @@ class Work(ABC):
 
 
 def values_of(options: Any) -> dict[str, Any]:
-    """The fields of a dataclass of options by name, of which a kind of study is made that derives from it."""
+    """Return the fields of a dataclass of options by name, of which a kind of study is made that derives from it."""
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 

@@ -78,7 +78,7 @@ _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
 
 def kinds() -> tuple[str, ...]:
-    """The values of ``kind``."""
+    """Return the values of ``kind``."""
     return (*_HOMES, *_added)
 
 

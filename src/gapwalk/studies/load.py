@@ -88,7 +88,7 @@ Keeper = ResultFile | NoFile
 def request_file(
     request: Study | Call, output: str | os.PathLike[str] | None, before: Mapping[str, str] | None = None
 ) -> Keeper:
-    """The file of a request, open for writing.
+    """Return the file of a request, open for writing.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def read(parts: Parts) -> Any:
 
 
 def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result:
-    """The result of a study, as far as its work has come."""
+    """Return the result of a study, as far as its work has come."""
     if (finding := work.finding()) is not None:
         return Result(study, (), work.complete, written_by, finding=finding)
     found: Branch | Diagram | Map = work.record
@@ -211,7 +211,7 @@ def _record_of(call: Call, work: Work, parts: Parts) -> Any:
 
 
 def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume: bool, force: bool) -> Result | None:
-    """The result to continue in a file; None if there is none, or it is to be written over.
+    """Return the result to continue in a file; None if there is none, or it is to be written over.
 
     Raises
     ------
@@ -257,7 +257,7 @@ _ROUNDING = 1e-9  # of a value, relative to the largest there is
 
 
 def as_before(study: Study, stored: Study) -> Study:
-    """The study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
+    """Return the study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
 
     A resumed walk is the same bit for bit only with the very numbers that it began with.
     """

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    """The value at which the branch is walked: that of the model, if it has one in the range, or one given."""
+    """Return the value at which the branch is walked: that of the model, if it has one in the range, or one given."""
     name, around = info.data.get("parameter"), info.context
     ends = [info.data[end] for end in ("begin", "end") if end in info.data]
     if at is not None:
@@ -117,7 +117,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
+        """Return the study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
         found = {name: value for name, value in values.items() if name != "of"}
         second = values["second"]
         plain = SecondParameter(second.parameter, second.begin, second.end)
@@ -125,13 +125,13 @@ class LocusStudyOptions(MapStudyOptions):
         return super().of_table({**found, "kinds": (values["of"],), "second": plain, "sections": (at,)}, system)
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of the parameter, and where the branch is walked."""
+        """Return the system at the first value of the parameter, and where the branch is walked."""
         assert isinstance(self.sections, tuple)
         first, (at,) = RangeStudy.first_system(self, system), self.sections
         return first if first[self.second.parameter] == at else first.at({self.second.parameter: at})
 
     def work(self, system: System) -> MapWork:
-        """The work on the loci."""
+        """Return the work on the loci."""
         plane = (self.parameter, self.second.parameter, self.within)
         return MapWork(system, *plane, self, self.start, self.period, self.walk, self.method, self.which)
 

@@ -60,7 +60,7 @@ class MapOptions:
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
     def values(self, low: float, high: float) -> tuple[float, ...]:
-        """The values of the sections between two bounds.
+        """Return the values of the sections between two bounds.
 
         Raises
         ------
@@ -154,7 +154,7 @@ class Map(Shown):
         return tuple(names)
 
     def of_kind(self, kind: Kind | str) -> tuple[Locus, ...]:
-        """The loci of one kind."""
+        """Return the loci of one kind."""
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
     def summary(self, measure: str | None = None) -> Iterator[str | Table]:
@@ -253,7 +253,7 @@ def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
 
 
 def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, Any]:
-    """One locus; both parameters are always given as a pair."""
+    """Return one locus; both parameters are always given as a pair."""
     document: dict[str, Any] = {
         "name": name,
         "kind": locus.kind.value,
@@ -288,7 +288,7 @@ Row = Sequence[object]
 
 
 def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
-    """The points of all loci, a row each, after the row of headings.
+    """Yield the points of all loci, a row each, after the row of headings.
 
     The columns are: name and kind of the locus, period, the contact that grazes, both parameters, angle (the argument
     of the critical multiplier in radians; of a grazing locus that at which the contact touches), contacts; maximum,
@@ -311,7 +311,7 @@ def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) ->
 
 
 def codim2_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
-    """The points of codimension two and the ends of all loci, a row each, after the row of headings.
+    """Yield the points of codimension two and the ends of all loci, a row each, after the row of headings.
 
     `point` says what happens: the kind, or ``begins`` and ``ends``, for which `reason` says why. In the end there is
     what the method has to say, under the headings `method`.

@@ -92,7 +92,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, with its search."""
+        """Return the study of a table, with its search."""
         return super().of_table(with_search(values), system)
 
     @property
@@ -109,11 +109,11 @@ class MapStudyOptions(MapOptions, BranchOptions):
         return self.ends, self.second.ends
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of both parameters."""
+        """Return the system at the first value of both parameters."""
         return super().first_system(system).at({self.second.parameter: self.second.begin})
 
     def work(self, system: System) -> MapWork:
-        """The work on the map."""
+        """Return the work on the map."""
         how = (self.start, self.period, self.walk, self.method)
         return MapWork(system, self.parameter, self.second.parameter, self.within, self, *how)
 
@@ -182,12 +182,12 @@ class MapWork(Work):
         self.chart = replace(self.chart, complete=True)
 
     def last(self, *, finished: bool) -> Iterator[Entry]:
-        """The whole map, if there is anything."""
+        """Yield the whole map, if there is anything."""
         if self.chart.sections:
             yield from whole_map(self.chart)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """The sections, then the loci, each with the map as it was when it was added."""
+        """Yield the sections, then the loci, each with the map as it was when it was added."""
         known = self.chart
         plane = (known.first, known.second, known.within)
         for count, section in enumerate(known.sections, start=1):
@@ -358,7 +358,7 @@ def bifurcation_map(
     report: Report | None = None,
     resume: Map | None = None,
 ) -> Map:
-    """All loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
+    """Return all loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
 
     Branches are followed along the first parameter at several values of the second; each of their special points that
     is on no locus yet begins one.

@@ -90,11 +90,11 @@ class RangeStudy(StudyKind):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; it begins at the value of the system if the table says nothing else."""
+        """Return the study of a table; it begins at the value of the system if the table says nothing else."""
         return cls(**{"begin": system[values["parameter"]], **values})
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of the parameter."""
+        """Return the system at the first value of the parameter."""
         return system if system[self.parameter] == self.begin else system.at({self.parameter: self.begin})
 
     @property
@@ -266,7 +266,7 @@ class BranchOptions(RangeStudy):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; it shows half of the first coordinate if the table says nothing else."""
+        """Return the study of a table; it shows half of the first coordinate if the table says nothing else."""
         found = {"measure": f"half.{system.coordinates[0]}", **values}
         tables = (found.pop("shooting"), found.pop("balance"))
         method = Method.named(found["method"] or Shooting.name)
@@ -275,7 +275,7 @@ class BranchOptions(RangeStudy):
 
     @classmethod
     def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
-        """The tables of other methods, if there are any."""
+        """Return the tables of other methods, if there are any."""
         name = table.get("method") or Shooting.name
         return tuple(f"study.{other}" for other in (Shooting.name, Balance.name) if other in table and other != name)
 
@@ -323,7 +323,7 @@ SEARCH_KEYS: Mapping[str, Any] = {
 
 
 def with_search(values: dict[str, Any]) -> dict[str, Any]:
-    """The values of a table, with what its table of the search says."""
+    """Return the values of a table, with what its table of the search says."""
     rest = {name: value for name, value in values.items() if name != "search"}
     search: SearchTable | None = values.get("search")
     return rest if search is None else {**rest, "search_values": search.values, "search": search.options}
@@ -336,7 +336,7 @@ def search_words(values: int | tuple[float, ...]) -> str:
 
 
 def kinds_key(known: Callable[[], Iterable[Kind]]) -> Any:
-    """The type of a key that lists kinds of special points."""
+    """Return the type of a key that lists kinds of special points."""
     return Annotated[
         list[Annotated[Kind, PlainValidator(one_of(known))]],
         Field(min_length=1),

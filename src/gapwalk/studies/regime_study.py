@@ -110,7 +110,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
         return f"regimes over {self.range_words} and {self.second.words}, {columns} x {rows} cells"
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of both parameters."""
+        """Return the system at the first value of both parameters."""
         return super().first_system(system).at({self.second.parameter: self.second.begin})
 
     @property
@@ -119,7 +119,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
         return self.parameter, self.second.parameter
 
     def work(self, system: System) -> RegimeWork:
-        """The work on the map."""
+        """Return the work on the map."""
         return RegimeWork(system, self)
 
 
@@ -282,7 +282,7 @@ class RegimeWork(CellWork):
         self._checked = RegimeCheck(len(chosen), tuple(sentences))
 
     def found(self, *, complete: bool) -> Regimes:
-        """The map, as far as it has come."""
+        """Return the map, as far as it has come."""
         cells = self.verdicts.regimes.size
         undecided = int(np.sum(self.verdicts.regimes == Regime.UNDECIDED))
         notes: tuple[str, ...] = ()
@@ -295,7 +295,7 @@ class RegimeWork(CellWork):
         return Regimes(self.system, *self.asked.names, self.within, *self.verdicts, *how)
 
     def _places(self) -> list[Places]:
-        """The cells in chunks: in any order where each starts from the same state, or line by line."""
+        """Return the cells in chunks: in any order where each starts from the same state, or line by line."""
         (columns, rows), carry = self.resolution, self.asked.carry
         grid = np.mgrid[:rows, :columns]
         if carry is Carry.NO:
@@ -355,7 +355,7 @@ def regimes(
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
-    """The regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
+    """Return the regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
     At the centre of each cell a motion is followed by the fast flow until it is known what it is. Those that seem
     quasi-periodic get another look with the exact flow, and a sample of all is classified by it, from where the motion

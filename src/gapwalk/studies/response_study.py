@@ -46,7 +46,7 @@ class ResponseOptions(BranchOptions):
     reports: ClassVar[str] = "points"
 
     def work(self, system: System) -> ResponseWork:
-        """The walk along the branch."""
+        """Return the walk along the branch."""
         return ResponseWork(system, self)
 
 
@@ -133,7 +133,7 @@ class ResponseWork(Work):
                 raise KeyboardInterrupt
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """All points but the first, each with the special points before it."""
+        """Yield all points but the first, each with the special points before it."""
         branch = self.record
         rest = list(branch.special_points)
         for point in branch.points[1:]:
@@ -170,7 +170,7 @@ class ResponseWork(Work):
         return BranchTracer(beginning, asked.walk) if state is None else resumed_tracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
-        """The last point, with all since the last moment if it is time to write them."""
+        """Return the last point, with all since the last moment if it is time to write them."""
         news = (self._pending[-1],)
         is_due = len(self._pending) >= _POINTS or time.monotonic() - self._written >= _SECONDS
         return self._flushed(progress, ends, news) if is_due else Found((), news)

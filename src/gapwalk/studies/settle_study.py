@@ -95,11 +95,11 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; its signal is the first coordinate if the table says nothing else."""
+        """Return the study of a table; its signal is the first coordinate if the table says nothing else."""
         return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
 
     def work(self, system: System) -> SettleWork:
-        """The work on the study, which has one part."""
+        """Return the work on the study, which has one part."""
         return SettleWork(system, self)
 
 
@@ -251,7 +251,7 @@ class SettleWork(Work):
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:
-    """The motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
+    """Return the motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
     converged = settled.converged or attractor.orbit is not None
     return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
 

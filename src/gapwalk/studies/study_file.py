@@ -194,12 +194,12 @@ def read_studies(
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
-    """The study that a source describes; see `read_study`."""
+    """Return the study that a source describes; see `read_study`."""
     return _one_of(check_studies(source, changes), name, source.name)
 
 
 def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
-    """The studies that a source describes; see `read_studies`."""
+    """Return the studies that a source describes; see `read_studies`."""
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
     model, found = check_model(source)
@@ -236,7 +236,7 @@ def _check_table(
     asked: Mapping[str, object],
     reduction: ReductionPart | None,
 ) -> tuple[Study | None, list[Problem]]:
-    """The study of one table; None if something is wrong with it."""
+    """Return the study of one table; None if something is wrong with it."""
     own, problems = study_changes(source, at, sketch.system if sketch else None)
     # what is given from outside of the file has the last word
     sketch, found = _changed(sketch, source, {key: own[key] for key in own if key not in asked}, changes)
@@ -321,7 +321,7 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
 
 
 def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
-    """The study of a name, or the only one."""
+    """Return the study of a name, or the only one."""
     named = [study for study in studies if study.name == name] if name else list(studies)
     if len(named) == 1:
         return named[0]
@@ -334,7 +334,7 @@ def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
 
 
 def template() -> str:
-    """The text of a complete model file whose comments explain it."""
+    """Return the text of a complete model file whose comments explain it."""
     return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
 
 

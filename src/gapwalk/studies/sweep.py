@@ -117,7 +117,7 @@ class SweepOptions:
         self.each_way()
 
     def each_way(self) -> tuple[Way, ...]:
-        """The ways, in the order in which they are written."""
+        """Return the ways, in the order in which they are written."""
         words = [word.strip() for word in self.ways.split(" and ")]
         if not set(words) <= set(Way) or len(set(words)) < len(words):
             raise ModelError(
@@ -264,11 +264,11 @@ class Sweep(Shown):
     notes: tuple[str, ...] = ()
 
     def bands(self, lane: int = 0) -> tuple[Band, ...]:
-        """The bands of equal regimes along a lane, in the order of the parameter."""
+        """Return the bands of equal regimes along a lane, in the order of the parameter."""
         return bands_of(self.values, self.regimes[lane].tolist())
 
     def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
-        """All section points of a coordinate or of its velocity: the values of the parameter, and its own.
+        """Return all section points of a coordinate or of its velocity: the values of the parameter, and its own.
 
         Parameters
         ----------
@@ -345,6 +345,6 @@ def enter(sweep: Sweep, segment: SweepSegment) -> str:
 
 
 def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:
-    """The places of the values of a segment, in the order in which they are visited."""
+    """Return the places of the values of a segment, in the order in which they are visited."""
     places = np.arange(number * BLOCK, min((number + 1) * BLOCK, steps))
     return steps - 1 - places if way is Way.DOWN else places

@@ -246,7 +246,7 @@ def sweep_stretch(task: Task) -> SweepSegment:
 
 
 def _kicked(state: NDArray[np.float64], task: Task, place: int) -> NDArray[np.float64]:
-    """The state with a small disturbance that depends on the seed, the lane and the value alone."""
+    """Return the state with a small disturbance that depends on the seed, the lane and the value alone."""
     kick, lane = task.options.kick, task.lane
     if kick == 0.0:
         return state

@@ -178,12 +178,12 @@ class SweepStudy(SweepOptions, RangeStudy):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; the picture shows the first coordinate if the table says nothing else."""
+        """Return the study of a table; the picture shows the first coordinate if the table says nothing else."""
         values["signal"] = values.get("signal") or system.coordinates[0]
         return super().of_table(values, system)
 
     def work(self, system: System) -> SweepWork:
-        """The work on the sweep."""
+        """Return the work on the sweep."""
         return SweepWork(system, self)
 
 
@@ -241,7 +241,7 @@ class SweepWork(Work):
             self._keep(segment)
 
     def parts(self, hands: Workers) -> Generator[Found]:
-        """The segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
+        """Yield the segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
         tasks = self._first_tasks()
         try:
             for _, segment in hands.each(sweep_stretch, tasks, in_order=False):
@@ -275,7 +275,7 @@ class SweepWork(Work):
         return replace(self._sweep, complete=self.complete, notes=notes)
 
     def finding(self) -> SweepFinding:
-        """The sweep as what a study has found."""
+        """Return the sweep as what a study has found."""
         return SweepFinding(self.record)
 
     @property
@@ -283,7 +283,7 @@ class SweepWork(Work):
         return math.ceil(self.asked.steps / BLOCK)
 
     def _place(self, segment: SweepSegment) -> int:
-        """The number of a segment in a file."""
+        """Return the number of a segment in a file."""
         return segment.lane * self._per_lane + segment.number
 
     def _keep(self, segment: SweepSegment) -> None:

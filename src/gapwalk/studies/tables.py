@@ -46,7 +46,7 @@ def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> No
 
 
 def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
-    """The number of columns and rows, or a ModelError that says what to write."""
+    """Return the number of columns and rows, or a ModelError that says what to write."""
     both = (given, given) if isinstance(given, int) else tuple(given)
     if len(both) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in both):
         raise ModelError(f"resolution is {given!r}; write a number of cells, or (columns, rows)")
@@ -56,7 +56,7 @@ def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
 
 
 def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tuple[tuple[str, str], Within]:
-    """The names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
+    """Return the names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
     if len(plane) != 2:
         raise ModelError(
             f"a plane has two axes, but {len(plane)} ranges were given ({', '.join(plane) or 'none'}); write "
@@ -67,7 +67,7 @@ def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tu
 
 
 def check_range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
-    """The range of a parameter, the smaller value first; a ModelError if the system cannot have its ends."""
+    """Return the range of a parameter, the smaller value first; a ModelError if the system cannot have its ends."""
     try:
         low, high = (float(value) for value in given)
     except (TypeError, ValueError):

@@ -75,7 +75,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
 
 
 def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
-    """The result in a file, and what its verification finds; parameters and errors as in `verify`."""
+    """Return the result in a file, and what its verification finds; parameters and errors as in `verify`."""
     ledger = Ledger()
     fault = seal_fault(path)
     ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
