@@ -29,6 +29,11 @@ class Way(StrEnum):
     AFRESH = "afresh"
     """At each value from the start again."""
 
+    @property
+    def number(self) -> int:
+        """A number of its own, whatever other ways there are."""
+        return list(Way).index(self)
+
 
 @dataclass(frozen=True, slots=True)
 class Patience:

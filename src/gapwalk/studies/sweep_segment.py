@@ -22,7 +22,7 @@ from gapwalk.errors import FlowError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
-from gapwalk.studies.sweep import Lane, Patience, SweepOptions, SweepSegment, Way
+from gapwalk.studies.sweep import Lane, Patience, SweepOptions, SweepSegment
 
 _GROWTH = 1.25  # of the length of a transient from one look at it to the next
 _STEADY = 0.1  # change of the logarithm of the returns up to which they neither shrink nor grow
@@ -250,6 +250,5 @@ def _kicked(state: NDArray[np.float64], task: Task, place: int) -> NDArray[np.fl
     kick, lane = task.options.kick, task.lane
     if kick == 0.0:
         return state
-    # a number of its own for each way, whatever other ways there are
-    seed = np.random.SeedSequence(task.options.seed, spawn_key=(list(Way).index(lane.way), lane.start, place))
+    seed = np.random.SeedSequence(task.options.seed, spawn_key=(lane.way.number, lane.start, place))
     return state + kick * task.box * np.random.default_rng(seed).uniform(-1.0, 1.0, len(state))
