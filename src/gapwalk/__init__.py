@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from gapwalk.studies.basin_study import basins
     from gapwalk.studies.basin_work import BasinOptions, basin_shares
     from gapwalk.studies.compare import ResultComparison, compare_results
-    from gapwalk.studies.diagram_study import DiagramStudyOptions
+    from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions, diagram, find_others
     from gapwalk.studies.export import save_tables
     from gapwalk.studies.family import Family, MemberParameter
     from gapwalk.studies.family_joining import FamilyOptions
@@ -77,11 +77,9 @@ if TYPE_CHECKING:
     from gapwalk.studies.load import load
     from gapwalk.studies.locus_study import LocusStudyOptions
     from gapwalk.studies.map import Map, MapOptions
-    from gapwalk.studies.map_charting import bifurcation_map
-    from gapwalk.studies.map_study import MapStudyOptions
+    from gapwalk.studies.map_study import MapStudyOptions, bifurcation_map
     from gapwalk.studies.options import SecondParameter
-    from gapwalk.studies.regime_study import regimes
-    from gapwalk.studies.regime_work import RegimeMapOptions
+    from gapwalk.studies.regime_study import RegimeMapOptions, regimes
     from gapwalk.studies.response_study import ResponseOptions
     from gapwalk.studies.result import Result
     from gapwalk.studies.runner import run
@@ -90,7 +88,6 @@ if TYPE_CHECKING:
     from gapwalk.studies.sweep import Sweep, SweepOptions
     from gapwalk.studies.sweep_study import sweep
     from gapwalk.studies.verify import verify
-    from gapwalk.studies.whole_diagram import DiagramOptions, diagram, find_others
     from gapwalk.verification import Check, Verification
 
     __version__: str

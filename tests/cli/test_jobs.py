@@ -90,7 +90,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         pytest.skip("has one part")
     with monkeypatch.context() as patch:
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_study.ROWS", 3)
 
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
@@ -110,7 +110,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
             assert "x.gapwalk is not complete" in capsys.readouterr().err
         patch.undo()
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_study.ROWS", 3)
         assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert Path("x.png").exists()
 

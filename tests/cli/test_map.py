@@ -14,8 +14,8 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.cli.progress import MapProgress
 from gapwalk.errors import NumericalError, StoreError
-from gapwalk.studies import map_charting as charting
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
+from gapwalk.studies import map_study as charting
 from tests.cli.test_diagram import MODEL as SEVERAL
 from tests.studies.same import assert_same_result
 from tests.waiting import until

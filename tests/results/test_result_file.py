@@ -16,8 +16,8 @@ import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
 from gapwalk.studies import kinds
-from gapwalk.studies.kind import Content, StudyKind, Work
-from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
+from gapwalk.studies.kind import StudyKind, Work
+from gapwalk.studies.load import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
 
@@ -49,9 +49,6 @@ class Sum(Work):
 
     def parts(self, hands):
         yield from ()
-
-    def content(self) -> Content:
-        return Content(True)
 
 
 @pytest.fixture(autouse=True)

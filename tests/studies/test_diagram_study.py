@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.results import result_file as file
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.diagrams import clutch_diagram, many_branches
@@ -122,10 +122,10 @@ def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
 
 
 def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> None:
-    def interrupt(piece) -> None:
+    def interrupt(*_) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(growing, "_walk_piece", interrupt)
+    monkeypatch.setattr(growing, "_walk_branch", interrupt)
     with pytest.raises(KeyboardInterrupt):
         gw.run(clutch_diagram(), path)
     assert not list(path.parent.iterdir())

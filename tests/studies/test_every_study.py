@@ -15,7 +15,7 @@ from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.kinds import kinds
-from gapwalk.studies.regime_work import Carry
+from gapwalk.studies.regime_study import Carry
 from gapwalk.studies.study_file import check_study
 from tests import models
 from tests.interruption import until_ctrl_c

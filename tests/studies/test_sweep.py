@@ -20,10 +20,8 @@ from gapwalk.parallel.workers import workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments
 from gapwalk.studies.kind import values_of
-from gapwalk.studies.load import load_result
-from gapwalk.studies.request import REQUEST, request_file
-from gapwalk.studies.sweep import BLOCK, Way
-from gapwalk.studies.sweep_segment import Patience
+from gapwalk.studies.load import REQUEST, load_result, request_file
+from gapwalk.studies.sweep import BLOCK, Patience, SweepSegment, Way
 from gapwalk.studies.sweep_study import STRETCH, SweepStudy
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
@@ -323,11 +321,9 @@ def test_section_points_are_in_memory_once() -> None:
     asked = SweepStudy("frequency", 0.3, 1.2, steps=400, ways="up", points=500)
     work = asked.work(light())  # the first one brings what is kept for good
 
-    def segment(number: int) -> segments.SweepSegment:
+    def segment(number: int) -> SweepSegment:
         sections = np.full((BLOCK, 500, 4), float(number))
-        return segments.SweepSegment(
-            0, number, sections, np.ones(BLOCK, int), np.ones(BLOCK, bool), ("period 1",) * BLOCK
-        )
+        return SweepSegment(0, number, sections, np.ones(BLOCK, int), np.ones(BLOCK, bool), ("period 1",) * BLOCK)
 
     tracemalloc.start()
     try:

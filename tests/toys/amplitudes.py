@@ -13,7 +13,7 @@ from pydantic import AfterValidator, ValidationInfo
 import gapwalk as gw
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Rows, Work
+from gapwalk.studies.kind import Finding, Found, Rows, Work
 from gapwalk.studies.kinds import OPEN, Counted, add_kind
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_file import Study, check_study
@@ -107,8 +107,8 @@ class AmplitudeWork(Work):
     def record(self) -> Amplitudes:
         return Amplitudes(self.asked, tuple(found for _, found in sorted(self.known.items())))
 
-    def content(self) -> Content:
-        return Content(self.complete, finding=AmplitudeFinding(self.record))
+    def finding(self) -> AmplitudeFinding:
+        return AmplitudeFinding(self.record)
 
 
 def _amplitude(piece: tuple[gw.System, AmplitudeStudy, float]) -> Amplitude:

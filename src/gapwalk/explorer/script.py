@@ -26,8 +26,7 @@ from gapwalk.explorer.workspace import RESULT
 from gapwalk.model.model_file import MATRICES
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.studies.diagram_study import DiagramStudyOptions
-from gapwalk.studies.whole_diagram import DiagramOptions
+from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 
 _MOST = 100  # results from which one may start
 

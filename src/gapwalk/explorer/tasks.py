@@ -22,14 +22,13 @@ from gapwalk.bifurcation.loci.locus_start import start_locus
 from gapwalk.errors import NumericalError
 from gapwalk.explorer.events import News, Progress
 from gapwalk.results.result_file import lock
-from gapwalk.studies.diagram_study import DiagramStudyOptions, OthersWork, whole_diagram
+from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram
 from gapwalk.studies.kind import found_by
+from gapwalk.studies.load import request_file
 from gapwalk.studies.map import Map
 from gapwalk.studies.map_study import MapStudyOptions, whole_map
-from gapwalk.studies.request import request_file
 from gapwalk.studies.runner import run, run_study
 from gapwalk.studies.study_file import Study
-from gapwalk.studies.whole_diagram import empty_diagram
 
 
 class FollowUp(Protocol):
@@ -135,7 +134,7 @@ class SearchFollowUp:
         """Search and follow; an interrupted search begins again, but after a completed one its branches are kept."""
         options = study.options
         assert isinstance(options, DiagramStudyOptions)
-        work = OthersWork(study.system, options, self.known, news.part)
+        work = options.search_work(study.system, self.known, news.part)
         found = found_by(run_study, study, output, resume=resume, force=not resume, report=news.member, work=work)
         return found.complete
 

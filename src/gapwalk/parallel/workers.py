@@ -46,7 +46,7 @@ class Executor(Protocol):
         ...
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether an error says that the process died, and nothing of the piece of work."""
+        """Return True if an error says that the process died, and nothing of the piece of work."""
         ...
 
     def check(self) -> None:
@@ -202,11 +202,11 @@ class _Run:
         return bool(self._again) or (self._begun < len(self._pieces) and not self._has_failed())
 
     def _has_failed(self) -> bool:
-        """Whether a piece waits for its turn to raise an error: nothing after it will be accepted."""
+        """Return True if a piece waits for its turn to raise an error: nothing after it will be accepted."""
         return any(future is not None and future.exception() is not None for future in self._waiting.values())
 
     def _has_last_try(self) -> bool:
-        """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
+        """Return True if a piece is on its last try: alone, so that no other one is to blame or takes memory."""
         return any(self._losses[index] == self._executor.tries - 1 for index in self._running.values())
 
     def _end(self, index: int, future: Future[Any]) -> Iterator[tuple[int, Any]]:

@@ -66,7 +66,7 @@ def _system_differences(now: System, then: System) -> Iterator[str]:
 
 
 def _kind_of(value: Any) -> str:
-    return getattr(value, "kind", None) or getattr(value, "asks", None) or type(value).__name__
+    return getattr(value, "kind", None) or type(value).__name__
 
 
 def _said(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.kinds import Counted, check_integers
 from gapwalk.studies.runner import Report, call
 
 CHUNK = 4096
@@ -69,10 +70,7 @@ class BasinOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        check_integers(self, longest=1, max_period=1, tries=1, check=0, seed=0)
 
     @property
     def borders(self) -> int | None:
@@ -97,18 +95,6 @@ class BasinChunk:
     number: int
     sorted: Sorted
     error: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Some of the states, and what is known of the attractors."""
-
-    number: int
-    places: NDArray[np.intp]
-    system: System
-    states: NDArray[np.float64]
-    signatures: tuple[AttractorSignature, ...]
-    longest: int
 
 
 class BasinWork(CellWork):
@@ -162,8 +148,9 @@ class BasinWork(CellWork):
 
     def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
-        pieces = self._pieces(np.arange(len(self.states)), CHUNK, self.options.longest)
-        return hands.each(_sort_fast, [pieces[number] for number in numbers], in_order=False)
+        sort = partial(_sort_fast, *self._known, self.options.longest)
+        pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
+        return hands.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
@@ -171,7 +158,7 @@ class BasinWork(CellWork):
         self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
 
     def notes(self, complete: bool) -> tuple[str, ...]:
-        """What could not be done, in sentences."""
+        """Return sentences on what could not be done."""
         left = int(np.sum(self.labels == UNRESOLVED))
         if not complete:
             done = sum(len(chunk.sorted.labels) for chunk in self.chunks.values())
@@ -243,13 +230,17 @@ class BasinWork(CellWork):
             [signature.wide for signature in self.catalogue.signatures] + [False, False]
         )  # the last: no attractor
         is_wide = wide[self.labels[which]]
-        pieces = self._pieces(which[~is_wide], _CHECKED, self.options.longest, shift)
-        pieces += self._pieces(which[is_wide], _CHECKED, min(self.options.longest, _WANDERING), shift)
-
-        def accept(index: int, found: Sorted) -> None:
-            exact[pieces[index].places] = found.labels
-
-        hands.run(_sort_exactly, pieces, accept, in_order=False)
+        states = self.states + shift * np.abs(self.states).max(axis=0)
+        # a motion without period is followed for a shorter time
+        times = ((which[~is_wide], self.options.longest), (which[is_wide], min(self.options.longest, _WANDERING)))
+        groups = [
+            (group[first : first + _CHECKED], longest)
+            for group, longest in times
+            for first in range(0, len(group), _CHECKED)
+        ]
+        pieces = [(longest, states[group]) for group, longest in groups]
+        for index, found in hands.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
+            exact[groups[index][0]] = found.labels
         return exact[which]
 
     def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:
@@ -260,22 +251,28 @@ class BasinWork(CellWork):
             self.catalogue, labels = explore(self.catalogue, motions.advance, starts, **limits)
             self.labels[which] = labels
 
-    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
-        system, signatures = self.catalogue.system, self.catalogue.signatures
-        states = self.states + shift * np.abs(self.states).max(axis=0)
-        places = [which[first : first + size] for first in range(0, len(which), size)]
-        return [_Piece(number, some, system, states[some], signatures, longest) for number, some in enumerate(places)]
+    @property
+    def _known(self) -> tuple[System, tuple[AttractorSignature, ...]]:
+        return self.catalogue.system, self.catalogue.signatures
 
 
-def _sort_fast(piece: _Piece) -> BasinChunk:
-    """Sort states by the batch integrator."""
-    motions = motions_of(piece.system, piece.states)
-    found = sort_states(motions.advance, piece.states, piece.signatures, piece.longest)
-    return BasinChunk(piece.number, found, motions.error)
+def _sort_fast(
+    system: System,
+    signatures: tuple[AttractorSignature, ...],
+    longest: int,
+    piece: tuple[int, NDArray[np.float64]],
+) -> BasinChunk:
+    """Sort the states of a chunk by the batch integrator."""
+    number, states = piece
+    motions = motions_of(system, states)
+    return BasinChunk(number, sort_states(motions.advance, states, signatures, longest), motions.error)
 
 
-def _sort_exactly(piece: _Piece) -> Sorted:
-    return sort_states(ExactMotions(piece.system).advance, piece.states, piece.signatures, piece.longest)
+def _sort_exactly(
+    system: System, signatures: tuple[AttractorSignature, ...], piece: tuple[int, NDArray[np.float64]]
+) -> Sorted:
+    longest, states = piece
+    return sort_states(ExactMotions(system).advance, states, signatures, longest)
 
 
 def basin_shares(
@@ -288,7 +285,7 @@ def basin_shares(
     hands: Workers | None = None,
     report: Report | None = None,
 ) -> BasinShares:
-    """The shares of a box of initial states that lead to each attractor, with confidence limits.
+    """Return the shares of a box of initial states that lead to each attractor, with confidence limits.
 
     Parameters
     ----------

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import directions
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.schema import Number, Text, one_of
+from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
@@ -27,10 +27,9 @@ from gapwalk.studies.changes import leaves_of
 from gapwalk.studies.columns import measure_names, measure_values, method_names, method_values, parameter_headings
 from gapwalk.studies.document import branch_document, special_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
-from gapwalk.studies.family_joining import FamilyOptions
-from gapwalk.studies.family_work import FamilyWork, Walk
+from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
 from gapwalk.studies.kind import Finding, Rows, values_of
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import Table
@@ -60,11 +59,6 @@ class FamilyFinding(Finding):
         return self.family if self.family.members else None
 
     @property
-    def complete(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.family.complete
-
-    @property
     def stored(self) -> str:
         """How many members have been done, and between how many of them special points are joined."""
         found, connections = self.family, self.family.connections or {}
@@ -72,18 +66,8 @@ class FamilyFinding(Finding):
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is any branch."""
+        """True if there is any branch."""
         return bool(self.family.branches)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What else there is to say."""
-        return self.family.notes
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """What could not be walked or followed."""
-        return self.family.failures
 
     def summary(self) -> Iterator[str | Table]:
         """Return the members, then the special points, each followed through the family."""
@@ -176,7 +160,7 @@ class FamilyFinding(Finding):
                 ]
 
     def _connection_rows(self) -> Iterator[list[object]]:
-        """What becomes of special points between members, but for those that just go on: births, meetings, ends."""
+        """Yield the ways of special points between members that do not just continue: births, meetings, ends."""
         found = self.family
         yield ["point_path", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
         point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
@@ -291,17 +275,13 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         How far they go, and how their special points are joined; as `FamilyOptions`.
     over
         What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
-        and ``values`` stand beside it.
+        and ``values`` are keys next to it.
     """
 
     kind: ClassVar[str] = "family"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
-        "kinds": Annotated[
-            list[Annotated[Kind, PlainValidator(one_of(Kind.known))]],
-            Field(min_length=1),
-            AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
-        ],
+        "kinds": kinds_key(Kind.known),
         "called": (Text, ""),
         "values": (list[Number], Field(default_factory=list)),
         "over": (
@@ -314,12 +294,12 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, whose `over` has what stands beside it."""
+        """Make the study of a table, whose `over` contains the keys next to it."""
         return super().of_table({key: values[key] for key in values.keys() - {"called", "values"}}, system)
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         axis = self.over.axis
         far = "" if self.max_period is None else f", to period {self.max_period}"
         return (
@@ -333,9 +313,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     def work(self, system: System) -> FamilyWork:
         """The work on the family."""
-        how = Walk(self.begin, self.end, self.start, self.period, self.walk, self.method)
-        blank = Family(system, self.parameter, self.ends, self.over)
-        return FamilyWork(blank, how, self.limits, lambda found: FamilyFinding(self, found))
+        return FamilyWork(system, self, lambda found: FamilyFinding(self, found))
 
 
 @shows_progress(lambda count, part, pace: str(pace))

@@ -1,27 +1,126 @@
-"""Read result files back, and decide whether a run may begin, continue or replace one."""
+"""Result files of studies and of calls: read them back, and decide whether a run may begin, continue or replace one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import StoreError
+from gapwalk.model.system import System
 from gapwalk.results.differences import check_same
 from gapwalk.results.faults import undamaged
-from gapwalk.results.result_file import Part, Parts, check_place, looks_like_result, reading, tidy
-from gapwalk.results.versions import check_not_newer
-from gapwalk.studies.kind import Content, Work
-from gapwalk.studies.request import REQUEST, VERSIONS, Call
+from gapwalk.results.result_file import (
+    Entry,
+    Part,
+    Parts,
+    ResultFile,
+    check_place,
+    lock,
+    looks_like_result,
+    reading,
+    tidy,
+)
+from gapwalk.results.versions import check_not_newer, versions
+from gapwalk.studies.kind import StudyKind, Work
+from gapwalk.studies.map import Map
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_file import Study
 from gapwalk.verification import Verification
 
+
+@dataclass(frozen=True)
+class Call:
+    """The call of a Python function that keeps its result in a file: it asks for what a study asks for.
+
+    Attributes
+    ----------
+    system
+        The system, as at the beginning of such a study.
+    options
+        What is asked for.
+    """
+
+    system: System
+    options: StudyKind
+
+
+REQUEST = Part("request", Study | Call)
+VERSIONS = Part("versions", Mapping[str, str])
 CHECKS = Part("checks", tuple[FullCheck, ...])
 VERIFICATION = Part("verification", Verification)
+
+
+class NoFile:
+    """Stands for the file of a job that keeps nothing."""
+
+    path = ""
+    is_begun = False
+
+    def known(self, part: Part) -> Iterator[tuple[int, Any]]:
+        """No parts."""
+        return iter(())
+
+    def count(self, part: Part) -> int:
+        """No parts."""
+        return 0
+
+    def write(self, *entries: Entry) -> None:
+        """Nothing."""
+
+    def __enter__(self) -> NoFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+Keeper = ResultFile | NoFile
+"""What keeps the parts of a job."""
+
+
+def request_file(
+    request: Study | Call, output: str | os.PathLike[str] | None, before: Mapping[str, str] | None = None
+) -> Keeper:
+    """Return the file of a request, open for writing.
+
+    Parameters
+    ----------
+    request
+        The request.
+    output
+        Its name; None for no file.
+    before
+        The versions that wrote the file that is there, which is then continued; otherwise a new one replaces it.
+    """
+    if output is None:
+        return NoFile()
+    written_by = versions(None if before is None else dict(before))
+    return ResultFile(output, REQUEST.entry(request), VERSIONS.entry(written_by), exists=before is not None)
+
+
+@contextmanager
+def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Iterator[Mapping[str, str] | None]:
+    """Keep other writers off the file of a request for a while; the versions that wrote it, if it is to be continued.
+
+    Raises
+    ------
+    StoreError
+        If the file is of something else, or is being written by another run.
+    """
+    with nullcontext() if output is None else lock(output):
+        before = None
+        if output is not None and os.path.exists(output) and os.path.getsize(output):
+            with reading(output) as parts:
+                check_same(os.fspath(output), request, parts.one(REQUEST))
+                before = parts.one(VERSIONS)
+        yield before
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -68,8 +167,8 @@ def load_result(path: str | os.PathLike[str], *, sealed: bool = True) -> Result:
 
 
 def read(parts: Parts) -> Any:
-    """What the parts of a file make together; errors as `load`."""
-    versions = parts.one(VERSIONS)
+    """Return the result or record that the parts of a file make together; errors as `load`."""
+    written_by = parts.one(VERSIONS)
     try:
         request = parts.one(REQUEST)
         parts.base = request.system
@@ -78,23 +177,30 @@ def read(parts: Parts) -> Any:
             work.take(parts)
             if isinstance(request, Call):
                 return _record_of(request, work, parts)
-            result = result_of(request, work.content(), {})
+            result = result_of(request, work, {})
             checks, verification = parts.get(CHECKS) or (), parts.get(VERIFICATION)
-            return replace(result, versions=versions, checks=checks, verification=verification)
+            return replace(result, versions=written_by, checks=checks, verification=verification)
     except StoreError:
-        check_not_newer(parts.path, versions.get("gapwalk", ""))
+        check_not_newer(parts.path, written_by.get("gapwalk", ""))
         raise
 
 
-def result_of(study: Study, content: Content, written_by: Mapping[str, str]) -> Result:
-    """The result of a study with this content."""
-    parts = (content.diagram, content.map, content.finding)
-    return Result(study, content.branches, content.complete, written_by, *parts)
+def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result:
+    """Return the result of a study, as far as its work has come."""
+    if (finding := work.finding()) is not None:
+        return Result(study, (), work.complete, written_by, finding=finding)
+    found: Branch | Diagram | Map = work.record
+    match found:
+        case Diagram():
+            return Result(study, found.branches, work.complete, written_by, diagram=found)
+        case Map():
+            return Result(study, found.branches, work.complete, written_by, map=found)
+    return Result(study, (found,), work.complete, written_by)
 
 
 def _record_of(call: Call, work: Work, parts: Parts) -> Any:
-    """What a function returned, as far as it had come; a StoreError if nothing can be made of that yet."""
-    finding = work.content().finding
+    """Return the record of a function, as far as it had come; a StoreError if there is none yet."""
+    finding = work.finding()
     if finding is not None and finding.record is None:
         name, kind = os.fspath(parts.path), call.options.kind
         raise StoreError(
@@ -105,7 +211,7 @@ def _record_of(call: Call, work: Work, parts: Parts) -> Any:
 
 
 def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume: bool, force: bool) -> Result | None:
-    """The result to continue in a file; None if there is none, or it is to be written over.
+    """Return the result to continue in a file; None if there is none, or it is to be written over.
 
     Raises
     ------
@@ -121,7 +227,7 @@ def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume:
 
 
 def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, force: bool) -> Result | None:
-    """The same as `earlier_result`, without a change to any file."""
+    """Check as `earlier_result`, without a change to any file."""
     name = os.fspath(path)
     if resume and force:
         raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")
@@ -130,7 +236,12 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     check_place(path)
     if resume:
         result = load_result(path)
-        _check_same(name, study, result.study)
+        now, before = as_before(study, result.study), result.study
+        # titles, texts and names change nothing of a result
+        before = replace(now, system=before.system, options=before.options)
+        check_same(
+            name, now, before, "choose another name for the new result (--output), or write over this one (--force)"
+        )
         return result
     if not force:
         raise StoreError(
@@ -142,22 +253,13 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     return None
 
 
-def _check_same(name: str, study: Study, stored: Study) -> None:
-    """Refuse to resume another study; titles, texts and names change nothing of a result."""
-    study = as_before(study, stored)
-    before = replace(study, system=stored.system, options=stored.options)
-    check_same(
-        name, study, before, "choose another name for the new result (--output), or write over this one (--force)"
-    )
-
-
 _ROUNDING = 1e-9  # of a value, relative to the largest there is
 
 
 def as_before(study: Study, stored: Study) -> Study:
-    """The study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
+    """Return the study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
 
-    A resumed walk goes on bit for bit only with the very numbers that it began with.
+    A resumed walk is the same bit for bit only with the very numbers that it began with.
     """
     if study.reduced is None or stored.reduced is None or study.system.structure != stored.system.structure:
         return study

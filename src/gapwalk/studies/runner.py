@@ -18,8 +18,17 @@ from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
 from gapwalk.results.versions import versions
 from gapwalk.studies.kind import Work
-from gapwalk.studies.load import as_before, earlier_result, load_result, result_of
-from gapwalk.studies.request import Call, Keeper, NoFile, claimed, request_file
+from gapwalk.studies.load import (
+    Call,
+    Keeper,
+    NoFile,
+    as_before,
+    claimed,
+    earlier_result,
+    load_result,
+    request_file,
+    result_of,
+)
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.verify import with_checks, with_verification
@@ -54,7 +63,7 @@ def run_study(
         before = None if earlier is None else dict(earlier.versions)
         finished, is_kept = _carry_out(work, study.options, None, lambda: request_file(study, output, before), report)
         if output is None or finished:
-            result = result_of(study, work.content(), versions(before)) if finished or work.done else None
+            result = result_of(study, work, versions(before)) if finished or work.done else None
         else:  # after Ctrl-C at any moment, what is stored is what counts
             result = load_result(output) if is_kept or before is not None else None
     if finished and result is not None:

@@ -13,7 +13,7 @@ from gapwalk.studies.study_file import Study
 
 
 def without_units(study: Study) -> Study:
-    """The same study in non-dimensional form; its changes say what its numbers mean.
+    """Return a study in non-dimensional form; its changes say what its numbers mean.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def never(monkeypatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("it was computed again")
 
-    monkeypatch.setattr("gapwalk.studies.diagram_study.Grower", fail)
+    monkeypatch.setattr("gapwalk.studies.diagram_study.DiagramWork.parts", fail)
     monkeypatch.setattr("gapwalk.studies.settle_study.settle", fail)
 
 
