@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,22 @@ class SpecialPoint(Shown):
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     """
 
+    columns: ClassVar = {
+        "kind": "kind",
+        "parameter": "value",
+        "uncertainty": "uncertainty",
+        "before": "before.label",
+        "after": "after.label",
+        "unstable.before": "before.total",
+        "unstable.after": "after.total",
+        "multiplier": "multiplier",
+        "stability": "change",
+        "nature": "nature",
+        "judged": "judged",
+        "contact": "contact",
+        "contacts": "orbit.pattern",
+    }
+
     kind: Kind
     point: BranchPoint
     before: Instability
@@ -102,6 +118,19 @@ class SpecialPoint(Shown):
         if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
             return f"{multiplier.real:+.6f}"
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
+
+    @property
+    def words(self) -> dict[str, str]:
+        """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
+        return {
+            "kind": self.kind.value,
+            "at": f"{self.value:#.10g}",
+            "±": f"{self.uncertainty:.0e}" if np.isfinite(self.uncertainty) else "",
+            "multiplier": self.multiplier_words,
+            "stability": self.change,
+            "criticality": self.nature_words,
+            "contact": self.contact,
+        }
 
     @property
     def change(self) -> str:

@@ -32,7 +32,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.export import export_csv, table_names
+from gapwalk.studies.export import export_csv
 from gapwalk.studies.kind import found_by
 from gapwalk.studies.load import check_claim
 from gapwalk.studies.result import Result
@@ -176,7 +176,7 @@ def _picture_paths(result: Result, output: Path) -> list[Path]:
 
 def table_paths(result: Result, output: Path) -> dict[str, Path]:
     """Return the names of the tables of a result file, by their contents."""
-    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in table_names(result)}
+    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in result.tables()}
 
 
 def exit_code(result: Result) -> int:

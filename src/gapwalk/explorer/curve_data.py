@@ -159,35 +159,21 @@ def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Ki
 
 
 def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
-    """Describe a special point for the page."""
+    """Describe a special point for the page: symbol, lines of text, and what can begin at it."""
     if isinstance(special, Codim2Point):
-        return _codim2(special)
-    style, multiplier = symbol_style(special.kind), special.multiplier
+        style = CODIM2[special.kind]
+        lines = [f"at {', '.join(f'{value:.9g}' for value in special.values)}", special.contact]
+        return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
+    style, kind, words = symbol_style(special.kind), special.kind, special.words
+    at = " ± ".join(filter(None, (f"at {words['at']}", words["±"])))
     return {
-        "kind": special.kind.value,
+        "kind": kind.value,
         "text": style.text,
         "label": style.label,
         "value": special.value,
-        "uncertainty": special.uncertainty,
-        "change": special.change,
-        "nature": special.nature_words,
-        "contact": special.contact,
-        "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
-        "has_locus": not special.kind.no_locus,
-        "switches": special.kind.ways > 0,
-    }
-
-
-def _codim2(codim2: Codim2Point) -> dict[str, Any]:
-    style = CODIM2[codim2.kind]
-    return {
-        "kind": f"codim2 {codim2.kind.value}",
-        "text": style.legend,
-        "label": style.label,
-        "values": list(codim2.values),
-        "contact": codim2.contact,
-        "has_locus": False,
-        "switches": False,
+        "lines": [at, words["stability"], words["criticality"], words["contact"]],
+        "has_locus": not kind.no_locus,
+        "switches": kind.ways > 0,
     }
 
 

@@ -27,7 +27,7 @@ from gapwalk.explorer.request_guard import Guard, TooLargeError
 from gapwalk.explorer.script import script_of
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.workspace import model_file
-from gapwalk.studies.export import table_names, table_of
+from gapwalk.studies.export import table_of
 
 _PAGE = files("gapwalk.explorer") / "page"
 _NAME = 200  # longest name of a quantity in a request
@@ -212,7 +212,7 @@ class _Api:
             raise ModelError(f"{entry.title} is {entry.state}; wait for its end, or stop it")
         result = entry.result
         if what == "table":
-            text = await self.session.flows.do(lambda: table_of(result, table_names(result)[0]))
+            text = await self.session.flows.do(lambda: table_of(result, next(iter(result.tables()))))
             return _file(text, f"{stem}.csv", "text/csv")
         if what == "result":
             return FileResponse(entry.path, filename=entry.path.name, media_type="application/vnd.sqlite3")

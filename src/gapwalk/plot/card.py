@@ -141,14 +141,8 @@ def _(orbit: Orbit) -> Card:
 
 @facts_of.register
 def _(special: SpecialPoint) -> Card:
-    facts = [
-        ("at", f"{special.value:.10g} ± {special.uncertainty:.0e}"),
-        ("stability", special.change),
-        ("criticality", special.nature_words),
-        ("contact", special.contact),
-        ("period", _periods(special.orbit.period)),
-    ]
-    return Card(f"SpecialPoint: {special.kind.value}", [fact for fact in facts if fact[1]])
+    words = special.words | {"period": _periods(special.orbit.period)}
+    return Card(f"SpecialPoint: {words.pop('kind')}", [fact for fact in words.items() if fact[1]])
 
 
 @facts_of.register
@@ -160,14 +154,12 @@ def _(branch: Branch) -> Card:
         ("points", f"{len(values)}, {sum(point.stable for point in branch.points)} of them stable"),
     ]
     rows = [
-        (special.kind.value, f"{special.value:.8g}", special.change)
+        [special.words[column] for column in ("kind", "at", "stability")]
         for special in branch.special_points
         if special.kind is not Kind.GRAZING
     ]
-    grazing = len(branch.special(Kind.GRAZING))
-    return Card(
-        "Branch", facts, ("special point", "at", "stability"), rows, f"and {grazing} grazing points" if grazing else ""
-    )
+    note = f"and {grazing} grazing points" if (grazing := len(branch.special(Kind.GRAZING))) else ""
+    return Card("Branch", facts, ("special point", "at", "stability"), rows, note)
 
 
 @facts_of.register

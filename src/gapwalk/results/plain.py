@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -39,6 +40,10 @@ def plain(value: Any) -> Any:
             return {str(plain(key)): plain(item) for key, item in value.items()}
         case list() | tuple():
             return [plain(item) for item in value]
+        case np.generic():
+            return plain(value.item())
+        case complex():
+            return [value.real, value.imag] if cmath.isfinite(value) else None
         case float():
             return value if math.isfinite(value) else None
         case _ if is_dataclass(value):
