@@ -1,4 +1,4 @@
-"""``gapwalk new``, ``check``, ``show`` and ``export``: commands on files that compute nothing."""
+"""``gapwalk new``, ``check``, ``show``, ``export`` and ``verify``: commands on one file that run no study."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapwalk.cli.output import DONE, console, print_json, show, show_files
+from gapwalk.cli.output import BROKEN, DONE, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
@@ -134,3 +134,21 @@ def export_result(
             save(result, written[0], form=form, measure=measure, size=size)
     show_files(written)
     return DONE
+
+
+def verify_file(path: Path, *, json: bool) -> int:
+    """Verify a result file; return the exit code."""
+    from gapwalk.cli.progress import verify_line
+    from gapwalk.studies.verify import verified_result
+
+    with verify_line(str(path)) as progress:
+        result, found = verified_result(path, progress)
+    if json:
+        print_json({"file": str(path), "complete": result.complete, **found.document()})
+    else:
+        screen = console()
+        if not result.complete:
+            show([f"{path} is not complete; its stored part was verified"], screen)
+        show(found.summary(), screen)
+        show_title(found.words, screen)
+    return DONE if found.ok else BROKEN
