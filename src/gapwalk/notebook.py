@@ -26,10 +26,7 @@ _is_inside: ContextVar[bool] = ContextVar("gapwalk_progress", default=False)
 
 
 class Shown(Described):
-    """A record with a card: its name, a table of its main figures, and a picture if that is cheap.
-
-    The contents of the card of each type are defined in `gapwalk.plot.card`: a record does not know how it is drawn.
-    """
+    """A record that has a card in notebooks: its summary, and a picture if that is cheap."""
 
     __slots__ = ()
 

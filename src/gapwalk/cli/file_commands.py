@@ -49,22 +49,12 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         ]
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
-    structure = studies[0].system.structure
-    units = structure.units
-    turns = (units.turns if units else None) or 1
-    contacts = [
-        f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
-        for form in structure.contacts
-    ]
-    terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
+    system = studies[0].system
     doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
     lines = [
         (len(studies) == 1 and studies[0].title) or str(file),
-        *train_lines(studies[0].system),
-        f"  coordinates: {', '.join(structure.coordinates)}",
-        f"  contacts: {', '.join(contacts) or 'none'}",
-        f"  excitation: {terms or 'none'}",
-        *([f"  units: {units.words}"] if units else []),
+        *train_lines(system),
+        *(f"  {text}" for text in system.contents),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),

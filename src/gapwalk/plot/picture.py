@@ -271,7 +271,7 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
         Draws the labels and close-ups. Call it when all panels are drawn and laid out, so that a figure of several
         panels is laid out only once.
     """
-    record, options, _ = _unpacked(record, options, None, in_axes=True)
+    record, options, _ = unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)
     with in_style():
         finish = drawing.draw(record, ax, **drawing.named(arguments, options, record))
@@ -338,7 +338,7 @@ def _draw(
     figure: AnyFigure | None = None,
 ) -> Any:
     """Draw a record into axes, a figure, or a new figure of the appropriate size."""
-    record, options, title = _unpacked(record, options, title, in_axes=ax is not None)
+    record, options, title = unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
     if title is not None and "title" in drawing.options:
         options["title"] = title.replace("$", r"\$")
@@ -375,7 +375,7 @@ def _in_style(finish: Finish) -> Callable[[], None]:
     return finished
 
 
-def _unpacked(
+def unpacked(
     record: Any, options: dict[str, Any], title: str | None, in_axes: bool
 ) -> tuple[Any, dict[str, Any], str | None]:
     """Extract from a result the record to draw, with those options of its study that the picture has too."""

@@ -194,7 +194,7 @@ class Result(Shown):
             yield from self._missed()
             yield from self.map.summary(self.walked.measure if points else None)
             return
-        yield from (self.branches[0] if self.diagram is None else self.diagram).summary()
+        yield from self.branches[0].summary(points=False) if self.diagram is None else self.diagram.summary()
         if self.diagram is None or points:
             yield from self._missed()
             any_special = any(branch.special_points for branch in self.branches)
