@@ -23,35 +23,6 @@ from gapwalk.explorer.tasks import Task, do
 from gapwalk.parallel.processes import undisturbed
 
 
-class ProcessControl:
-    """The end of the control pipe on the server.
-
-    Parameters
-    ----------
-    connection
-        The writable end of a pipe.
-    """
-
-    def __init__(self, connection: Any) -> None:
-        self._connection = connection
-
-    def pause(self) -> None:
-        """Pause the process until `resume`."""
-        self._say("pause")
-
-    def resume(self) -> None:
-        """Resume the process; nothing happens if it is not paused."""
-        self._say("resume")
-
-    def close(self) -> None:
-        """Close the pipe, so that the process ends."""
-        self._connection.close()
-
-    def _say(self, word: str) -> None:
-        with suppress(OSError):  # the process has died
-            self._connection.send(word)
-
-
 def obey_control(held: Any) -> None:
     """Pause, resume and end as the control pipe says; to be called in the main thread of the process.
 
@@ -139,11 +110,11 @@ class Engine:
 
     def pause(self) -> None:
         """Pause the process until `resume`."""
-        self._control.pause()
+        self._say("pause")
 
     def resume(self) -> None:
-        """Resume a paused process."""
-        self._control.resume()
+        """Resume the process; nothing happens if it is not paused."""
+        self._say("resume")
 
     def close(self) -> None:
         """End the process."""
@@ -155,8 +126,7 @@ class Engine:
         self._line.close()
 
     def _start(self) -> None:
-        held, control = self._context.Pipe(duplex=False)
-        self._control = ProcessControl(control)
+        held, self._control = self._context.Pipe(duplex=False)
         self._line, far = self._context.Pipe()
         self._count = 0
         self._process = self._context.Process(target=_work, args=(far, held), name="gapwalk-engine")
@@ -164,6 +134,10 @@ class Engine:
             self._process.start()
         far.close()
         held.close()
+
+    def _say(self, word: str) -> None:
+        with suppress(OSError):  # the process has died
+            self._control.send(word)
 
     def _end_if_busy(self, process: Any, count: int) -> None:
         if process is self._process and count == self._count and process.is_alive():

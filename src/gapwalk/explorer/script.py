@@ -72,19 +72,8 @@ class _Script:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
             raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
-        action = entry.action
-        if isinstance(action, Settle):
-            name = self._settle(entry, action)
-        elif isinstance(action, Walk):
-            name = self._walk(entry, action)
-        elif isinstance(action, Switch):
-            name = self._switch(entry, action)
-        elif isinstance(action, Search):
-            name = self._search(entry, action)
-        elif isinstance(action, FollowLocus):
-            name = self._locus(entry, action)
-        else:
-            name = self._compute(entry, action)
+        write = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
+        name = write(entry, entry.action)
         self.names[entry.key] = name
         return name
 
