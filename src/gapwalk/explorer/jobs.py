@@ -208,8 +208,7 @@ class Jobs:
             if entry is self._current:
                 self._engine.stop()
             elif entry.state is State.QUEUED:
-                entry.state, entry.message = State.STOPPED, "it was stopped before it began"
-                entry.version += 1
+                entry.change(state=State.STOPPED, message="it was stopped before it began")
         self._changed()
 
     def pause(self, entry: Entry) -> None:
@@ -235,8 +234,7 @@ class Jobs:
             if entry is not self._current or entry.state is not before:
                 raise ModelError(f"{entry.title} is {entry.state}, not {before}")
             act()
-            entry.state = after
-            entry.version += 1
+            entry.change(state=after)
         self._changed()
 
     def _work(self) -> None:
@@ -245,26 +243,24 @@ class Jobs:
             with self._guard:
                 if self._closing or entry.state is not State.QUEUED:
                     continue
-                self._current, entry.state = entry, State.RUNNING
-                entry.version += 1
+                self._current = entry
+                entry.change(state=State.RUNNING)
             self._changed()
-            state, message = self._do(exploration, entry, task)
+
+            def hear(news: Progress, exploration: Exploration = exploration, entry: Entry = entry) -> None:
+                with exploration.guard:
+                    entry.live.add(news)
+                    entry.change()
+                self._changed()
+
+            message = ""
+            try:
+                state = State.DONE if self._engine.do(task, hear) else State.STOPPED
+            except GapwalkError as error:
+                state, message = State.FAILED, str(error)
             with self._guard:
                 self._current = None
             entry.message = message
             exploration.read(entry)
-            entry.state = state
-            entry.version += 1
+            entry.change(state=state)
             self._changed()
-
-    def _do(self, exploration: Exploration, entry: Entry, task: Task) -> tuple[State, str]:
-        def hear(news: Progress) -> None:
-            with exploration.guard:
-                entry.hear(news)
-            self._changed()
-
-        try:
-            complete = self._engine.do(task, hear)
-        except GapwalkError as error:
-            return State.FAILED, str(error)
-        return (State.DONE, "") if complete else (State.STOPPED, "")

@@ -202,8 +202,8 @@ class Flows:
             for part in parts:
                 await self.do(part)
 
-    async def do_last(self, tab: str, parts: list[Callable[[], T]]) -> list[T]:
-        """Return the values of calls, made one after the other, unless the same tab sends a newer request.
+    async def do_last(self, tab: str, call: Callable[[], T]) -> T:
+        """Return the value of a call, unless the same tab sends a newer request before it begins.
 
         Raises
         ------
@@ -215,16 +215,14 @@ class Flows:
             if len(self._last) > _TABS:
                 self._last.clear()
             self._last[tab] = number
-        found = []
-        for part in parts:
-            found.append(await self.do(lambda part=part: self._unless_old(tab, number, part)))
-        return found
+
+        def unless_old() -> T:
+            if self._last.get(tab) != number:
+                raise SupersededError
+            return call()
+
+        return await self.do(unless_old)
 
     def close(self) -> None:
         """End the thread."""
         self._thread.shutdown(wait=True, cancel_futures=True)
-
-    def _unless_old(self, tab: str, number: int, part: Callable[[], T]) -> T:
-        if self._last.get(tab) != number:
-            raise SupersededError
-        return part()

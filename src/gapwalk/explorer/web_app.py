@@ -132,11 +132,8 @@ class _Api:
     async def curve(self, request: Request) -> Response:
         """Return a branch, or a settled motion, as arrays."""
         exploration = self.session.exploration(_text(request, "file"))
-        entry, branch, first = (
-            exploration.entry(_text(request, "result")),
-            _count(request, "branch"),
-            _count(request, "from"),
-        )
+        entry = exploration.entry(_text(request, "result"))
+        branch, first = _count(request, "branch"), _count(request, "from")
         x, y = _text(request, "x"), _text(request, "y")
         with exploration.guard:
             settled, lines = entry.settled(), entry.lines()
@@ -156,19 +153,17 @@ class _Api:
 
     async def motion(self, request: Request) -> Response:
         """Return the motion at a place; of several requests of a tab only the last one is answered."""
-        exploration, place, signal = self._asked(request)
-        motion = exploration.motion(place)
-        name = check_signal(motion.system, signal)
-        (found,) = await self.session.flows.do_last(_text(request, "tab"), [lambda: panels_of(motion, name)])
-        return _Json(found)
+        return await self._of_motion(request, panels_of, "")
 
     async def details(self, request: Request) -> Response:
         """Return spectrum and section of the motion at a place; only the last request of a tab is answered."""
+        return await self._of_motion(request, details_of, "/details")
+
+    async def _of_motion(self, request: Request, compute: Callable[..., dict[str, Any]], what: str) -> Response:
         exploration, place, signal = self._asked(request)
         motion = exploration.motion(place)
         name = check_signal(motion.system, signal)
-        tab = f"{_text(request, 'tab')}/details"
-        (found,) = await self.session.flows.do_last(tab, [lambda: details_of(motion, name)])
+        found = await self.session.flows.do_last(_text(request, "tab") + what, lambda: compute(motion, name))
         return _Json(found)
 
     async def events(self, _: Request) -> Response:
