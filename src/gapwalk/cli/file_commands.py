@@ -90,7 +90,6 @@ def export_result(
     path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
 ) -> int:
     """Write the tables or the picture of a result, or a page with its motions."""
-    from gapwalk.cli.run_command import table_paths
     from gapwalk.studies.export import export_csv
     from gapwalk.studies.load import load_result
 
@@ -107,11 +106,11 @@ def export_result(
     if form == "csv":
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
-        tables = table_paths(result, path if output is None else output)
+        names, stem = list(result.tables()), path if output is None else output
+        written = [stem.with_name(f"{stem.stem}-{name}.csv") for name in names]
         if output is not None:
-            tables[next(iter(tables))] = output
-        export_csv(result, tables)
-        written = list(tables.values())
+            written[0] = output
+        export_csv(result, dict(zip(names, written, strict=True)))
     else:
         written = [output or path.with_suffix(f".{form}")]
         if form == "html":

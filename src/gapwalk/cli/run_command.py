@@ -32,7 +32,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.export import export_csv
+from gapwalk.studies.export import save_tables
 from gapwalk.studies.kind import found_by
 from gapwalk.studies.load import check_claim
 from gapwalk.studies.result import Result
@@ -142,14 +142,7 @@ def write_products(result: Result, output: Path) -> list[Path]:
     pictures = [output.with_suffix(ending) for ending in (".png", ".svg")] if can_be_drawn else []
     if pictures:
         save(result, *pictures)
-    tables = table_paths(result, output)
-    export_csv(result, tables)
-    return [*pictures, *tables.values()]
-
-
-def table_paths(result: Result, output: Path) -> dict[str, Path]:
-    """Return the names of the tables of a result file, by their contents."""
-    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in result.tables()}
+    return [*pictures, *save_tables(result, output.with_suffix(""))]
 
 
 def exit_code(result: Result) -> int:

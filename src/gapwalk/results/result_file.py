@@ -15,7 +15,7 @@ import os
 import sqlite3
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
@@ -417,12 +417,14 @@ def _seal_fault(connection: sqlite3.Connection) -> str:
 
 def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
     """An existing file, such that what is committed survives the death of this process at any moment."""
-    with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
+    with explained(path), ExitStack() as on_error:
+        connection = on_error.enter_context(closing(sqlite3.connect(path, isolation_level=None)))
         _check_format(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
         with undamaged(path):
             _seal_of(connection)
+        on_error.pop_all()
         return connection
 
 
@@ -457,15 +459,6 @@ def _transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -
                 connection.execute("ROLLBACK")
             raise
         os.stat(path)  # SQLite goes on writing into a file that has been removed
-
-
-@contextmanager
-def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
-    try:
-        yield connection
-    except BaseException:
-        connection.close()
-        raise
 
 
 def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:

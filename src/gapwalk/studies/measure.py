@@ -26,7 +26,7 @@ from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.kind import Rows, plain_numbers
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
-from gapwalk.summary import Table, remarks
+from gapwalk.summary import Described, Table, remarks
 
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
@@ -213,7 +213,7 @@ def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, o
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Measured(Described):
     """A record beside a motion.
 
     Attributes
