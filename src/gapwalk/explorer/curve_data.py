@@ -69,10 +69,8 @@ class Quantities:
     def of(self, orbit: Orbit) -> tuple[float, float]:
         """Return both quantities of one orbit."""
         x, y = (self._computed.get((id(orbit), name)) for name in self.names)
-        return (
-            quantity(orbit, self.names[0]) if x is None else x,
-            quantity(orbit, self.names[1]) if y is None else y,
-        )
+        first, second = self.names
+        return quantity(orbit, first) if x is None else x, quantity(orbit, second) if y is None else y
 
     def parts(self) -> Iterator[Callable[[], None]]:
         """Yield the computations that need integrations, part by part."""

@@ -100,11 +100,10 @@ def _sampled(motion: Orbit | Settled, most: int) -> Motion:
 
 
 def _text(motion: Orbit | Settled) -> str:
-    orbit = motion if isinstance(motion, Orbit) else motion.orbit
-    if orbit is None:
-        return "; ".join(motion.evidence) if isinstance(motion, Settled) else ""
-    state = "stable" if orbit.stable else f"unstable ({orbit.instability.label})"
-    return f"period {orbit.period}, {state}, contacts {orbit.pattern}"
+    if isinstance(motion, Settled):
+        return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
+    state = "stable" if motion.stable else f"unstable ({motion.instability.label})"
+    return f"period {motion.period}, {state}, contacts {motion.pattern}"
 
 
 def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
@@ -148,11 +147,9 @@ def _log(sampled: Motion) -> list[dict[str, Any]]:
 def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
     """Return the moving bodies: the inertias of a train by their angles, otherwise the coordinates."""
     assembly = system.structure.assembly
+    names, moved, turning = system.coordinates, sampled.q, isinstance(assembly, TrainAssembly)
     if isinstance(assembly, TrainAssembly):
         names, moved = assembly.form.inertias, sampled.q @ np.asarray(assembly.angles(system.values), dtype=float).T
-    else:
-        names, moved = system.coordinates, sampled.q
-    turning = isinstance(assembly, TrainAssembly)
     shown = [{"name": str(name), "moved": _rounded(moved[:, i])} for i, name in enumerate(names[:_COORDINATES])]
     return {"turning": turning, "parts": shown}
 

@@ -187,7 +187,7 @@ def lines_of(found: Found) -> Lines:
         case Settled() | Orbit():
             return Lines((), (), found)
         case Result(finding=None, map=None):
-            return _along(zip(found.names, found.branches, strict=True))
+            return _along(found.named)
         case Result(finding=finding) if finding is not None and isinstance(finding.record, Family | Settled):
             return lines_of(finding.record)
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
@@ -247,7 +247,7 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
                 "name": name,
                 "period": branch.period,
                 "count": len(branch.points),
-                "quantities": {each: blob.exact(*_values(found, each, system)) for each in names},
+                "quantities": {each: _stored(found, each, blob) for each in names},
                 "node": blob.exact([node.number for node in found], "i4"),
                 "label": blob.exact([node.label for node in found], "u1"),
                 "special": [special_words(each) for each in branch.special_points],
@@ -278,9 +278,10 @@ def _chosen(nodes: Sequence[Node], stride: int) -> set[int]:
     }
 
 
-def _values(nodes: Sequence[Node], name: str, system: System) -> tuple[np.ndarray, str]:
-    """Return the values of a quantity, and their precision: zooming in on a parameter must not show steps."""
-    return np.array([quantity(node.orbit, name) for node in nodes]), "f8" if name in system.parameters else "f4"
+def _stored(nodes: Sequence[Node], name: str, blob: Blob) -> dict[str, Any]:
+    """Store a quantity: a parameter in double precision, because zooming in on it must not show steps."""
+    is_parameter = name in nodes[0].orbit.system.parameters
+    return blob.exact([quantity(node.orbit, name) for node in nodes], "f8" if is_parameter else "f4")
 
 
 def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:

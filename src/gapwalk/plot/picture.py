@@ -23,7 +23,6 @@ from gapwalk.plot.sheet import (
     Inches,
     close_window,
     lay_out,
-    make_layout,
     new_sheet,
     open_window,
     sheet_bytes,
@@ -275,7 +274,7 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
     drawing, _ = drawing_of(record, in_axes=True)
     with in_style():
         finish = drawing.draw(record, ax, **drawing.named(arguments, options, record))
-    return _in_style(finish)
+    return in_style()(finish or (lambda: None))
 
 
 def picture_of(record: Any, *arguments: Any, title: str | None = None, **options: Any) -> Figure:
@@ -355,24 +354,15 @@ def _draw(
             finish = drawing.draw(record, place, **options)
             postponed = _postponed.get()
             if finish and postponed is not None:
-                postponed.append(_in_style(finish))
+                postponed.append(in_style()(finish))
             elif finish:
-                make_layout(place if in_axes else place.axes[0])
+                lay_out((place if in_axes else place.axes[0]).get_figure(root=True), keep=True)
                 finish()
     except BaseException:
         if opened is not None:
             close_window(opened)  # otherwise pyplot would show an empty window
         raise
     return place
-
-
-def _in_style(finish: Finish) -> Callable[[], None]:
-    def finished() -> None:
-        if finish:
-            with in_style():
-                finish()
-
-    return finished
 
 
 def unpacked(
