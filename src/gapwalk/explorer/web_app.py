@@ -255,7 +255,7 @@ def _count(request: Request, name: str) -> int:
 
 
 def _is_count(text: str) -> bool:
-    """Whether a text is a number from 0; ``isdigit`` takes others too, such as ²."""
+    """Return True if a text is a number from 0; ``isdigit`` accepts others too, such as ²."""
     return text.isascii() and text.isdigit() and len(text) < 10
 
 

@@ -18,7 +18,7 @@ from gapwalk.results.records import parameters_of
 
 
 def plain(value: Any) -> Any:
-    """A record, or anything in one, as plain JSON values.
+    """Return a record, or anything in one, as plain JSON values.
 
     Records become tables, named by the `kind` or `name` of their class if it has one. Complex numbers become pairs, and
     what is not finite becomes null. Force laws and loads are written by name; systems within records are left out.
@@ -62,7 +62,7 @@ def _plain_record(record: Any) -> dict[str, Any]:
 
 
 def _plain_system(system: System) -> dict[str, Any]:
-    """What a system is made of, and its parameters by name."""
+    """Return the parts of a system, and its parameters by name."""
     structure = system.structure
     parts = {name: plain(getattr(structure, name)) for name in ("coordinates", "contacts", "harmonics")}
     train = {} if structure.assembly is None else {"train": plain(structure.assembly)}
