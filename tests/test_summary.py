@@ -16,7 +16,7 @@ from tests.systems import clutch
 
 @dataclass(frozen=True)
 class Mark:
-    columns: ClassVar = {"name": "name", "place": "place", "size": "name.__len__.__name__"}
+    _row: ClassVar = {"name": "name", "place": "place", "size": "name.__len__.__name__"}
 
     name: str
     place: complex

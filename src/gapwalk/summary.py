@@ -73,7 +73,7 @@ class Described:
 
     __slots__ = ()
 
-    columns: ClassVar[Mapping[str, str]] = {}
+    _row: ClassVar[Mapping[str, str]] = {}
     """The row of the record in a table: the path of an attribute, such as ``orbit.pattern``, by each heading. By
     default the row has all fields that are numbers or texts."""
 
@@ -111,7 +111,7 @@ class Described:
 
 def row_of(record: Any) -> dict[str, Any]:
     """Return the numbers and texts of a record by the headings of its row; None in place of an empty text."""
-    paths = getattr(record, "columns", None) or {name: name for name, _ in _fields_of(record)}
+    paths = getattr(record, "_row", None) or {name: name for name, _ in _fields_of(record)}
     row = {heading: attrgetter(path)(record) for heading, path in paths.items()}
     plain = {name: value.value if isinstance(value, Enum) else value for name, value in row.items()}
     return {

@@ -57,7 +57,7 @@ class SpecialPoint(Shown):
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     """
 
-    columns: ClassVar = {
+    _row: ClassVar = {
         "kind": "kind",
         "parameter": "value",
         "uncertainty": "uncertainty",

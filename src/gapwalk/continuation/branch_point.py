@@ -34,7 +34,7 @@ class BranchPoint:
         Cache of values derived from the point that are needed repeatedly.
     """
 
-    columns: ClassVar = {
+    _row: ClassVar = {
         "parameter": "value",
         "stable": "stable",
         "instability": "instability.label",
