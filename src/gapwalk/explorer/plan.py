@@ -188,11 +188,6 @@ def known_branches(action: Search, shown: Exploration, system: System) -> list[t
     ]
 
 
-def search_system(action: Search, shown: Exploration) -> System:
-    """Return the system to search."""
-    return shown.base().system if action.start is None else shown.motion(action.start).system
-
-
 def _is_same_system(branch: Branch, system: System) -> bool:
     """Return True if a branch belongs to a system, at any value of its parameter."""
     own = branch.points[0].orbit.system
@@ -238,7 +233,8 @@ def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
 
 
 def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
-    system, parameter = search_system(action, shown), action.parameter
+    system = shown.base().system if action.start is None else shown.motion(action.start).system
+    parameter = action.parameter
     for bound in (action.low, action.high):
         system.at({parameter: bound})
     if not action.low < action.high:

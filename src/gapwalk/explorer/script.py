@@ -140,15 +140,15 @@ class _Script:
 
     def _search(self, entry: Entry, action: plan.Search) -> str:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
-        searched = plan.search_system(action, self.exploration) if entry.result is None else entry.result.study.system
+        study = plan.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study
+        options = study.options
+        assert isinstance(options, DiagramStudyOptions)
         known = [
             f"{self.repeat(self.exploration.entry(key))}[{n}]"
-            for key, n in plan.known_branches(action, self.exploration, searched)
+            for key, n in plan.known_branches(action, self.exploration, study.system)
         ]
         name = _name("branches", entry)
         self._comment(entry)
-        options = (look.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study).options
-        assert isinstance(options, DiagramStudyOptions)
         changed = {
             field.name: value
             for field in fields(DiagramOptions)
