@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.explorer.exploration import Line
 from gapwalk.model.system import System
+from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import CODIM2, symbol_style
@@ -34,6 +35,19 @@ _PART = 40  # orbits of which a measure is computed at once: a click waits no lo
 def measure_name(measure: str, system: System) -> str:
     """Return the name of a measure in requests, which differs from those of parameters (see `MEASURE`)."""
     return f"{MEASURE}{measure}" if measure in system.parameters else measure
+
+
+def quantity_words(names: Iterable[str], system: System) -> list[dict[str, str]]:
+    """Describe quantities for the page: names as in requests, and words with units."""
+    return [
+        {
+            "name": name,
+            "words": parameter_words(name, system.units)
+            if name in system.parameters
+            else measure_words(name.removeprefix(MEASURE), system.units),
+        }
+        for name in names
+    ]
 
 
 class Node(NamedTuple):
