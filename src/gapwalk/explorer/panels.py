@@ -119,11 +119,7 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
             "signal": force_of(form),
             "deflection": _rounded(sampled.deflections[:, i]),
             "force": _rounded(sampled.forces[:, i]),
-            "stops": sorted(
-                side * system[f"{form.stage_prefix(stage)}.clearance"]
-                for stage in form.stages
-                for side in stage.side.signs
-            ),
+            "stops": sorted(side * clearance for contact, side, clearance in system.breakpoints if contact == i),
         }
         for i, form in ((place, forms[place]) for place in places)
     ]
