@@ -211,7 +211,7 @@ class Flows:
 
         def unless_old() -> T:
             if self._last.get(tab) != number:
-                raise SupersededError
+                raise SupersededError("superseded by a newer request")
             return call()
 
         return await self.do(unless_old)

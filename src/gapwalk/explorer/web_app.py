@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,6 @@ from gapwalk.studies.export import table_of
 _PAGE = files("gapwalk.explorer") / "page"
 _NAME = 200  # longest name of a quantity in a request
 
-Answer = Callable[[Request], Awaitable[Response]]
-
 
 def application(session: Session, token: str = "") -> Callable[..., Awaitable[None]]:
     """Return the guarded application of a session; if there is a token, each request must carry it."""
@@ -44,43 +43,28 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         yield
         session.close()
 
-    def get(path: str, answer: Answer) -> Route:
-        return Route(path, _with_errors(answer), methods=["GET"])
-
-    def post(path: str, answer: Answer) -> Route:
-        return Route(path, _with_errors(answer), methods=["POST"])
-
     routes = [
-        get("/", api.page),
-        get("/plotly.js", api.plotly),
-        get("/api/files", api.files),
-        get("/api/about", api.about),
-        get("/api/curve", api.curve),
-        get("/api/motion", api.motion),
-        get("/api/details", api.details),
-        get("/api/events", api.events),
-        get("/api/export/{what}", api.export),
-        post("/api/act", api.act),
-        post("/api/job/{word}", api.job),
+        Route("/", api.page),
+        Route("/plotly.js", api.plotly),
+        Route("/api/files", api.files),
+        Route("/api/about", api.about),
+        Route("/api/curve", api.curve),
+        Route("/api/motion", api.motion),
+        Route("/api/details", api.details),
+        Route("/api/events", api.events),
+        Route("/api/export/{what}", api.export),
+        Route("/api/act", api.act, methods=["POST"]),
+        Route("/api/job/{word}", api.job, methods=["POST"]),
         Mount("/static", StaticFiles(directory=str(_PAGE))),
     ]
-    return Guard(Starlette(routes=routes, lifespan=lifespan), token)
+    errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
+    handlers = {kind: partial(_sentence, status=status) for kind, status in errors.items()}
+    return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)
 
 
-def _with_errors(answer: Answer) -> Answer:
-    """Return the same handler, which answers errors with sentences."""
-
-    async def guarded(request: Request) -> Response:
-        try:
-            return await answer(request)
-        except TooLargeError as error:
-            return _Json({"error": str(error)}, 413)
-        except SupersededError:
-            return _Json({"error": "superseded by a newer request"}, 409)
-        except GapwalkError as error:
-            return _Json({"error": str(error)}, 400)
-
-    return guarded
+async def _sentence(_: Request, error: Exception, *, status: int) -> Response:
+    """Answer an error with its message."""
+    return _Json({"error": str(error)}, status)
 
 
 class _Json(JSONResponse):

@@ -243,7 +243,8 @@ class Record(Column):
 
     def __init__(self, kind: type) -> None:
         self.tag, self.kind = kind.__name__, kind
-        self._derived = {name: column_of(hint) for name, hint in _derived_hints(kind).items()}
+        derived = {name: get_type_hints(getattr(kind, name).func)["return"] for name in getattr(kind, "_kept", ())}
+        self._derived = {name: column_of(hint) for name, hint in derived.items()}
 
     @cached_property
     def _columns(self) -> dict[str, Column]:
@@ -461,10 +462,6 @@ def _field_hints(kind: type) -> dict[str, Any]:
         return {name: hints[name] for name in kind._fields}  # pyright: ignore[reportAttributeAccessIssue]
     stored = (field for field in fields(kind) if field.init and field.metadata.get("stored", True))
     return {field.name: hints[field.name] for field in stored}
-
-
-def _derived_hints(kind: type) -> dict[str, Any]:
-    return {name: get_type_hints(getattr(kind, name).func)["return"] for name in getattr(kind, "_kept", ())}
 
 
 def _is_plain(value: Any) -> bool:
