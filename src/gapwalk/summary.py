@@ -126,13 +126,13 @@ def rows_of(rows: Iterable[Mapping[str, Any]], empty: Sequence[str] = ()) -> Row
 
     A complex number takes two columns, a mapping one for each of its values; a tuple of names is one text.
     """
-    headings: list[str] = []
-    for row in rows:
+    number = -1
+    for number, row in enumerate(rows):
         cells = dict(_cells(row))
-        if not headings:
-            yield (headings := list(cells))
+        if not number:
+            yield list(cells)
         yield list(cells.values())
-    if not headings:
+    if number < 0:
         yield list(empty)
 
 
@@ -149,8 +149,11 @@ def _cells(row: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
 
 def _fields_of(record: Any) -> Iterator[tuple[str, Any]]:
     """Yield name and value of each field of a dataclass or a named tuple that is its own, not a note of its caches."""
-    own = [each.name for each in fields(record) if each.metadata.get("stored", True)] if is_dataclass(record) else None
-    return ((name, getattr(record, name)) for name in (record._fields if own is None else own))
+    if is_dataclass(record):
+        names = [each.name for each in fields(record) if each.metadata.get("stored", True)]
+    else:
+        names = record._fields
+    return ((name, getattr(record, name)) for name in names)
 
 
 def _is_record(value: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -58,7 +59,7 @@ class _Script:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
             raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
-        write = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
+        write: Callable[..., str] = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
         name = write(entry, entry.action)
         self.names[entry.key] = name
         return name

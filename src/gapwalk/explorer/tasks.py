@@ -32,8 +32,8 @@ from gapwalk.studies.study_file import Study
 from gapwalk.studies.whole_diagram import empty_diagram
 
 FollowUp = Callable[..., bool]
-"""Work that starts from an orbit: a function of a study, its result file and a `News`, which is told with `resume`
-whether an earlier result is continued. It returns True if it was completed, False after Ctrl-C."""
+"""Work that starts from an orbit: a function of a study, its result file and a `News`; `resume` is True to continue an
+earlier result. It returns True if it was completed, False after Ctrl-C."""
 
 
 @dataclass(frozen=True)

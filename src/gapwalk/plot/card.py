@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from gapwalk.errors import GapwalkError
 from gapwalk.notebook import Shown
@@ -39,7 +39,7 @@ def card_of(record: Shown) -> str:
     return f'<div style="display: flex; flex-wrap: wrap; gap: 4px 24px; align-items: flex-start">{left}{picture}</div>'
 
 
-def _row(cells: tuple[str, ...], is_right: tuple[bool, ...], kind: str) -> str:
+def _row(cells: Sequence[str], is_right: Sequence[bool], kind: str) -> str:
     sides = ("right" if each else "left" for each in is_right)
     texts = (
         f'<{kind} style="{_CELL.format(side)}">{_text(cell)}</{kind}>' for side, cell in zip(sides, cells, strict=True)
