@@ -5,14 +5,13 @@ The terminal, cards in notebooks, the explorer's page, CSV files and JSON docume
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import partial
 from operator import attrgetter
 from typing import Any, ClassVar
-
-import numpy as np
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ class Described:
         for name, value in _fields_of(self):
             if isinstance(value, tuple) and value and all(map(_is_record, value)):
                 tables[name.replace("_", "-")] = partial(rows_of, map(row_of, value))
-            elif isinstance(value, np.ndarray) and value.ndim == 1:
+            elif getattr(value, "ndim", 0) == 1:  # NumPy is not imported here: help of commands must appear at once
                 arrays.setdefault(len(value), {})[name] = value.tolist()
         for columns in arrays.values():
             lines = (dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True))
@@ -117,7 +116,7 @@ def row_of(record: Any) -> dict[str, Any]:
     return {
         name: None if isinstance(value, str) and not value else value
         for name, value in plain.items()
-        if isinstance(value, str | float | complex | int | np.generic)
+        if isinstance(value, str | float | complex | int) or getattr(value, "shape", None) == ()
     }
 
 
@@ -141,7 +140,7 @@ def _cells(row: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
         if isinstance(value, Mapping):
             yield from value.items()
         elif isinstance(value, complex):
-            parts = (None, None) if np.isnan(value) else (value.real, value.imag)
+            parts = (None, None) if cmath.isnan(value) else (value.real, value.imag)
             yield from zip((f"re.{name}", f"im.{name}"), parts, strict=True)
         else:
             yield name, " ".join(value) if isinstance(value, tuple) else value
