@@ -28,13 +28,17 @@ class Ramp(Shown):
     time: NDArray[np.float64]
     height: NDArray[np.float64]
     far_marks: tuple[Mark, ...]
+    steps: NDArray[np.int64]
 
 
-RAMP = Ramp("up", np.array([0.0, 1.0]), np.array([2.0, np.inf]), (Mark("a", 1 + 2j), Mark("", complex("nan"))))
+MARKS = (Mark("a", 1 + 2j), Mark("", complex("nan")))
+RAMP = Ramp("up", np.array([0.0, 1.0]), np.array([2.0, np.inf]), MARKS, np.array([7]))
 
 
 def test_tables_follow_the_fields() -> None:
-    assert list(RAMP.tables()) == ["far-marks", "time"]
+    tables = RAMP.tables()
+    assert list(tables) == ["far-marks", "time", "steps"]
+    assert list(tables["steps"]()) == list(tables["steps"]()) == [["steps"], [7]]  # a table can be read again
     assert table_of(RAMP, "time") == "time,height\n0.0,2.0\n1.0,inf\n"
     assert table_of(RAMP, "far-marks") == "name,re.place,im.place,size\na,1.0,2.0,__len__\n,,,__len__\n"
     assert list(rows_of([], ["a", "b"])) == [["a", "b"]]
@@ -42,7 +46,14 @@ def test_tables_follow_the_fields() -> None:
 
 def test_plain_values_follow_the_fields() -> None:
     marks = [{"name": "a", "place": [1.0, 2.0]}, {"name": "", "place": None}]
-    assert RAMP.to_dict() == {"title": "up", "time": [0.0, 1.0], "height": [2.0, None], "far_marks": marks}
+    plain = {"title": "up", "time": [0.0, 1.0], "height": [2.0, None], "far_marks": marks, "steps": [7]}
+    assert RAMP.to_dict() == plain
+        "title": "up",
+        "time": [0.0, 1.0],
+        "height": [2.0, None],
+        "far_marks": marks,
+        "steps": [7],
+    }
 
 
 def test_records_of_gapwalk_can_be_saved(tmp_path) -> None:

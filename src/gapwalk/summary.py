@@ -88,14 +88,14 @@ class Described:
         """
         tables: dict[str, Callable[[], Rows]] = {}
         arrays: dict[int, dict[str, Any]] = {}
+        value: Any
         for name, value in _fields_of(self):
-            if isinstance(value, tuple) and value and all(map(_is_record, value)):
-                tables[name.replace("_", "-")] = partial(rows_of, map(row_of, value))
+            if type(value) is tuple and value and all(map(_is_record, value)):
+                tables[name.replace("_", "-")] = partial(_record_rows, value)
             elif getattr(value, "ndim", 0) == 1:  # NumPy is not imported here: help of commands must appear at once
                 arrays.setdefault(len(value), {})[name] = value.tolist()
         for columns in arrays.values():
-            lines = (dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True))
-            tables[next(iter(columns)).replace("_", "-")] = partial(rows_of, lines)
+            tables[next(iter(columns)).replace("_", "-")] = partial(_array_rows, columns)
         return tables
 
     def to_dict(self) -> dict[str, Any]:
@@ -133,6 +133,14 @@ def rows_of(rows: Iterable[Mapping[str, Any]], empty: Sequence[str] = ()) -> Row
         yield list(cells.values())
     if number < 0:
         yield list(empty)
+
+
+def _record_rows(records: Sequence[Any]) -> Rows:
+    return rows_of(map(row_of, records))
+
+
+def _array_rows(columns: Mapping[str, list[Any]]) -> Rows:
+    return rows_of(dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True))
 
 
 def _cells(row: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
