@@ -48,12 +48,6 @@ def test_plain_values_follow_the_fields() -> None:
     marks = [{"name": "a", "place": [1.0, 2.0]}, {"name": "", "place": None}]
     plain = {"title": "up", "time": [0.0, 1.0], "height": [2.0, None], "far_marks": marks, "steps": [7]}
     assert RAMP.to_dict() == plain
-        "title": "up",
-        "time": [0.0, 1.0],
-        "height": [2.0, None],
-        "far_marks": marks,
-        "steps": [7],
-    }
 
 
 def test_records_of_gapwalk_can_be_saved(tmp_path) -> None:
