@@ -22,8 +22,8 @@ REPRODUCTIONS = sorted((ROOT / "reproductions").rglob("*.py"))
 ORDER = (
     "errors",
     "files",
-    "notebook",
     "summary",
+    "notebook",
     "model",
     "paper",
     "flow",
@@ -63,6 +63,7 @@ PERMITTED = {
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("flow/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
+    ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",
     ("studies/family.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
     ("studies/map.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
     ("studies/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",

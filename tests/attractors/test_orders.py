@@ -86,7 +86,7 @@ def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) 
         card = card_of(value)
         assert "902" in card
         assert "188.9" not in card
-    assert "(order 2), harmonic4 (order 4), harmonic6 (order 6)" in card_of(system)
+    assert "of order 2, harmonic4 of order 4, harmonic6 of order 6" in card_of(system)
     figure = draw(settled, figure=Figure(layout="constrained"))
     assert "speed = 902 rpm" in figure.get_suptitle()
     ax = draw(gw.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())

@@ -265,16 +265,16 @@ def test_a_second_click_gives_up_the_first() -> None:
     async def clicks() -> list[object]:
         flows = Flows()
         slow = flows.do(lambda: __import__("time").sleep(0.2))
-        first = flows.do_last("tab", [lambda: calls.append("first")])
-        second = flows.do_last("tab", [lambda: calls.append("second")])
-        other = flows.do_last("other tab", [lambda: calls.append("other")])
+        first = flows.do_last("tab", lambda: calls.append("first"))
+        second = flows.do_last("tab", lambda: calls.append("second"))
+        other = flows.do_last("other tab", lambda: calls.append("other"))
         found = await asyncio.gather(slow, first, second, other, return_exceptions=True)
         flows.close()
         return found
 
     _, first, second, other = asyncio.run(clicks())
     assert isinstance(first, SupersededError)
-    assert (second, other) == ([None], [None])
+    assert (second, other) == (None, None)
     assert calls == ["second", "other"]
 
 

@@ -17,7 +17,7 @@ from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.document import result_document
-from gapwalk.studies.export import points_csv, special_points_csv
+from gapwalk.studies.export import table_of
 from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.study_file import check_study
 from tests.interruption import until_ctrl_c
@@ -164,8 +164,8 @@ def test_a_run_that_is_killed_comes_to_the_same_result(growing, tmp_path) -> Non
 
 def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
     for text, points in (
-        (points_csv(growing), [point.orbit for point in growing.branches[0].points]),
-        (special_points_csv(growing), [special.orbit for special in growing.branches[0].special_points]),
+        (table_of(growing, "points"), [point.orbit for point in growing.branches[0].points]),
+        (table_of(growing, "special-points"), [special.orbit for special in growing.branches[0].special_points]),
     ):
         rows = list(csv.DictReader(text.splitlines()))
         assert [int(row["harmonics"]) for row in rows] == [orbit.harmonics for orbit in points]
@@ -176,7 +176,7 @@ def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
     shot = result_document(gw.run(stop_study(end=0.72)))
     assert shot["method"]["name"] == "shooting"
     assert "harmonics" not in shot["branches"][0]["points"][0]
-    assert "harmonics" not in points_csv(gw.run(stop_study(end=0.72)))
+    assert "harmonics" not in table_of(gw.run(stop_study(end=0.72)), "points")
 
 
 def test_a_stop_too_stiff_for_the_harmonics_ends_with_what_to_change(tmp_path) -> None:

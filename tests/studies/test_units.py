@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.studies.document import result_document
-from gapwalk.studies.export import export_csv, table_names
+from gapwalk.studies.export import export_csv
 from gapwalk.studies.units import without_units
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
@@ -93,7 +93,7 @@ def test_a_result_keeps_its_units(speed: gw.Result, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="made of other parts"):
         gw.run(without_units(study), file, resume=True)
     assert gw.run(study, file, resume=True).complete
-    export_csv(loaded, {name: tmp_path / f"{name}.csv" for name in table_names(loaded)})
+    export_csv(loaded, {name: tmp_path / f"{name}.csv" for name in loaded.tables()})
     with open(tmp_path / "points.csv", encoding="utf-8", newline="") as table:
         header, first, *_ = csv.reader(table)
     row = dict(zip(header, first, strict=True))

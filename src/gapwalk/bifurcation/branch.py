@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Table
 
 if TYPE_CHECKING:
     import pandas
@@ -55,6 +56,22 @@ class SpecialPoint(Shown):
         Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "parameter": "value",
+        "uncertainty": "uncertainty",
+        "before": "before.label",
+        "after": "after.label",
+        "unstable.before": "before.total",
+        "unstable.after": "after.total",
+        "multiplier": "multiplier",
+        "stability": "change",
+        "nature": "nature",
+        "judged": "judged",
+        "contact": "contact",
+        "contacts": "orbit.pattern",
+    }
 
     kind: Kind
     point: BranchPoint
@@ -102,6 +119,23 @@ class SpecialPoint(Shown):
         if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
             return f"{multiplier.real:+.6f}"
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
+
+    def summary(self) -> Iterator[str]:
+        """Return what is known of the point, a line for each figure."""
+        return (f"{name} {text}" for name, text in self.words.items() if text)
+
+    @property
+    def words(self) -> dict[str, str]:
+        """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
+        return {
+            "kind": self.kind.value,
+            "at": f"{self.value:#.10g}",
+            "±": f"{self.uncertainty:.0e}" if np.isfinite(self.uncertainty) else "",
+            "multiplier": self.multiplier_words,
+            "stability": self.change,
+            "criticality": self.nature_words,
+            "contact": self.contact,
+        }
 
     @property
     def change(self) -> str:
@@ -205,8 +239,8 @@ class Branch(Shown):
         """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
-    def summary(self) -> Iterator[str]:
-        """Return range, points and special points of the branch in a line, then where and why it ends."""
+    def summary(self, points: bool = True) -> Iterator[str | Table]:
+        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield (
             f"period-{self.period} motions over {symbol} from {self.values[0]:.10g} to {self.values[-1]:.10g}: "
@@ -214,6 +248,9 @@ class Branch(Shown):
         )
         for end in self.ends:
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
+        if points and self.special_points:
+            rows = [special.words for special in self.special_points]
+            yield Table(list(rows[0]), [list(row.values()) for row in rows])
 
     @property
     def counts(self) -> str:

@@ -8,9 +8,9 @@ import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
@@ -25,13 +25,6 @@ Step = tuple[BranchPoint | LocusPoint, Sequence[SpecialPoint | Codim2Point]]
 """A point, and the special points before it."""
 
 
-class NamedLocus(NamedTuple):
-    """A finished locus and its name."""
-
-    name: str
-    locus: Locus
-
-
 @dataclass
 class Progress:
     """Progress since the last report.
@@ -42,8 +35,8 @@ class Progress:
         Points of the branch or the locus under way, each with the special points before it.
     kind, second
         Kind of the locus under way, and its second parameter; None and empty for a branch.
-    members, loci
-        Finished branches and loci.
+    finished
+        Finished branches and loci with their names.
     done, total
         Finished parts of work without branches, such as a search, and all parts.
     """
@@ -51,15 +44,14 @@ class Progress:
     steps: list[Step] = field(default_factory=list)
     kind: Kind | None = None
     second: str = ""
-    members: list[DiagramBranch] = field(default_factory=list)
-    loci: list[NamedLocus] = field(default_factory=list)
+    finished: list[tuple[str, Branch | Locus]] = field(default_factory=list)
     done: int = 0
     total: int = 0
 
     def add(self, more: Progress) -> None:
         """Add later progress."""
-        for name in ("steps", "members", "loci"):
-            getattr(self, name).extend(getattr(more, name))
+        self.steps += more.steps
+        self.finished += more.finished
         self.kind, self.second = more.kind or self.kind, more.second or self.second
         if more.total:
             self.done, self.total = more.done, more.total
@@ -88,16 +80,16 @@ class News:
 
     def member(self, diagram: Diagram, member: DiagramBranch) -> None:
         """Add a new branch of a diagram."""
-        self._progress.members.append(member)
+        self._progress.finished.append((member.name, member.branch))
         self._report_if_due()
 
     def chart(self, chart: Map, addition: Section | Locus) -> None:
         """Add a new section or a new locus of a map."""
         if isinstance(addition, Locus):
-            self._progress.loci.append(NamedLocus(chart.names[-1], addition))
+            self._progress.finished.append((chart.names[-1], addition))
         else:
             number = len(chart.sections)
-            self._progress.members += [DiagramBranch(f"S{number}-{name}", branch) for name, branch in addition.named]
+            self._progress.finished += [(f"S{number}-{name}", branch) for name, branch in addition.named]
         self._report_if_due()
 
     def part(self, *about: Any) -> None:

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from gapwalk.errors import ModelError
+from gapwalk.explorer import plan
 from gapwalk.explorer.exploration import Entry, Exploration, State
-from gapwalk.explorer.plan import (
-    Compute,
-    FollowLocus,
-    Place,
-    Search,
-    Settle,
-    Switch,
-    Walk,
-    known_branches,
-    locus_method,
-    method_of,
-    orbit_at,
-    plan,
-    search_system,
-)
 from gapwalk.explorer.workspace import RESULT
 from gapwalk.model.model_file import MATRICES
 from gapwalk.model.model_source import parse_source
@@ -71,23 +58,12 @@ class _Script:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
             raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
-        action = entry.action
-        if isinstance(action, Settle):
-            name = self._settle(entry, action)
-        elif isinstance(action, Walk):
-            name = self._walk(entry, action)
-        elif isinstance(action, Switch):
-            name = self._switch(entry, action)
-        elif isinstance(action, Search):
-            name = self._search(entry, action)
-        elif isinstance(action, FollowLocus):
-            name = self._locus(entry, action)
-        else:
-            name = self._compute(entry, action)
+        write: Callable[..., str] = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
+        name = write(entry, entry.action)
         self.names[entry.key] = name
         return name
 
-    def _compute(self, entry: Entry, action: Compute | None) -> str:
+    def _compute(self, entry: Entry, action: plan.Compute | None) -> str:
         name = _name("branches", entry)
         file = Path(self.exploration.name).name
         self._comment(entry)
@@ -102,7 +78,7 @@ class _Script:
             self.lines += [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
         return name
 
-    def _study(self, entry: Entry, action: Compute) -> str:
+    def _study(self, entry: Entry, action: plan.Compute) -> str:
         """Return the study of an entry, from the model as it was then."""
         source = self._source(entry)
         if source is None:
@@ -134,7 +110,7 @@ class _Script:
             return [f"{name} = {result}.branches", ""]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]
 
-    def _walk(self, entry: Entry, action: Walk) -> str:
+    def _walk(self, entry: Entry, action: plan.Walk) -> str:
         orbit, name = self._motion(action.start), _name("branches", entry)
         self._comment(entry)
         # Newton's method from the state, which is on the orbit already, as the walk began
@@ -147,7 +123,7 @@ class _Script:
         ]
         return name
 
-    def _switch(self, entry: Entry, action: Switch) -> str:
+    def _switch(self, entry: Entry, action: plan.Switch) -> str:
         parent = self.exploration.entry(action.start.result)
         line, _ = self.exploration.special(action.start)
         special, name = self._place(action.start), _name("branches", entry)
@@ -162,17 +138,17 @@ class _Script:
         assert parent.key in self.names
         return name
 
-    def _search(self, entry: Entry, action: Search) -> str:
+    def _search(self, entry: Entry, action: plan.Search) -> str:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
-        searched = search_system(action, self.exploration) if entry.result is None else entry.result.study.system
+        study = plan.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study
+        options = study.options
+        assert isinstance(options, DiagramStudyOptions)
         known = [
             f"{self.repeat(self.exploration.entry(key))}[{n}]"
-            for key, n in known_branches(action, self.exploration, searched)
+            for key, n in plan.known_branches(action, self.exploration, study.system)
         ]
         name = _name("branches", entry)
         self._comment(entry)
-        options = (plan(action, self.exploration)[1].study if entry.result is None else entry.result.study).options
-        assert isinstance(options, DiagramStudyOptions)
         changed = {
             field.name: value
             for field in fields(DiagramOptions)
@@ -189,17 +165,17 @@ class _Script:
         ]
         return name
 
-    def _locus(self, entry: Entry, action: FollowLocus) -> str:
+    def _locus(self, entry: Entry, action: plan.FollowLocus) -> str:
         line, special = self.exploration.special(action.start)
         place, name = self._place(action.start), _name("loci", entry)
         self._comment(entry)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
-        options = _option(locus_method(special.orbit, self.exploration.origin(action.start)))
+        options = _option(plan.locus_method(special.orbit, self.exploration.origin(action.start)))
         self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
         return name
 
-    def _settle(self, entry: Entry, action: Settle) -> str:
+    def _settle(self, entry: Entry, action: plan.Settle) -> str:
         name = _name("settled", entry)
         if action.start is None:
             system, start = self._base_system(entry), "'rest'"
@@ -221,11 +197,11 @@ class _Script:
         source = self._source(entry)
         return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
 
-    def _motion(self, place: Place) -> str:
+    def _motion(self, place: plan.Place) -> str:
         """Return the motion at a place: an orbit, or a settled motion."""
         return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
 
-    def _place(self, place: Place) -> str:
+    def _place(self, place: plan.Place) -> str:
         """Return the orbit, or the special point, at a place."""
         entry = self.exploration.entry(place.result)
         name = self.repeat(entry)
@@ -240,9 +216,9 @@ class _Script:
             raise ModelError(f"a place in {entry.title} names no point of a branch")
         return f"{line}.points[{place.point}].orbit"
 
-    def _method(self, place: Place) -> str:
+    def _method(self, place: plan.Place) -> str:
         """Return the method of an orbit as an argument, if it is not the default."""
-        return _option(method_of(orbit_at(place, self.exploration), self.exploration.origin(place)))
+        return _option(plan.method_of(plan.orbit_at(place, self.exploration), self.exploration.origin(place)))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")

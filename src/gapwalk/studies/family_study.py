@@ -23,9 +23,10 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
 from gapwalk.studies.changes import leaves_of
-from gapwalk.studies.columns import measure_names, measure_values, method_names, method_values, parameter_headings
-from gapwalk.studies.document import branch_document, special_document
+from gapwalk.studies.columns import parameter_headings, point_row, table_rows
+from gapwalk.studies.document import branch_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
 from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
 from gapwalk.studies.kind import Finding, Rows, values_of
@@ -135,29 +136,21 @@ class FamilyFinding(Finding):
             document["ways"] = [[list(pair) for pair in connection.curve] for connection in point_path.connections]
         return document
 
-    def _special_rows(self) -> Iterator[list[object]]:
-        found, names = self.family, self.family.system.coordinates
-        first, second = self._headings
-        header = ["point_path", "kind", "contact", "period", second, "branch", first, "uncertainty"]
-        header += ["unstable.before", "unstable.after", "nature", "contacts", "joined"]
-        yield [*header, *measure_names(names), *method_names(self.options)]
-        for point_path in found.point_paths:
-            joined = ["", *(connection.fate.value for connection in point_path.connections)]
-            for place, fate in zip(point_path.places, joined, strict=True):
-                special = found.special(place)
-                yield [
-                    *(
-                        point_path.name,
-                        point_path.kind.value,
-                        point_path.contact,
-                        point_path.period,
-                        found.value(place),
-                    ),
-                    *(_branch_name(found, place), special.value, special.uncertainty),
-                    *(special.before.total, special.after.total, special.nature, special.orbit.pattern, fate),
-                    *measure_values(special.point),
-                    *method_values(special.orbit),
-                ]
+    def _special_rows(self) -> Rows:
+        found = self.family
+        rows = (
+            {
+                **{"point_path": point_path.name, "kind": point_path.kind, "contact": point_path.contact},
+                **{"period": point_path.period, "second": found.value(place), "branch": _branch_name(found, place)},
+                **point_row(found.special(place)),
+                "joined": fate,
+            }
+            for point_path in found.point_paths
+            for place, fate in zip(
+                point_path.places, ["", *(each.fate.value for each in point_path.connections)], strict=True
+            )
+        )
+        return table_rows(rows, found.parameter, found.over.name, system=found.system)
 
     def _connection_rows(self) -> Iterator[list[object]]:
         """Yield the ways of special points between members that do not just continue: births, meetings, ends."""
@@ -185,22 +178,19 @@ class FamilyFinding(Finding):
                     about = (point_path.name, point_path.kind.value, passage.contact, "between", "passes", passage.kind)
                     yield [*about, passage.first, passage.value, "", ""]
 
-    def _point_rows(self) -> Iterator[list[object]]:
+    def _point_rows(self) -> Rows:
         found, names = self.family, self.family.system.coordinates
         states = [*(f"{q}(0)" for q in names), *(f"{q}'(0)" for q in names)]
-        first, second = self._headings
-        header = [second, "branch", "period", first, "stable", "instability", "contacts"]
-        yield [*header, *measure_names(names), *states, *method_names(self.options)]
-        for member in found.members:
-            for name, branch in member.named:
-                for point in branch.points:
-                    yield [
-                        *(member.value, name, branch.period, point.value),
-                        *(point.stable, point.instability.label, point.orbit.pattern),
-                        *measure_values(point),
-                        *point.orbit.state.tolist(),
-                        *method_values(point.orbit),
-                    ]
+        rows = (
+            {
+                **{"second": member.value, "branch": name, "period": branch.period, **point_row(point)},
+                "state": dict(zip(states, point.orbit.state.tolist(), strict=True)),
+            }
+            for member in found.members
+            for name, branch in member.named
+            for point in branch.points
+        )
+        return table_rows(rows, found.parameter, found.over.name, system=found.system)
 
     @property
     def _headings(self) -> list[str]:
@@ -216,8 +206,8 @@ def _member_document(member: Member, points: bool) -> dict[str, Any]:
 
 
 def _special_document(found: Family, place: Place) -> dict[str, Any]:
-    member = next(member for member in found.members if member.number == place.member)
-    return special_document(found.special(place), member.branches[place.branch], place.branch + 1)
+    special = found.special(place)
+    return plain({"branch": place.branch + 1, "period": special.orbit.period, **point_row(special)})
 
 
 def _branch_name(found: Family, place: Place) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
 
@@ -18,7 +18,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.kinds import kind_of
-from gapwalk.summary import Summary
+from gapwalk.summary import Rows, Summary
 
 if TYPE_CHECKING:
     from typing import Self
@@ -187,10 +187,6 @@ register(
         lambda kind: column_of(kind_of(kind)),
     ),
 )
-
-
-Rows = Iterable[Sequence[object]]
-"""The rows of a table, the first of them the headings."""
 
 
 class Finding(ABC):

@@ -29,7 +29,7 @@ from gapwalk.studies.derive import given_of, table_schema
 from gapwalk.studies.kind import Rows, plain_numbers, values_of
 from gapwalk.studies.kinds import Counted
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
-from gapwalk.summary import Table, remarks
+from gapwalk.summary import Described, Table, remarks
 
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
@@ -193,7 +193,7 @@ def check_measurement(source: Source, system: System | None) -> tuple[Measuremen
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Measured(Described):
     """A record and the motion that it is compared with.
 
     Attributes
