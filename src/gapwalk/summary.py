@@ -90,8 +90,9 @@ class Described:
         arrays: dict[int, dict[str, Any]] = {}
         value: Any
         for name, value in _fields_of(self):
-            if type(value) is tuple and value and all(map(_is_record, value)):
-                tables[name.replace("_", "-")] = partial(_record_rows, value)
+            if isinstance(value, tuple):
+                if type(value) is tuple and value and all(map(_is_record, value)):
+                    tables[name.replace("_", "-")] = partial(_record_rows, value)
             elif getattr(value, "ndim", 0) == 1:  # NumPy is not imported here: help of commands must appear at once
                 arrays.setdefault(len(value), {})[name] = value.tolist()
         for columns in arrays.values():

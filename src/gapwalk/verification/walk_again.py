@@ -82,7 +82,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = self._determined(self.equation_at(point), orbit)
+        known = self._determined(corrector.equation, orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]
