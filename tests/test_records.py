@@ -60,9 +60,9 @@ def test_every_public_record_is_hashable() -> None:
 def samples() -> dict[str, Any]:
     """Records as users meet them, by a name."""
     system = clutch()
-    train = gw.Train(
-        [gw.Inertia("engine", 1.0), gw.Inertia("load", 2.0)],
-        [gw.Shaft("shaft", ("engine", "load"), stiffness=1.0, damping=0.1)],
+    train = gw.train.Train(
+        [gw.train.Inertia("engine", 1.0), gw.train.Inertia("load", 2.0)],
+        [gw.train.Shaft("shaft", ("engine", "load"), stiffness=1.0, damping=0.1)],
         mean={"engine": 0.1},
         harmonics=[gw.Harmonic(0.2, {"engine": 1.0})],
     )
@@ -76,7 +76,7 @@ def samples() -> dict[str, Any]:
         "contact with a list of stages": gw.Contact("gap", {"q1": 1.0}, [gw.Stage(1.0)]),  # type: ignore[arg-type]
         "harmonic": gw.Harmonic(0.2, {"q1": 1.0}),
         "train": train,
-        "plane": gw.Plane({"q1": 1.0}),
+        "plane": gw.analysis.Plane({"q1": 1.0}),
         "orbit": orbit,
         "balanced orbit": gw.find_orbit(system.at({"frequency": 1.0}), method=gw.Balance(harmonics=8)),
         "point": branch.points[3],
@@ -89,8 +89,8 @@ def samples() -> dict[str, Any]:
         "survey": orbit.survey,
         "modes": gw.modes_of(system),
         "rest": gw.rest_of(system),
-        "hysteresis": gw.hysteresis(system, 1.5, "stage2"),
-        "spectrum": gw.spectrum(orbit, "q1"),
+        "hysteresis": gw.analysis.hysteresis(system, 1.5, "stage2"),
+        "spectrum": gw.analysis.spectrum(orbit, "q1"),
         "settled": gw.settle(system.at({"frequency": 1.0})),
     }
 

@@ -5,19 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk import (
-    Balance,
-    Contact,
-    Harmonic,
-    Kind,
-    Stage,
-    System,
-    WalkOptions,
-    compare,
-    find_orbit,
-    follow,
-    switch,
-)
+from gapwalk import Balance, Contact, Harmonic, Kind, Stage, System, WalkOptions, compare, find_orbit, follow, switch
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation.walk import EndReason

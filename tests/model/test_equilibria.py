@@ -92,7 +92,7 @@ def test_what_is_free_to_move_is_put_into_its_gaps() -> None:
 
 def test_many_contacts_of_a_chain_are_no_hindrance() -> None:
     random = np.random.default_rng(3)
-    train = gw.chain(30, 1.0, 4.0, held=True)
+    train = gw.train.chain(30, 1.0, 4.0, held=True)
     for number in range(1, 31, 2):
         train = train.replaced(f"shaft{number}", clearance=float(random.uniform(0.01, 0.1)), cubic=float(number % 3))
     loads = {f"mean.disc{number}": float(random.normal()) for number in range(1, 31)}

@@ -74,10 +74,10 @@ def test_what_nothing_drives_back_has_no_frequency() -> None:
 
 
 def test_a_free_train_vibrates_without_momentum() -> None:
-    train = gw.Train(
-        [gw.Inertia("a", 0.3), gw.Inertia("b", 0.1), gw.Inertia("c", 2.0)],
-        [gw.Shaft("ab", ("a", "b"), stiffness=5.0)],
-        [gw.Gear("bc", ("b", "c"), 3.0, stiffness=40.0, clearance=0.1)],
+    train = gw.train.Train(
+        [gw.train.Inertia("a", 0.3), gw.train.Inertia("b", 0.1), gw.train.Inertia("c", 2.0)],
+        [gw.train.Shaft("ab", ("a", "b"), stiffness=5.0)],
+        [gw.train.Gear("bc", ("b", "c"), 3.0, stiffness=40.0, clearance=0.1)],
     )
     system = train.system()
     modes = gw.modes_of(system)

@@ -75,7 +75,7 @@ AMPLITUDE = Part("amplitude", Amplitude, numbered=True)
 
 
 class AmplitudeWork(Work):
-    """The amplitudes, one by one, by many hands."""
+    """The amplitudes, one by one, by many workers."""
 
     def __init__(self, system: gw.System, asked: AmplitudeStudy) -> None:
         self.system, self.asked = system, asked
@@ -84,10 +84,10 @@ class AmplitudeWork(Work):
     def take(self, known: Parts) -> None:
         self.known = dict(known.all(AMPLITUDE))
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         left = [number for number in range(self.asked.count) if number not in self.known]
         pieces = [(self.system, self.asked, self.asked.values[number]) for number in left]
-        for index, found in hands.each(_amplitude, pieces, in_order=False):
+        for index, found in workers.each(_amplitude, pieces, in_order=False):
             self.known[left[index]] = found
             yield Found.part(AMPLITUDE, found, left[index])
 

@@ -21,7 +21,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
 from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.map import Map, Section
+from gapwalk.studies.map import Map, MapSection
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.options import BranchOptions
 
@@ -180,7 +180,7 @@ class MapProgress(StudyProgress):
         self._sections = len(options.limits.values(*options.within[1]))
         self._line = _Line(f"{self._name} first section".strip(), [], None, show=show)
 
-    def __call__(self, chart: Map, addition: Section | Locus) -> None:
+    def __call__(self, chart: Map, addition: MapSection | Locus) -> None:
         """Show a new section or locus."""
         points = sum(len(locus.points) for locus in chart.loci)
         last = f"  last {chart.names[-1]}" if chart.loci else ""

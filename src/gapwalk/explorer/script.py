@@ -220,7 +220,11 @@ class _Script:
         if self.exploration.file.suffix == RESULT:
             return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
-        return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
+        return (
+            f"gw.load({self._result(entry)!r}).system"
+            if source is None
+            else f"gw.studies.read_studies({source})[0].system"
+        )
 
     def _motion(self, place: Place) -> str:
         """Return the motion at a place: an orbit, or a settled motion."""

@@ -69,7 +69,7 @@ class DampingMatch:
     impact: Orbit
 
     def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
-        """Compare the two motions; see `gapwalk.contrast`."""
+        """Compare the two motions; see `gapwalk.analysis.contrast`."""
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 
 

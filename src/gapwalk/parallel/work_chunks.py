@@ -111,7 +111,7 @@ def do_chunk(chunk: Chunk[Any, Result]) -> tuple[list[Result], float]:
 def do_in_chunks(
     function: Function[Item, Result],
     items: Sequence[Item],
-    hands: Workers,
+    workers: Workers,
     *,
     seed: int = 0,
     size: int | None = None,
@@ -129,7 +129,7 @@ def do_in_chunks(
         What to do with the items of a chunk.
     items
         The items.
-    hands
+    workers
         Who does the work.
     seed
         From which each item has a seed of its own.
@@ -158,7 +158,7 @@ def do_in_chunks(
         raise ModelError(f"size is {size!r}; it must be an integer >= 1 (items in a chunk), or None")
     results = dict(known or {})
     before, begun = len(results), time.monotonic()
-    cutter = _Cutter(function, items, seed, set(results), size, hands)
+    cutter = _Cutter(function, items, seed, set(results), size, workers)
     chunks = cutter.chunks
 
     def is_needed(number: int) -> bool:
@@ -178,7 +178,7 @@ def do_in_chunks(
 
     try:
         cutter.cut()
-        hands.run(do_chunk, chunks, accept, is_needed, in_order=False)
+        workers.run(do_chunk, chunks, accept, is_needed, in_order=False)
     except KeyboardInterrupt:
         pass
     return dict(sorted(results.items()))
@@ -187,10 +187,10 @@ def do_in_chunks(
 class _Cutter:
     """Cuts items into chunks, one at a time."""
 
-    def __init__(self, function, items, seed: int, known: set[int], size: int | None, hands: Workers) -> None:
+    def __init__(self, function, items, seed: int, known: set[int], size: int | None, workers: Workers) -> None:
         self.chunks: list[Chunk[Any, Any]] = []
         self._function, self._items, self._seed = function, items, seed
-        self._known, self._size, self._hands = known, size, hands
+        self._known, self._size, self._workers = known, size, workers
         self._next, self._left = 0, len(items) - len(known)
         self._wanted, self._least = 1, 1
 
@@ -215,5 +215,5 @@ class _Cutter:
 
     def _fair_size(self) -> int:
         """What is wanted, but towards the end only a share of the rest, so that all end at the same time."""
-        share = math.ceil(self._left / (2 * self._hands.count))
+        share = math.ceil(self._left / (2 * self._workers.count))
         return max(1, self._least, min(self._wanted, share))

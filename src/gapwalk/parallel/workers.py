@@ -59,7 +59,7 @@ class Executor(Protocol):
 
 
 class Workers:
-    """Does independent pieces of work, several at a time; see `workers`.
+    """Does independent pieces of work, several at a time; see `local_workers`.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ _around: ContextVar[Workers | None] = ContextVar("workers", default=None)
 
 
 @contextmanager
-def workers(count: int | None = None) -> Iterator[Workers]:
+def local_workers(count: int | None = None) -> Iterator[Workers]:
     """Workers for a while: local processes, or inside of `on_cluster` those of the cluster.
 
     What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
@@ -274,15 +274,15 @@ def workers(count: int | None = None) -> Iterator[Workers]:
     if count == 1:
         yield Workers()
         return
-    with _hired(Processes(count)) as hands:
-        yield hands
+    with _hired(Processes(count)) as workers:
+        yield workers
 
 
 @contextmanager
-def sharing(count: int | None = None) -> Iterator[Workers]:
-    """Have all work of a while done by the same processes, so that each starts once; `count` as in `workers`."""
-    with workers(count) as hands, _for_all(hands):
-        yield hands
+def on_cores(count: int | None = None) -> Iterator[Workers]:
+    """Have all work of a while done by the same processes, so that each starts once; `count` as in `local_workers`."""
+    with local_workers(count) as workers, _for_all(workers):
+        yield workers
 
 
 @contextmanager
@@ -302,8 +302,8 @@ def on_cluster(scheduler: str) -> Iterator[Workers]:
     """
     from gapwalk.parallel.cluster import Cluster  # it needs Dask, which is an extra
 
-    with _hired(Cluster(scheduler)) as hands, _for_all(hands):
-        yield hands
+    with _hired(Cluster(scheduler)) as workers, _for_all(workers):
+        yield workers
 
 
 @contextmanager
@@ -317,9 +317,9 @@ def _hired(executor: Executor) -> Iterator[Workers]:
 
 
 @contextmanager
-def _for_all(hands: Workers) -> Iterator[None]:
+def _for_all(workers: Workers) -> Iterator[None]:
     """Have these workers do all work of a while."""
-    token = _around.set(hands)
+    token = _around.set(workers)
     try:
         yield
     finally:

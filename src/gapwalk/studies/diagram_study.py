@@ -127,17 +127,17 @@ class DiagramWork(Work):
         if (self.diagram.parameter, self.diagram.within) != (self.asked.parameter, self.asked.ends):
             raise ValueError("the diagram does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find the branches that are not known yet."""
         grower = Grower(self.diagram, self.asked, self.asked.walk, self.asked.method)
-        for member in self.members(grower, hands):
+        for member in self.members(grower, workers):
             self.diagram = grower.diagram
             entries = (BRANCH.entry(member, len(self.diagram.members) - 1), *self._state(finished=False))
             yield Found(entries, ((self.diagram, member),))
             self._kept = self.diagram.search  # only now: Ctrl-C may come before the file has it
         self.diagram, self._finished = grower.whole, True
 
-    def members(self, grower: Grower, hands: Workers) -> Iterator[DiagramBranch]:
+    def members(self, grower: Grower, workers: Workers) -> Iterator[DiagramBranch]:
         """The branches, each when it has been added; a NumericalError if there is none at all."""
         asked, known = self.asked, self.diagram
         orbit = (
@@ -147,7 +147,7 @@ class DiagramWork(Work):
         )
         directions(orbit.system[asked.parameter], known.within)  # refuses a range that does not hold the start
         try:
-            yield from grower.from_orbit(orbit, hands)
+            yield from grower.from_orbit(orbit, workers)
         except KeyboardInterrupt:
             self.diagram = grower.diagram  # with what a search has found
             raise
@@ -216,11 +216,11 @@ class OthersWork(DiagramWork):
         super().__init__(system, asked)
         self._apart, self._searching = apart, searching
 
-    def members(self, grower: Grower, hands: Workers) -> Iterator[DiagramBranch]:
+    def members(self, grower: Grower, workers: Workers) -> Iterator[DiagramBranch]:
         """What a search leads to."""
         grower.apart, grower.searching = tuple(self._apart), self._searching
         try:
-            yield from grower.search(self.system, hands)
+            yield from grower.search(self.system, workers)
         finally:
             self.diagram = grower.diagram
 

@@ -350,7 +350,7 @@ def family(
     options: FamilyOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
-    hands: Workers | None = None,
+    workers: Workers | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Family:
@@ -372,9 +372,9 @@ def family(
         Where the branches start, as in `find_orbit`.
     options, walk, method
         How far the members go, and how their special points are joined; options of the walk and of the method.
-    hands
+    workers
         Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`. The result does not depend on it.
     report
         Called with each part when it is done, and is in the file.
     output
@@ -415,4 +415,4 @@ def family(
         **values_of(options),
         over=over,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

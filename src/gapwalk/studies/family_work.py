@@ -86,15 +86,15 @@ class FamilyWork(Work):
         if any(not 0 <= number < self.count - 1 for number in self.connections):
             raise ValueError("there are connections between members that are not there")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Walk the members that are left; then join special points where that is left."""
         members = [self._piece(number) for number in range(self.count) if number not in self.members]
-        for index, member in hands.each(_walk_member, members, in_order=False):
+        for index, member in workers.each(_walk_member, members, in_order=False):
             number = members[index].number
             self.members[number] = member
             yield Found.part(MEMBER, member, number)
         gaps = [self._gap(pair) for pair in self.record.gaps if pair[0].number not in self.connections]
-        for index, connections in hands.each(join, gaps, in_order=False):
+        for index, connections in workers.each(join, gaps, in_order=False):
             number = gaps[index].members[0].number
             self.connections[number] = connections
             yield Found.part(JOINTS, connections, number)

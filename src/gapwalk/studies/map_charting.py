@@ -18,14 +18,14 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit, phases
-from gapwalk.parallel.workers import Workers, workers
-from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
+from gapwalk.parallel.workers import Workers, local_workers
+from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
 from gapwalk.studies.whole_diagram import DiagramOptions, grow
 
 _BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
 _ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus
 
-Report = Callable[[Map, Section | Locus], None]
+Report = Callable[[Map, MapSection | Locus], None]
 """Called with the map, and the section or the locus that was added to it last."""
 
 
@@ -116,8 +116,8 @@ def bifurcation_map(
     how = (start, period, walk, method)
     charter = map_charter(system, first, second, to, options, *how, resume)
     try:
-        with workers(options.workers) as hands:
-            for addition in charter.additions(hands):
+        with local_workers(options.workers) as workers:
+            for addition in charter.additions(workers):
                 if report is not None:
                     report(charter.chart, addition)
     except KeyboardInterrupt:
@@ -209,22 +209,22 @@ class Charter:
         self.chart, self.cuts, self.options, self.which = known, cuts, options, which
         self.walk, self.method = walk, method
 
-    def additions(self, hands: Workers) -> Iterator[Section | Locus]:
+    def additions(self, workers: Workers) -> Iterator[MapSection | Locus]:
         """What is not known yet, each when it has been added: the sections, then the loci."""
-        yield from self._sections(hands)
-        yield from self._loci(hands)
+        yield from self._sections(workers)
+        yield from self._loci(workers)
 
-    def _sections(self, hands: Workers) -> Iterator[Section]:
+    def _sections(self, workers: Workers) -> Iterator[MapSection]:
         """Follow the branches along the first parameter at each value of the second."""
         left = self.cuts[len(self.chart.sections) :]
-        for index, found in hands.each(_follow_section, left):
-            section = Section(left[index].system[self.chart.second], found.branches)
+        for index, found in workers.each(_follow_section, left):
+            section = MapSection(left[index].system[self.chart.second], found.branches)
             notes, failures = (*self.chart.notes, *found.notes), (*self.chart.failures, *found.failures)
             sections = (*self.chart.sections, section)
             self.chart = replace(self.chart, sections=sections, notes=notes, failures=failures)
             yield section
 
-    def _loci(self, hands: Workers) -> Iterator[Locus]:
+    def _loci(self, workers: Workers) -> Iterator[Locus]:
         """Follow the loci that begin at the special points of the sections, or at some of them."""
         which, (low, high) = self.which, self.chart.within[0]
         specials = [
@@ -244,7 +244,7 @@ class Charter:
             value, special = left[index]
             return not any(_lies_on_locus(locus, special, value, self.chart) for locus in self.chart.loci)
 
-        for index, locus in hands.each(_follow_piece, [self._piece(special) for _, special in left], is_new):
+        for index, locus in workers.each(_follow_piece, [self._piece(special) for _, special in left], is_new):
             tried = done + index + 1
             if isinstance(locus, str):
                 self.chart = replace(self.chart, failures=(*self.chart.failures, locus), tried=tried)

@@ -18,7 +18,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import SEARCH_KEYS, search_words, with_search
 from gapwalk.studies.kind import Content, Found, Work
-from gapwalk.studies.map import Map, MapOptions, Section
+from gapwalk.studies.map import Map, MapOptions, MapSection
 from gapwalk.studies.map_charting import Charter, map_charter
 from gapwalk.studies.option_tables import CountOrValues, ShootingPart, check_inside
 from gapwalk.studies.options import BranchOptions, Second
@@ -108,7 +108,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
         return map_charter(*plane, self.limits, self.start, self.period, self.walk, self.method, known)
 
 
-SECTION = Part("section", Section, numbered=True)
+SECTION = Part("section", MapSection, numbered=True)
 LOCUS = Part("locus", Locus, numbered=True)
 STATE = Part("map", tuple[Map, int, int])
 """What is known of the map as a whole, without its sections and loci; and how many of each there are."""
@@ -137,13 +137,13 @@ class MapWork(Work):
         if any(getattr(self.chart, name) != getattr(before, name) for name in ("first", "second", "within")):
             raise ValueError("the map does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find what is not known yet."""
         charter = self.asked.charter(self.system, self.chart)
         try:
-            for addition in charter.additions(hands):
+            for addition in charter.additions(workers):
                 self.chart = chart = charter.chart
-                is_section = isinstance(addition, Section)
+                is_section = isinstance(addition, MapSection)
                 added = SECTION.entry(addition, len(chart.sections) - 1) if is_section else None
                 yield Found((added or LOCUS.entry(addition, len(chart.loci) - 1), _state(chart)), ((chart, addition),))
         finally:

@@ -69,7 +69,7 @@ def regimes(
     *,
     start: str | Sequence[float] = "rest",
     options: RegimeMapOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
@@ -91,9 +91,9 @@ def regimes(
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
         How the map is made; its ``carry`` says where motions start.
-    hands
+    workers
         Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`. The result does not depend on it.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
@@ -125,4 +125,4 @@ def regimes(
         resolution=check_resolution(resolution),
         start=state,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -270,18 +270,18 @@ class RegimeWork(CellWork):
         """Number of chunks."""
         return len(self.places)
 
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
         """Judge the cells of some chunks."""
         values = self.plan.values
         pieces = [_Piece(number, self.plan, values[self.places[number]]) for number in numbers]
-        return hands.each(_judge_piece, pieces, in_order=False)
+        return workers.each(_judge_piece, pieces, in_order=False)
 
     def note(self, chunk: RegimeChunk) -> None:
         """Enter the verdicts of a chunk."""
         for whole, part in zip(self.verdicts, chunk.verdicts, strict=True):
             whole[self.places[chunk.number]] = part
 
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Classify the motions of random cells with the exact flow, from where they have come to."""
         regimes, periods = self.verdicts.regimes.ravel(), self.verdicts.periods.ravel()
         decided = np.flatnonzero(np.isin(regimes, (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC)))
@@ -290,7 +290,7 @@ class RegimeWork(CellWork):
         systems = [self.plan.system_at(pair) for pair in self.plan.values.reshape(-1, 2)[chosen]]
         states = self.verdicts.states.reshape(len(regimes), -1)[chosen]
         jobs = [list(zip(systems, states, strict=True))[k : k + _CHECKED] for k in range(0, len(chosen), _CHECKED)]
-        exact = [found for _, some in hands.each(_classify_some, jobs) for found in some]
+        exact = [found for _, some in workers.each(_classify_some, jobs) for found in some]
         mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
         both = zip(systems, mine, exact, strict=True)
         sentences = [self._difference(system, *words) for system, *words in both if words[0] != words[1]]

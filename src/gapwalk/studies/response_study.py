@@ -107,7 +107,7 @@ class ResponseWork(Work):
         if not self._moments:
             raise ValueError("it holds nothing")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""
         if self._start is None:
             self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)

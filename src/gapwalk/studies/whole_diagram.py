@@ -25,7 +25,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.studies.kind import found_by
 from gapwalk.studies.kinds import Counted
 
@@ -175,7 +175,7 @@ def grow(
     directions(orbit.system[parameter], known.within)  # refuses a range that does not hold the start
     grower = Grower(known, options, walk, method, report)
 
-    return grower.grow(lambda hands: grower.from_orbit(orbit, hands))
+    return grower.grow(lambda workers: grower.from_orbit(orbit, workers))
 
 
 class Grower:
@@ -217,10 +217,10 @@ class Grower:
         return (*self.apart, *self.diagram.branches)
 
     def grow(self, members: Callable[[Workers], Iterator[DiagramBranch]]) -> Growth:
-        """Let all branches come with many hands; Ctrl-C ends that, and keeps what there is."""
+        """Let all branches come with many workers; Ctrl-C ends that, and keeps what there is."""
         try:
-            with workers(self.options.workers) as hands:
-                for member in members(hands):
+            with local_workers(self.options.workers) as workers:
+                for member in members(workers):
                     if self.report is not None:
                         self.report(self.diagram, member)
         except KeyboardInterrupt:
@@ -232,22 +232,22 @@ class Grower:
         """The diagram when nothing is left to do."""
         return replace(self.diagram, complete=not self.truncated)
 
-    def from_orbit(self, orbit: Orbit, hands: Workers) -> Iterator[DiagramBranch]:
+    def from_orbit(self, orbit: Orbit, workers: Workers) -> Iterator[DiagramBranch]:
         """All branches, each when it has been added: those attached to the first one, and those that a search finds."""
-        yield from self.plant_first(orbit, hands)
+        yield from self.plant_first(orbit, workers)
         if self.options.search_values and self.diagram.members and not self.truncated:
-            yield from self.search(orbit.system, hands)
+            yield from self.search(orbit.system, workers)
 
-    def plant_first(self, orbit: Orbit, hands: Workers) -> Iterator[DiagramBranch]:
+    def plant_first(self, orbit: Orbit, workers: Workers) -> Iterator[DiagramBranch]:
         """Add the branch through the first orbit, and all that grows from it.
 
         If branches are known that a search has found, then this was done before them; what it leaves out, such as a
         branch that could not be walked, must not depend on them.
         """
-        yield from self._plant([orbit], hands)
-        yield from self._grow_from(self.diagram.members[:1], hands)
+        yield from self._plant([orbit], workers)
+        yield from self._grow_from(self.diagram.members[:1], workers)
 
-    def search(self, system: System, hands: Workers) -> Iterator[DiagramBranch]:
+    def search(self, system: System, workers: Workers) -> Iterator[DiagramBranch]:
         """Add the branches connected to no other, with all that grows from them.
 
         The search knows the branches that were found without it. Its result is kept with the first branch that it
@@ -262,7 +262,7 @@ class Grower:
                 self._search_values(),
                 known=self.branches,
                 options=self.options.search,
-                hands=hands,
+                workers=workers,
                 report=self.searching,
             )
         notes = (*self.diagram.notes, *coverage(result))
@@ -270,8 +270,8 @@ class Grower:
         if not result.complete:
             raise KeyboardInterrupt
         new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
-        yield from self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
-        yield from self._grow_from([member for member in self.diagram.members if member.begins is None], hands)
+        yield from self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], workers)
+        yield from self._grow_from([member for member in self.diagram.members if member.begins is None], workers)
 
     def _search_values(self) -> np.ndarray:
         values = self.options.search_values
@@ -280,25 +280,25 @@ class Grower:
         low, high = self.diagram.within
         return low + (high - low) * (np.arange(values) + 0.5) / values
 
-    def _plant(self, orbits: Sequence[Orbit], hands: Workers) -> Iterator[DiagramBranch]:
+    def _plant(self, orbits: Sequence[Orbit], workers: Workers) -> Iterator[DiagramBranch]:
         """Add the branches through orbits that were found by themselves."""
         pieces = [self._piece(orbit, 0) for orbit in orbits]
 
         def is_new(index: int) -> bool:
             return not any(curve.holds(orbits[index]) for curve in self._all_curves()) and not self._full()
 
-        for _, branch in hands.each(_walk_piece, pieces, is_new):
+        for _, branch in workers.each(_walk_piece, pieces, is_new):
             yield from self._accepted(branch, None)
 
-    def _grow_from(self, roots: Sequence[DiagramBranch], hands: Workers) -> Iterator[DiagramBranch]:
+    def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
         """Add all that grows from some branches, generation by generation."""
         generation = list(roots)
         while generation:
-            yield from self._branch_off(generation, hands)
+            yield from self._branch_off(generation, workers)
             names = {member.name for member in generation}
             generation = [member for member in self.diagram.members if member.begins and member.begins.parent in names]
 
-    def _branch_off(self, generation: list[DiagramBranch], hands: Workers) -> Iterator[DiagramBranch]:
+    def _branch_off(self, generation: list[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
         """Walk away from every flip and branch point of one generation of branches."""
         buds = [bud for member in generation for bud in _buds(member, self.options.max_period)]
         buds = [bud for bud in buds if (bud[0], bud[2]) not in self._tried]
@@ -309,7 +309,7 @@ class Grower:
             origin, special, _ = buds[index]
             return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
 
-        for index, branch in hands.each(_walk_piece, pieces, is_new):
+        for index, branch in workers.each(_walk_piece, pieces, is_new):
             if isinstance(branch, str) or not any(_is_same_branch(known, branch) for known in self.branches):
                 yield from self._accepted(branch, buds[index][0])
 
@@ -429,4 +429,4 @@ def grow_others(
     for bound in to:
         system.at({parameter: bound})
     grower = Grower(resume or empty_diagram(parameter, to), options, walk, method, report, known, searching)
-    return grower.grow(lambda hands: grower.search(system, hands))
+    return grower.grow(lambda workers: grower.search(system, workers))

@@ -280,11 +280,11 @@ def test_what_a_backend_cannot_carry_it_refuses_by_name() -> None:
 
 
 def test_drive_trains_know_the_law_and_the_load(tmp_path: Path) -> None:
-    inertias = [gw.Inertia("a", 1.0), gw.Inertia("b", 2.0)]
+    inertias = [gw.train.Inertia("a", 1.0), gw.train.Inertia("b", 2.0)]
     stage = gw.Stage(0.3, 2.0, numbers={"bend": 2.0})
-    shaft = gw.Shaft("s", ("a", "b"), damping=0.1, law="quadratic", drag=0.4, stages=[stage])
+    shaft = gw.train.Shaft("s", ("a", "b"), damping=0.1, law="quadratic", drag=0.4, stages=[stage])
     loads = [unbalance.Unbalance(0.5, {"a": 1.0})]
-    system = gw.Train(inertias, [shaft], mean={"a": 0.1, "b": -0.1}, harmonics=loads, frequency=0.8).system()
+    system = gw.train.Train(inertias, [shaft], mean={"a": 0.1, "b": -0.1}, harmonics=loads, frequency=0.8).system()
     (tmp_path / "train.toml").write_text("""\
 frequency = 0.8
 mean = { a = 0.1, b = -0.1 }

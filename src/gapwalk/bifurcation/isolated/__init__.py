@@ -2,11 +2,18 @@
 
 from gapwalk.bifurcation.isolated.search import Isolated, Progress, isolated, search
 from gapwalk.bifurcation.isolated.search_options import VALUES, SearchOptions, values_between
-from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally, coverage, next_is_new, unseen_share
+from gapwalk.bifurcation.isolated.search_result import (
+    FoundOrbit,
+    SearchResult,
+    Tally,
+    coverage,
+    next_is_new,
+    unseen_share,
+)
 
 __all__ = [
     "VALUES",
-    "Found",
+    "FoundOrbit",
     "Isolated",
     "Progress",
     "SearchOptions",

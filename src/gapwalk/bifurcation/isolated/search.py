@@ -19,7 +19,7 @@ from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, PieceRunner, SerialRunner, search_chunk
 from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
-from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally
+from gapwalk.bifurcation.isolated.search_result import FoundOrbit, SearchResult, Tally
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
@@ -52,7 +52,7 @@ class Isolated:
     """
 
     branches: tuple[Branch, ...]
-    lost: tuple[tuple[Found, str], ...]
+    lost: tuple[tuple[FoundOrbit, str], ...]
     complete: bool
 
 
@@ -63,7 +63,7 @@ def search(
     *,
     known: Sequence[Branch] = (),
     options: SearchOptions = SearchOptions(),
-    hands: PieceRunner | None = None,
+    workers: PieceRunner | None = None,
     report: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> SearchResult:
@@ -83,8 +83,8 @@ def search(
         Known branches along this parameter: orbits on them are not new.
     options
         Options of the search.
-    hands
-        Executor of the work; by default this process alone. ``with gapwalk.parallel.workers.workers() as hands:``
+    workers
+        Executor of the work; by default this process alone. ``with gw.parallel.local_workers() as workers:``
         uses all local cores. The result does not depend on it.
     report
         Called after each piece of work.
@@ -112,7 +112,7 @@ def search(
             report(Progress(len(catches), len(chunks), chunks[number].value, catch))
 
     try:
-        (hands or SerialRunner()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+        (workers or SerialRunner()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
     except KeyboardInterrupt:
         raise Interrupted(_result(parameter, chunks, catches, curves, numbers)) from None
     return _result(parameter, chunks, catches, curves, numbers)
@@ -142,7 +142,7 @@ def _result(
     parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
 ) -> SearchResult:
     """Return what the completed pieces of work have found."""
-    found: list[Found] = []
+    found: list[FoundOrbit] = []
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):
         done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
@@ -165,7 +165,9 @@ def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
     )
 
 
-def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]) -> Iterator[Found]:
+def _merge(
+    value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]
+) -> Iterator[FoundOrbit]:
     """Yield the distinct orbits of all chunks at one value."""
     catalogue = Catalogue(done[0][0].box)
     for _, catch in done:
@@ -175,11 +177,11 @@ def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], n
             entry.newton += newton
     for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
         branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
-        yield Found(value, entry.orbit, entry.settled, entry.newton, branch)
+        yield FoundOrbit(value, entry.orbit, entry.settled, entry.newton, branch)
 
 
 def isolated(
-    found: Iterable[Found],
+    found: Iterable[FoundOrbit],
     parameter: str,
     to: tuple[float, float],
     *,
@@ -217,7 +219,7 @@ def isolated(
     """
     curves = [Curve(branch) for branch in known if branch.parameter == parameter]
     branches: list[Branch] = []
-    lost: list[tuple[Found, str]] = []
+    lost: list[tuple[FoundOrbit, str]] = []
     try:
         for each in sorted(found, key=lambda f: (not f.orbit.stable, -f.hits_settled, f.orbit.period)):
             if stop is not None and stop():

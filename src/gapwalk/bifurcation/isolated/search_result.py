@@ -37,7 +37,7 @@ class SearchResult:
     """
 
     parameter: str
-    found: tuple[Found, ...]
+    found: tuple[FoundOrbit, ...]
     tallies: tuple[Tally, ...]
     complete: bool
 
@@ -47,11 +47,11 @@ class SearchResult:
         return tuple(tally.value for tally in self.tallies)
 
     @property
-    def new(self) -> tuple[Found, ...]:
+    def new(self) -> tuple[FoundOrbit, ...]:
         """Orbits that lie on none of the known branches."""
         return tuple(each for each in self.found if each.is_new)
 
-    def at(self, value: float) -> tuple[Found, ...]:
+    def at(self, value: float) -> tuple[FoundOrbit, ...]:
         """Return the orbits found at one value."""
         return tuple(each for each in self.found if each.value == value)
 
@@ -64,7 +64,7 @@ class SearchResult:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundOrbit:
     """One orbit that the search has found.
 
     Attributes
