@@ -152,12 +152,10 @@ class _Script:
         parent = self.exploration.entry(action.start.result)
         line, _ = self.exploration.special(action.start)
         special, name = self._place(action.start), _name("branches", entry)
-        self.imports.add("from gapwalk.bifurcation import walk_out")
         self._comment(entry)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
         self.lines += [
-            f"beginnings = gw.switch({special}, {line.parameter!r}, {within}{options})",
-            f"{name} = (walk_out(beginnings),)",
+            f"{name} = (gw.follow({special}, {line.parameter!r}, {within}{options}),)",
             "",
         ]
         assert parent.key in self.names

@@ -143,7 +143,7 @@ class ContactRecord:
 
 
 def integrate(
-    system: System, state: NDArray[np.float64], periods: float = 1.0, samples: int = 256, start: float = 0.0
+    system: System, start: NDArray[np.float64], periods: float = 1.0, samples: int = 256, phase: float = 0.0
 ) -> Motion:
     """Integrate a system from a state, and sample the motion.
 
@@ -151,13 +151,13 @@ def integrate(
     ----------
     system
         The system.
-    state : shape (2n,)
-        Positions, then velocities, at `start`.
+    start : shape (2n,)
+        Positions, then velocities, at `phase`.
     periods
         Length in forcing periods.
     samples
         Samples per forcing period.
-    start
+    phase
         Angle of the fundamental excitation at the start, in radians.
 
     Raises
@@ -168,7 +168,7 @@ def integrate(
         If the state has the wrong length.
     """
     count = max(1, round(samples * periods))
-    return sample(system, state, start + PERIOD * periods * np.arange(count + 1) / count)
+    return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
 
 
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:

@@ -190,7 +190,7 @@ def basins(
     *,
     fixed: Mapping[str, float] | None = None,
     options: BasinOptions | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Basins:
@@ -214,8 +214,8 @@ def basins(
     options
         How the basins are found.
     workers
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.parallel.on_cluster`. The result does not depend on it.
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output

@@ -290,7 +290,7 @@ def basin_shares(
     *,
     confidence: float = 0.95,
     options: BasinOptions | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
 ) -> BasinShares:
     """The shares of a box of initial states that lead to each attractor, with confidence limits.

@@ -350,7 +350,7 @@ def family(
     options: FamilyOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Family:
@@ -373,8 +373,8 @@ def family(
     options, walk, method
         How far the members go, and how their special points are joined; options of the walk and of the method.
     workers
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.parallel.on_cluster`. The result does not depend on it.
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each part when it is done, and is in the file.
     output

@@ -69,7 +69,7 @@ def regimes(
     *,
     start: str | Sequence[float] = "rest",
     options: RegimeMapOptions | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
@@ -92,8 +92,8 @@ def regimes(
     options
         How the map is made; its ``carry`` says where motions start.
     workers
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.parallel.on_cluster`. The result does not depend on it.
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output

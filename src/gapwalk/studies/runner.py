@@ -69,7 +69,7 @@ def call(
     work: AnyWork,
     system: System,
     *,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> AnyWork:
@@ -82,7 +82,7 @@ def call(
     system
         The system, as the file keeps it.
     workers
-        Who does the work; by default as many local processes as `asked` says.
+        Number of local processes, or workers that were started before; by default as `asked` says.
     report
         Called with what is new, once it is in the file.
     output
@@ -114,7 +114,7 @@ def _take(work: Work, parts: Parts, system: System) -> None:
 
 
 def _carry_out(
-    work: Work, asked: Any, workers: Workers | None, opened: Callable[[], Keeper], report: Report | None
+    work: Work, asked: Any, workers: Workers | int | None, opened: Callable[[], Keeper], report: Report | None
 ) -> tuple[bool, bool]:
     """Do what is left, and keep and report it part by part.
 
@@ -133,9 +133,8 @@ def _carry_out(
         file: Keeper | None = None
         try:
             # this process does the work where the options say nothing of others
-            count = getattr(asked, "workers", 1)
-            own = local_workers(count) if workers is None else nullcontext(workers)
-            with own as executor, closing(work.parts(executor)) as parts:
+            count = getattr(asked, "workers", 1) if workers is None else workers
+            with local_workers(count) as executor, closing(work.parts(executor)) as parts:
                 for found in parts:
                     file = file or stack.enter_context(opened())
                     if found.entries:

@@ -352,7 +352,7 @@ def sweep(
     to: tuple[float, float],
     *,
     options: SweepOptions | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Sweep:
@@ -370,8 +370,8 @@ def sweep(
     options
         How it is driven.
     workers
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.parallel.on_cluster`. The result does not depend on it.
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each segment of values when it is done, and is in the file.
     output
