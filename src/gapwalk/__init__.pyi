@@ -44,9 +44,9 @@ from .model.contact import backlash as backlash
 from .model.contact import stop as stop
 from .model.damping import ModalDamping as ModalDamping
 from .model.damping import ProportionalDamping as ProportionalDamping
-from .model.equilibria import rest_of as rest_of
+from .model.equilibria import find_equilibria as find_equilibria
 from .model.loads import Harmonic as Harmonic
-from .model.modes import modes_of as modes_of
+from .model.modes import find_modes as find_modes
 from .model.system import System as System
 from .orbit.find import find_orbit as find_orbit
 from .orbit.harmonic_balance import Balance as Balance

@@ -2,7 +2,7 @@
 
 from gapwalk.flow.signal import Signal
 from gapwalk.measurement.alignment import Alignment, align
-from gapwalk.measurement.damping_match import DampingMatch, impact_damping_of, match_impact_damping
+from gapwalk.measurement.damping_match import DampingMatch, find_impact_damping, match_impact_damping
 from gapwalk.measurement.fit import Fit, FitOptions, fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.measurement.misfit import Estimate
@@ -17,8 +17,8 @@ __all__ = [
     "Record",
     "Signal",
     "align",
+    "find_impact_damping",
     "fit",
-    "impact_damping_of",
     "match_impact_damping",
     "read_measurement",
 ]

@@ -27,7 +27,7 @@ def test_modes_are_told_in_hertz_and_in_rpm(capsys) -> None:
     assert "speed [rpm], order 2" in text
     assert "static equilibrium with clutch closed+ (stage2): clutch 3.568 deg (force 11.08 N m)" in text
     system = gw.read_study(EXAMPLE, name="speed").system
-    for rate in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
+    for rate in gw.find_modes(system, gw.find_equilibria(system).equilibria[0]).frequencies:
         assert f" {rate / (2 * math.pi):.6g} " in text
         assert f" {30 * rate / (2 * math.pi):.6g} " in text
     assert main(["modes", str(EXAMPLE), "--json"]) == 0

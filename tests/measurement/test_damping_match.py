@@ -31,14 +31,14 @@ def held(mean: float = 2.0, load: float = 0.1, frequency: float = 0.8) -> System
 
 def test_a_closed_contact_needs_the_damper_over_its_static_force() -> None:
     """While it does not open, ``integral of |g| sin^2`` is pi times the mean force."""
-    assert gw.measure.impact_damping_of(held(), C, 0.3, mean=2.5) == pytest.approx(C / 2.0, rel=1e-13)
+    assert gw.measure.find_impact_damping(held(), C, 0.3, mean=2.5) == pytest.approx(C / 2.0, rel=1e-13)
     two = gw.paper.case("5")
-    assert gw.measure.impact_damping_of(two, C, 0.1, "stage2", mean=3.0) == pytest.approx(C / 2.0, rel=1e-13)
+    assert gw.measure.find_impact_damping(two, C, 0.1, "stage2", mean=3.0) == pytest.approx(C / 2.0, rel=1e-13)
 
 
 def test_a_contact_that_opens_costs_the_same_as_the_damper() -> None:
     stop = Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0),), None, "elastic")
-    beta = gw.measure.impact_damping_of(stop, C, 1.3)
+    beta = gw.measure.find_impact_damping(stop, C, 1.3)
     matched = replace(stop, law="hunt-crossley", impact_damping=beta)
     loop = gw.analysis.hysteresis(matched, 1.3, frequency=0.7)
     assert loop.loss == pytest.approx(math.pi * C * 0.7 * 1.3**2, rel=1e-12)
@@ -106,10 +106,10 @@ def test_the_papers_dampers_are_not_beside_the_clutch() -> None:
 
 def test_what_cannot_be_matched_is_refused() -> None:
     with pytest.raises(ModelError, match=r"does not close under a deflection of 0 \+- 0.2"):
-        gw.measure.impact_damping_of(held(), C, 0.2)
+        gw.measure.find_impact_damping(held(), C, 0.2)
     bare = clutch().at(frequency=1.5)
     with pytest.raises(ModelError, match="differ in their coordinates or contacts"):
         gw.measure.match_impact_damping(gw.find_orbit(linear()), bare)
     none = System(("x",), [[1.0]], contacts=[Contact("stop", {"x": 1.0}, (Stage(0.5),))])
     with pytest.raises(ModelError, match="has the force law 'elastic'; give it impact damping"):
-        gw.measure.impact_damping_of(none, C, 1.0)
+        gw.measure.find_impact_damping(none, C, 1.0)

@@ -148,13 +148,13 @@ def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
 
 def test_a_coupled_train_rests_slipping_and_vibrates_as_its_two_sides_do() -> None:
     system = converter().system()
-    (rest,) = gw.rest_of(system).equilibria
+    (rest,) = gw.find_equilibria(system).equilibria
     leaks = system.structure.assembly.leaks(system.values)
     assert leaks[1] * rest.position[1] == pytest.approx(MEAN / (0.4 + 0.02), rel=1e-12)
     assert rest.stable
     assert not rest.loose
     sides = [0.0, np.sqrt(7.0 * (1 / FLY + 1 / PUMP)), np.sqrt(20.0 * (1 / TURBINE + 1 / LOAD))]
-    assert gw.modes_of(system).frequencies == pytest.approx(sorted(sides), rel=1e-9, abs=1e-6)
+    assert gw.find_modes(system).frequencies == pytest.approx(sorted(sides), rel=1e-9, abs=1e-6)
 
 
 def test_a_rotor_that_a_drag_alone_joins_to_the_ground_takes_its_mean_torque() -> None:

@@ -227,14 +227,14 @@ def test_every_number_of_a_part_may_vary(name: str) -> None:
 def test_a_free_chain_vibrates_as_the_closed_form_says(count: int) -> None:
     system = gw.train.chain(count, 0.7, 3.0).system()
     expected = 2 * np.sqrt(3.0 / 0.7) * np.sin(np.arange(1, count) * np.pi / (2 * count))
-    assert gw.modes_of(system).frequencies == pytest.approx(expected, rel=1e-12)
+    assert gw.find_modes(system).frequencies == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 5, 40])
 def test_so_does_a_chain_held_at_its_end(count: int) -> None:
     system = gw.train.chain(count, 0.7, 3.0, held=True).system()
     expected = 2 * np.sqrt(3.0 / 0.7) * np.sin((2 * np.arange(count) + 1) * np.pi / (2 * (2 * count + 1)))
-    assert gw.modes_of(system).frequencies == pytest.approx(expected, rel=1e-12)
+    assert gw.find_modes(system).frequencies == pytest.approx(expected, rel=1e-12)
 
 
 def test_three_inertias_in_line_are_those_of_the_paper() -> None:
@@ -301,7 +301,7 @@ def test_a_rigid_gear_reflects_what_is_behind_it() -> None:
             gw.train.Shaft("out", ("b", "d"), stiffness=90.0 / ratio**2),
         ],
     )
-    ours, theirs = (gw.modes_of(each.system()) for each in (geared, reflected))
+    ours, theirs = (gw.find_modes(each.system()) for each in (geared, reflected))
     assert ours.frequencies == pytest.approx(theirs.frequencies, rel=1e-13)
     assert geared.system().at({"pair.ratio": 2.0}) != geared.system()
 
@@ -317,7 +317,7 @@ def test_an_unbalanced_train_accelerates_and_its_deflections_carry_that() -> Non
     assembly = loaded.structure.assembly
     assert isinstance(assembly, TrainAssembly)
     np.testing.assert_allclose(assembly.acceleration(loaded.values), 1.0)
-    (rest,) = gw.rest_of(loaded).equilibria
+    (rest,) = gw.find_equilibria(loaded).equilibria
     assert rest.position == pytest.approx([4.0 / 5.0, 2.0 / 5.0])  # each shaft accelerates what is behind it
 
 
@@ -331,7 +331,7 @@ def test_a_reaction_keeps_the_balance_through_gears() -> None:
     system = train.system()
     assert "mean.b" not in system.structure.names
     for load in (3.0, 5.0):
-        (rest,) = gw.rest_of(system.at({"mean.a": load})).equilibria
+        (rest,) = gw.find_equilibria(system.at({"mean.a": load})).equilibria
         assert rest.position == pytest.approx([load / 10.0])
 
 
@@ -471,7 +471,7 @@ def test_the_ratios_on_a_loop_are_no_parameters() -> None:
     inertia = np.diag([1.0, 2.0, 3.0])
     stiffness = np.array([[3.0, -1.0, -2.0], [-1.0, 2.0, -1.0], [-2.0, -1.0, 3.0]])
     squares = eigh(stiffness, inertia, eigvals_only=True)
-    assert gw.modes_of(train).frequencies ** 2 == pytest.approx(squares[1:], rel=1e-12)
+    assert gw.find_modes(train).frequencies ** 2 == pytest.approx(squares[1:], rel=1e-12)
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda system: pickle.loads(pickle.dumps(system))])

@@ -21,7 +21,7 @@ def test_a_train_with_units_is_the_one_in_si_units() -> None:
     assert system["speed"] == 1500.0
     assert system.frequency == pytest.approx(100.0 * np.pi, rel=1e-15)
     angles = np.repeat([DEGREE, DEGREE], [2, 2])
-    np.testing.assert_allclose(gw.modes_of(system).frequencies, gw.modes_of(other).frequencies, rtol=1e-13)
+    np.testing.assert_allclose(gw.find_modes(system).frequencies, gw.find_modes(other).frequencies, rtol=1e-13)
     orbit, same = gw.find_orbit(system), gw.find_orbit(other)
     np.testing.assert_allclose(orbit.state * angles, same.state, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(same.multipliers), rtol=1e-9)
