@@ -6,6 +6,7 @@ from . import errors as errors
 from . import laws as laws
 from . import loads as loads
 from . import measure as measure
+from . import methods as methods
 from . import paper as paper
 from . import parallel as parallel
 from . import plot as plot

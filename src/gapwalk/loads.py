@@ -1,6 +1,10 @@
-"""Loads, and what a load of your own needs."""
+"""Loads, and what a load of your own needs.
 
-from gapwalk.model.loads import Harmonic, Line, Load, Mean, register
-from gapwalk.model.parameter import Parameter
+Functions: `register`.
 
-__all__ = ["Harmonic", "Line", "Load", "Mean", "Parameter", "register"]
+Classes: `Harmonic`, `Line`, `Load`, `Mean`, `Parameter`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -1,6 +1,10 @@
-"""Kinds of special points of branches, and what a kind of your own needs."""
+"""Kinds of special points of branches, and what a kind of your own needs.
 
-from gapwalk.bifurcation.kinds import Event, Kind, Symbol, register
-from gapwalk.bifurcation.kinds.condition import Criticality
+Functions: `register`.
 
-__all__ = ["Criticality", "Event", "Kind", "Symbol", "register"]
+Classes: `Criticality`, `Event`, `Kind`, `Symbol`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

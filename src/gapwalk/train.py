@@ -1,32 +1,10 @@
-"""Drive trains: their parts, chains of equal parts, scales, and the numbers of Padmanabhan and Singh (1995)."""
+"""Drive trains: their parts, chains of equal parts, scales, and the numbers of Padmanabhan and Singh (1995).
 
-from gapwalk.model.drivetrain import (
-    Gear,
-    Inertia,
-    NonDimensional,
-    PaperNumbers,
-    Scales,
-    Shaft,
-    Train,
-    chain,
-    nondimensional,
-    paper_numbers,
-)
-from gapwalk.model.drivetrain.train_parts import Link
-from gapwalk.model.units import Quantity, Units
+Functions: `chain`, `nondimensional`, `paper_numbers`.
 
-__all__ = [
-    "Gear",
-    "Inertia",
-    "Link",
-    "NonDimensional",
-    "PaperNumbers",
-    "Quantity",
-    "Scales",
-    "Shaft",
-    "Train",
-    "Units",
-    "chain",
-    "nondimensional",
-    "paper_numbers",
-]
+Classes: `Gear`, `Inertia`, `Link`, `NonDimensional`, `PaperNumbers`, `Quantity`, `Scales`, `Shaft`, `Train`, `Units`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

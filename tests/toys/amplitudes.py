@@ -11,13 +11,24 @@ from matplotlib.axes import Axes
 from pydantic import AfterValidator, ValidationInfo
 
 import gapwalk as gw
-from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Rows, Work
-from gapwalk.studies.kinds import OPEN, Counted, add_kind
-from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_file import Study, check_study
-from gapwalk.studies.tables import Surroundings, check_signal
+from gapwalk import Study
+from gapwalk.parallel import Workers
+from gapwalk.studies import (
+    OPEN,
+    Content,
+    Counted,
+    Finding,
+    Found,
+    Part,
+    Parts,
+    RangeStudy,
+    Rows,
+    Surroundings,
+    Work,
+    add_kind,
+    check_signal,
+    check_study,
+)
 
 
 def _is_a_coordinate(name: str | None, info: ValidationInfo[Surroundings]) -> str | None:

@@ -1,4 +1,15 @@
-"""Whole jobs: what a model file asks to be studied, and its execution."""
+"""Whole jobs: what a model file asks to be studied, and its execution.
+
+Functions: `add_kind`, `check_signal`, `check_study`, `compare_results`, `read_studies`.
+
+Classes: `BasinStudy`, `BranchOptions`, `Carry`, `Content`, `Counted`, `DiagramStudyOptions`, `FamilyStudy`,
+`Finding`, `Found`, `FullCheck`, `LocusStudyOptions`, `MapStudyOptions`, `MemberParameter`, `Pair`, `Part`, `Parts`,
+`Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`, `ResponseOptions`, `ResultComparison`, `Rows`,
+`SecondParameter`, `SettleFinding`, `SettleStudyOptions`, `Start`, `StudyKind`, `Surroundings`, `SweepStudy`, `Way`,
+`Which`, `Work`.
+
+Values: `OPEN`.
+"""
 
 from gapwalk.lazy_names import lazy_names
 
