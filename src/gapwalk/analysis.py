@@ -3,8 +3,9 @@
 Functions: `contrast`, `hysteresis`, `impact_plane`, `lyapunov`, `match`, `rattle`, `section`, `spectrum`, `strobe`,
 `waterfall`.
 
-Classes: `Agreement`, `Contrast`, `Crossing`, `Hysteresis`, `Lyapunov`, `LyapunovOptions`, `Peak`, `Plane`, `Rattle`,
-`Regime`, `RegimeOptions`, `Section`, `SignalPair`, `Spectrum`, `SpectrumOptions`, `Waterfall`.
+Classes: `Agreement`, `ContactLoad`, `Contrast`, `Crossing`, `Hysteresis`, `Impact`, `Impulsiveness`, `LinePair`,
+`Lyapunov`, `LyapunovOptions`, `Peak`, `Plane`, `Rattle`, `Regime`, `RegimeOptions`, `Section`, `SideRattle`,
+`SignalPair`, `Spectrum`, `SpectrumOptions`, `Waterfall`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -3,12 +3,17 @@
 from .attractors.attractor_catalogue import match as match
 from .attractors.contrast import Agreement as Agreement
 from .attractors.contrast import Contrast as Contrast
+from .attractors.contrast import LinePair as LinePair
 from .attractors.contrast import SignalPair as SignalPair
 from .attractors.contrast import contrast as contrast
 from .attractors.lyapunov import Lyapunov as Lyapunov
 from .attractors.lyapunov import LyapunovOptions as LyapunovOptions
 from .attractors.lyapunov import lyapunov as lyapunov
+from .attractors.rattle import ContactLoad as ContactLoad
+from .attractors.rattle import Impact as Impact
+from .attractors.rattle import Impulsiveness as Impulsiveness
 from .attractors.rattle import Rattle as Rattle
+from .attractors.rattle import SideRattle as SideRattle
 from .attractors.rattle import rattle as rattle
 from .attractors.regime_judge import RegimeOptions as RegimeOptions
 from .attractors.regimes import Regime as Regime

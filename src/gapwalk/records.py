@@ -1,11 +1,11 @@
 """Records that other records hold, and that functions return: each is described here, none is made by hand.
 
-Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchPoint`, `BranchWalk`, `Cascade`, `Check`,
-`Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`, `DiagramBranch`,
-`Effort`, `End`, `EndReason`, `Equilibrium`, `Figure`, `FoundOrbit`, `Instability`, `Lane`, `LocusEnd`,
-`LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`, `Origin`,
-`RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialPointPath`, `Summary`, `Survey`, `Table`, `Tally`,
-`Tree`, `Turns`, `Unexplained`, `Window`.
+Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`, `BranchWalk`, `Cascade`,
+`Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`,
+`DiagramBranch`, `Effort`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`, `Lane`,
+`LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
+`Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialCheck`,
+`SpecialPointPath`, `Spot`, `Summary`, `Survey`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
 """
 
 from gapwalk.lazy_names import lazy_names

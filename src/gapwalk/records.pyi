@@ -37,9 +37,14 @@ from .orbit import Instability as Instability
 from .orbit.measures import Survey as Survey
 from .orbit.measures import Turns as Turns
 from .reduction.basis import Basis as Basis
+from .reduction.reduction_error import BranchCheck as BranchCheck
 from .reduction.reduction_error import OrbitCheck as OrbitCheck
+from .reduction.reduction_error import SpecialCheck as SpecialCheck
 from .studies.family import Connection as Connection
+from .studies.family import Fate as Fate
 from .studies.family import Member as Member
+from .studies.family import Passage as Passage
+from .studies.family import Place as Place
 from .studies.family import SpecialPointPath as SpecialPointPath
 from .studies.map import MapSection as MapSection
 from .studies.sweep import Lane as Lane
@@ -48,4 +53,5 @@ from .summary import Table as Table
 from .summary import Tree as Tree
 from .verification import Check as Check
 from .verification import Figure as Figure
+from .verification import Spot as Spot
 from .verification import Summary as Summary

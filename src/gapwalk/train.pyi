@@ -12,4 +12,5 @@ from .model.drivetrain import nondimensional as nondimensional
 from .model.drivetrain import paper_numbers as paper_numbers
 from .model.drivetrain.train_parts import Link as Link
 from .model.units import Quantity as Quantity
+from .model.units import Unit as Unit
 from .model.units import Units as Units

@@ -2,11 +2,11 @@
 
 Functions: `add_kind`, `check_signal`, `check_study`, `compare_results`, `read_studies`.
 
-Classes: `BasinStudy`, `BranchOptions`, `Carry`, `Content`, `Counted`, `DiagramStudyOptions`, `FamilyStudy`,
-`Finding`, `Found`, `FullCheck`, `LocusStudyOptions`, `MapStudyOptions`, `MemberParameter`, `Pair`, `Part`, `Parts`,
-`Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`, `ResponseOptions`, `ResultComparison`, `Rows`,
-`SecondParameter`, `SettleFinding`, `SettleStudyOptions`, `Start`, `StudyKind`, `Surroundings`, `SweepStudy`, `Way`,
-`Which`, `Work`.
+Classes: `BasinStudy`, `BranchOptions`, `Carry`, `Content`, `Counted`, `DiagramStudyOptions`, `Entry`, `FamilyStudy`,
+`Finding`, `Found`, `FullCheck`, `LocusStudyOptions`, `Lone`, `MapStudyOptions`, `MemberParameter`, `Pair`, `Part`,
+`Parts`, `Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`, `ResponseOptions`, `ResultComparison`, `Rows`,
+`SecondParameter`, `SettleFinding`, `SettleStudyOptions`, `Shift`, `Start`, `StudyKind`, `Surroundings`, `SweepStudy`,
+`Way`, `Which`, `Work`.
 
 Values: `OPEN`.
 """

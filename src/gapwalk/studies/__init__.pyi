@@ -1,10 +1,13 @@
 """Public names of `gapwalk.studies`; see `gapwalk.lazy_names`."""
 
+from ..results.result_file import Entry as Entry
 from ..results.result_file import Part as Part
 from ..results.result_file import Parts as Parts
 from .basin_study import BasinStudy as BasinStudy
+from .compare import Lone as Lone
 from .compare import Pair as Pair
 from .compare import ResultComparison as ResultComparison
+from .compare import Shift as Shift
 from .compare import compare_results as compare_results
 from .diagram_study import DiagramStudyOptions as DiagramStudyOptions
 from .family import MemberParameter as MemberParameter
