@@ -31,6 +31,8 @@ def _contents(thing: Any) -> dict[str, list[str]]:
     """A function has parameters; a class attributes and methods too; an enumeration names; a value nothing."""
     if inspect.isclass(thing) and issubclass(thing, Enum):
         return {"has": [f"{member.name} = {member.value}" for member in thing]}
+    if inspect.isclass(thing) and issubclass(thing, BaseException):  # what it is called with differs by Python
+        return {"has": sorted(name for name in vars(thing) if not name.startswith("_"))}
     if inspect.isclass(thing):
         return {"called with": _parameters(thing), "has": _attributes(thing)}
     return {"called with": _parameters(thing)} if inspect.isroutine(thing) else {"has": []}
