@@ -65,7 +65,7 @@ class Motion:
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
-        """Contact deflections ``e_k . q``, shape (samples, contacts)."""
+        """Contact deflections ``e_k^T q``, shape (samples, contacts)."""
         return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
 
     @cached_property
