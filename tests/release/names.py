@@ -17,14 +17,19 @@ def namespaces() -> list[ModuleType]:
     return [gw, *(module for name in sorted(gw.__all__) if inspect.ismodule(module := getattr(gw, name)))]
 
 
-def public_names() -> dict[str, Any]:
-    """What a release promises: its version, and each public name; ``train.Shaft`` of a namespace."""
-    names = {}
+def public_things() -> dict[str, Any]:
+    """Each public name with what it stands for; ``train.Shaft`` is one of a namespace."""
+    things = {}
     for module in namespaces():
         prefix = "" if module is gw else module.__name__.removeprefix("gapwalk.") + "."
-        listed = module.__all__ if hasattr(module, "__all__") else _own(module)
-        names |= {prefix + name: _contents(getattr(module, name)) for name in sorted(listed)}
-    return {"version": gw.__version__, "names": names}
+        names = module.__all__ if hasattr(module, "__all__") else _own(module)
+        things |= {prefix + name: getattr(module, name) for name in sorted(names)}
+    return things
+
+
+def public_names() -> dict[str, Any]:
+    """What a release promises: its version, and each public name."""
+    return {"version": gw.__version__, "names": {name: _contents(thing) for name, thing in public_things().items()}}
 
 
 def _contents(thing: Any) -> dict[str, list[str]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import gapwalk as gw
-from tests.release.names import namespaces
+from tests.release.names import namespaces, public_things
 
 MOST = 80
 
@@ -42,21 +42,15 @@ def test_every_namespace_says_what_is_in_it() -> None:
 
 
 def test_every_returned_type_is_public() -> None:
-    public = {thing: name for module in namespaces() for name, thing in public_things(module).items()}
-    classes = {thing for thing in public if inspect.isclass(thing)}
+    public = public_things()
+    classes = {thing for thing in public.values() if inspect.isclass(thing)}
     missing = {}
-    for thing, name in public.items():
+    for name, thing in public.items():
         for place, annotation, scope in annotations(thing, name):
             for found in types_in(annotation, scope):
                 if not any(base in classes for base in found.__mro__) and found.__name__ not in INTERNAL:
                     missing[f"{found.__module__}.{found.__name__}"] = place
     assert not missing, f"give these a place in gw.records, or where they belong: {missing}"
-
-
-def public_things(module: ModuleType) -> dict[str, object]:
-    names = getattr(module, "__all__", None) or [name for name in vars(module) if not name.startswith("_")]
-    things = {name: getattr(module, name) for name in names}
-    return {name: thing for name, thing in things.items() if inspect.isroutine(thing) or inspect.isclass(thing)}
 
 
 def annotations(thing: object, name: str) -> Iterator[tuple[str, object, ModuleType]]:
