@@ -115,7 +115,7 @@ def compute(
     jobs, folder, force, progress
         As in `reproduce`; `folder` is that of the result files.
     workers
-        The processes that do it, as from `gapwalk.workers`.
+        The processes that do it, as from `gapwalk.parallel.local_workers`.
 
     Returns
     -------
