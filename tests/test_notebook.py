@@ -48,7 +48,7 @@ import matplotlib.pyplot as plt
 plt.plot([0.0, 1.0], [0.0, 1.0]);
 """,
     "motion": 'gw.settle(system).plot("x");',
-    "off": 'gw.show_progress(False)\nbranch = gw.follow(orbit, "frequency", to=0.8)',
+    "off": 'gw.parallel.show_progress(False)\nbranch = gw.follow(orbit, "frequency", to=0.8)',
 }
 
 

@@ -53,6 +53,6 @@ def test_plain_values_follow_the_fields() -> None:
 def test_records_of_gapwalk_can_be_saved(tmp_path) -> None:
     orbit = gw.find_orbit(clutch().at({"frequency": 1.0}))
     assert json.loads(json.dumps(orbit.to_dict(), allow_nan=False))["period"] == 1
-    modes = gw.modes_of(clutch())
+    modes = gw.find_modes(clutch())
     assert [path.name for path in gw.save_tables(modes, tmp_path / "clutch")] == ["clutch-frequencies.csv"]
     assert list(modes.summary()) == [repr(modes)]

@@ -51,7 +51,7 @@ class Tree:
     """
 
     label: str
-    children: list[Tree] = field(default_factory=list)
+    children: list[Tree] = field(default_factory=list, hash=False)
 
 
 Summary = Iterable[str | Table | Tree]

@@ -11,7 +11,7 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floating import floats, unheld
 
 
-def train(firing: float) -> gw.Train:
+def train(firing: float) -> gw.train.Train:
     """Flywheel, hub, loose gear, output and vehicle, in physical units; hardly anything holds the loose gear."""
     parts: Any = gw  # quantities with units are texts
     return parts.Train(

@@ -139,7 +139,10 @@ def test_a_model_file_and_the_command_line_know_its_name(tmp_path, monkeypatch, 
 
 
 def test_an_exploration_goes_on_as_an_orbit_was_found(branch):
-    orbit, options = branch.points[3].orbit, gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1", method=Relay(3))
+    orbit, options = (
+        branch.points[3].orbit,
+        gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1", method=Relay(3)),
+    )
     assert method_of(orbit, gw.Study(clutch(), options)) == Relay(3)
     assert method_of(orbit, gw.Study(clutch(), replace(options, method=gw.Balance()))) == Relay()
     assert method_of(gw.find_orbit(clutch(frequency=0.85)), gw.Study(clutch(), options)) == gw.Shooting()

@@ -47,7 +47,7 @@ class Sum(Work):
     def take(self, known: Parts) -> None:
         self.record = sum(sum(values) for _, values in known.all(NUMBERS))
 
-    def parts(self, hands):
+    def parts(self, workers):
         yield from ()
 
 

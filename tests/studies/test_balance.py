@@ -106,7 +106,7 @@ def test_options_survive_the_file() -> None:
 
 
 def test_a_balanced_response_is_that_of_shooting_to_the_truncation(growing) -> None:
-    comparison = gw.compare_results(gw.run(stop_study(end=1.3)), growing)
+    comparison = gw.studies.compare_results(gw.run(stop_study(end=1.3)), growing)
     assert comparison.within(1e-3)
     assert comparison.largest_shift < 1e-5
     assert comparison.pairs[0].shifts
@@ -190,7 +190,7 @@ def test_a_stop_too_stiff_for_the_harmonics_ends_with_what_to_change(tmp_path) -
     assert all(point.orbit.truncation <= 1e-3 for point in result.branches[0].points)
     assert_same_result(gw.load(path), result)
     exact = gw.run(stop_study(**{"stop.stiffness": 1e3}, end=result.branches[0].values[-1]))
-    comparison = gw.compare_results(exact, result)
+    comparison = gw.studies.compare_results(exact, result)
     assert comparison.within(1e-2)  # beside a hard contact small errors of the force grow: 9e-3 of this short range
     assert comparison.largest_shift < 1e-6
 
@@ -225,7 +225,7 @@ def test_a_diagram_has_the_same_tree_by_both_methods(shot_diagram) -> None:
         (member.name, member.begins, member.joins) for member in shot_diagram.diagram.members
     ]
     assert result.failures == ()
-    comparison = gw.compare_results(shot_diagram, result)
+    comparison = gw.studies.compare_results(shot_diagram, result)
     assert [pair.names for pair in comparison.pairs] == [(name, name) for name in shot_diagram.names]
     assert comparison.within(1e-3)
     assert comparison.largest_shift < 1e-4
@@ -268,9 +268,11 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None
 def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     """What the paper validates its method with: the whole range, all special points."""
     system = gw.paper.case(figure, slope="reduced").at(frequency=2.0)
-    options = gw.ResponseOptions("frequency", 2.0, 0.15, "half.q1")
+    options = gw.studies.ResponseOptions("frequency", 2.0, 0.15, "half.q1")
     shot = gw.run(gw.Study(system, options))
-    comparison = gw.compare_results(shot, gw.run(gw.Study(system, replace(options, method=gw.Balance(error=1e-3)))))
+    comparison = gw.studies.compare_results(
+        shot, gw.run(gw.Study(system, replace(options, method=gw.Balance(error=1e-3))))
+    )
     (pair,) = comparison.pairs
     assert len(pair.shifts) == len(shot.branches[0].special_points) > 10
     assert comparison.within(1e-3)

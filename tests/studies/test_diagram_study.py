@@ -215,7 +215,7 @@ def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
     with pytest.raises(StoreError, match="max_period is 4, and was 2"):
         gw.run(clutch_diagram(), path, resume=True)
-    response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
+    response = replace(clutch_diagram(), options=gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
     with pytest.raises(StoreError, match="its kind is response, and was diagram"):
         gw.run(response, path, resume=True)
     with pytest.raises(StoreError, match="exists already"):

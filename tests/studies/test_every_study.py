@@ -72,7 +72,7 @@ FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
             CLUTCH,
             {"frequency": (0.5, 0.7), "harmonic1.amplitude": (0.4, 0.5)},
             (4, 9),
-            options=gw.RegimeMapOptions(Carry.UP, gw.RegimeOptions(longest=400), check=2, workers=1),
+            options=gw.RegimeMapOptions(Carry.UP, gw.analysis.RegimeOptions(longest=400), check=2, workers=1),
         ),
         kept_arrays("regimes", "periods", "exponents", "peak_force", "impacts", "states"),
     ),

@@ -50,7 +50,7 @@ def test_a_settled_motion_has_its_rattle_spectrum_and_section() -> None:
     finding = gw.run(study_of("settle")).finding
     attractor = gw.classify(gw.paper.case("15"), frequency=0.45)
     assert finding.attractor.label == attractor.label == "P3"
-    assert repr(finding.rattle) == repr(gw.rattle(attractor.orbit))
+    assert repr(finding.rattle) == repr(gw.analysis.rattle(attractor.orbit))
     motion = attractor.orbit.motion(samples=4000)
     force = motion.signal("stage2")[:-1]
     theta = np.linspace(0.0, 6.0 * np.pi, len(force), endpoint=False)

@@ -117,7 +117,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
     reported = []
     resumed = gw.run(clutch_map(), path, resume=True, report=lambda _, new: reported.append(type(new).__name__))
     assert_same_result(resumed, undisturbed)
-    assert reported == ["Section"] * 2 + ["Locus"] * 5
+    assert reported == ["MapSection"] * 2 + ["Locus"] * 5
 
 
 def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undisturbed) -> None:

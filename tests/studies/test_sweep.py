@@ -16,7 +16,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.flow import Flow
 from gapwalk.parallel.work_chunks import Pace
-from gapwalk.parallel.workers import workers
+from gapwalk.parallel.workers import local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments
 from gapwalk.studies.kind import values_of
@@ -119,8 +119,8 @@ def test_many_starts_find_what_one_does_not() -> None:
 
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
-    with workers(2) as hands:
-        assert_same(gw.sweep(*FOLDS, options=options(), hands=hands), hysteresis)
+    with local_workers(2) as workers:
+        assert_same(gw.sweep(*FOLDS, options=options(), workers=workers), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:

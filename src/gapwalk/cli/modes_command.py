@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
-from gapwalk.model.equilibria import Equilibrium, Rest, rest_of
+from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import read_source
-from gapwalk.model.modes import Modes, modes_of
+from gapwalk.model.modes import Modes, find_modes
 from gapwalk.model.problems import ModelFileError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
@@ -31,9 +31,9 @@ _ROWS = 30  # modes that are printed; --json has all of them
 def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
     title, system = _read(file, changes)
-    rest = rest_of(system)
-    found = {f"about the static equilibrium ({each})": modes_of(system, each) for each in rest.equilibria}
-    closed = modes_of(system, "closed")
+    rest = find_equilibria(system)
+    found = {f"about the static equilibrium ({each})": find_modes(system, each) for each in rest.equilibria}
+    closed = find_modes(system, "closed")
     if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
         found["with the first stage of every contact closed"] = closed
     if picture is not None:
@@ -153,7 +153,7 @@ def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
         "contacts": [{**plain(contact), "open": contact.is_open} for contact in rest.contacts],
         "loose": rest.loose,
         "stable": rest.stable,
-        "modes": _modes_document(modes_of(system, rest)),
+        "modes": _modes_document(find_modes(system, rest)),
     }
 
 

@@ -20,7 +20,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
 from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.map import Map, Section
+from gapwalk.studies.map import Map, MapSection
 
 _FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 
@@ -130,7 +130,7 @@ def _diagram_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
 def _map_line(options: Any, title: str, show: bool) -> ProgressLine:
     total = len(options.limits.values(*options.within[1]))
 
-    def words(chart: Map, addition: Section | Locus) -> tuple[str, str]:
+    def words(chart: Map, addition: MapSection | Locus) -> tuple[str, str]:
         points = sum(len(locus.points) for locus in chart.loci)
         last = f"  last {chart.names[-1]}" if chart.loci else ""
         return (

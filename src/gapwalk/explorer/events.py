@@ -15,7 +15,7 @@ from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.studies.map import Map, Section
+from gapwalk.studies.map import Map, MapSection
 
 SECONDS = 0.25
 """Time between two reports of progress; more reports would only cost time in the page."""
@@ -83,7 +83,7 @@ class News:
         self._progress.finished.append((member.name, member.branch))
         self._report_if_due()
 
-    def chart(self, chart: Map, addition: Section | Locus) -> None:
+    def chart(self, chart: Map, addition: MapSection | Locus) -> None:
         """Add a new section or a new locus of a map."""
         if isinstance(addition, Locus):
             self._progress.finished.append((chart.names[-1], addition))

@@ -127,12 +127,10 @@ class _Script:
         parent = self.exploration.entry(action.start.result)
         line, _ = self.exploration.special(action.start)
         special, name = self._place(action.start), _name("branches", entry)
-        self.imports.add("from gapwalk.bifurcation import walk_out")
         self._comment(entry)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
         self.lines += [
-            f"beginnings = gw.switch({special}, {line.parameter!r}, {within}{options})",
-            f"{name} = (walk_out(beginnings),)",
+            f"{name} = (gw.follow({special}, {line.parameter!r}, {within}{options}),)",
             "",
         ]
         assert parent.key in self.names
@@ -195,7 +193,11 @@ class _Script:
         if self.exploration.file.suffix == RESULT:
             return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
-        return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
+        return (
+            f"gw.load({self._result(entry)!r}).system"
+            if source is None
+            else f"gw.studies.read_studies({source})[0].system"
+        )
 
     def _motion(self, place: plan.Place) -> str:
         """Return the motion at a place: an orbit, or a settled motion."""

@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from gapwalk.bifurcation import switch
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
-from gapwalk.bifurcation.follow import BranchWalk
+from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.loci.follow_locus import trace_locus, traced_locus
 from gapwalk.bifurcation.loci.locus_start import start_locus
-from gapwalk.errors import NumericalError
 from gapwalk.explorer.events import News, Progress
 from gapwalk.results.result_file import lock
 from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram
@@ -60,7 +58,7 @@ class Task:
 def do(task: Task, report: Callable[[Progress], object]) -> bool:
     """Do a task and report its progress, at most four times a second; return True if it was completed.
 
-    Ctrl-C stops it; what has been found is stored. Errors as `gapwalk.run`, `gapwalk.switch`, `gapwalk.find_others` and
+    Ctrl-C stops it; what has been found is stored. Errors as `gapwalk.run`, `gapwalk.follow`, `gapwalk.find_others` and
     `gapwalk.follow_locus`.
     """
     news = News(report)
@@ -89,10 +87,7 @@ def follow_switch(special: SpecialPoint, study: Study, output: Path, news: News,
     options = study.options
     assert isinstance(options, DiagramStudyOptions)
     within = (options.begin, options.end)
-    beginnings = switch(special, options.parameter, within, options.method)
-    if not beginnings:
-        raise NumericalError("no branch begins at this point between these values; choose a wider range")
-    steps = BranchWalk(beginnings, options.walk)
+    steps = walk(special, options.parameter, within, walk=options.walk, method=options.method)
     complete = _to_end(steps, lambda point: news.point(point, list(steps.special_points)))
     member = DiagramBranch(f"P{steps.branch.period}-1", steps.branch)
     known = empty_diagram(options.parameter, within)

@@ -88,7 +88,7 @@ def _do_chunk(
 def do_in_chunks(
     function: Function[Item, Result],
     items: Sequence[Item],
-    hands: Workers,
+    workers: Workers,
     *,
     seed: int = 0,
     size: int | None = None,
@@ -106,7 +106,7 @@ def do_in_chunks(
         What to do with the items of a chunk.
     items
         The items.
-    hands
+    workers
         Who does the work.
     seed
         From which each item has a seed of its own.
@@ -135,7 +135,7 @@ def do_in_chunks(
         raise ModelError(f"size is {size!r}; it must be an integer >= 1 (items in a chunk), or None")
     results = dict(known or {})
     before, begun = len(results), time.monotonic()
-    cutter = _Cutter(items, set(results), size, hands)
+    cutter = _Cutter(items, set(results), size, workers)
     chunks = cutter.chunks
 
     def is_needed(number: int) -> bool:
@@ -145,7 +145,7 @@ def do_in_chunks(
 
     try:
         cutter.cut()
-        done = hands.each(partial(_do_chunk, function, seed), chunks, is_needed, in_order=False)
+        done = workers.each(partial(_do_chunk, function, seed), chunks, is_needed, in_order=False)
         for number, (found, seconds) in done:
             first, _ = chunks[number]
             cutter.learn(len(found), seconds)
@@ -162,9 +162,9 @@ def do_in_chunks(
 class _Cutter:
     """Cuts items into chunks, one at a time: the number of the first item, and the items."""
 
-    def __init__(self, items: Sequence[Any], known: set[int], size: int | None, hands: Workers) -> None:
+    def __init__(self, items: Sequence[Any], known: set[int], size: int | None, workers: Workers) -> None:
         self.chunks: list[tuple[int, Sequence[Any]]] = []
-        self._items, self._known, self._size, self._hands = items, known, size, hands
+        self._items, self._known, self._size, self._workers = items, known, size, workers
         self._next, self._left = 0, len(items) - len(known)
         self._wanted, self._least = 1, 1
 
@@ -181,7 +181,7 @@ class _Cutter:
         """
         while self._next in self._known:
             self._next += 1
-        share = math.ceil(self._left / (2 * self._hands.count))
+        share = math.ceil(self._left / (2 * self._workers.count))
         size, stop = self._size or max(1, self._least, min(self._wanted, share)), self._next
         while stop < min(self._next + size, len(self._items)) and stop not in self._known:
             stop += 1

@@ -183,7 +183,7 @@ def basins(
     *,
     fixed: Mapping[str, float] | None = None,
     options: BasinOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Basins:
@@ -206,9 +206,9 @@ def basins(
         The other components of the state at theta = 0; those that are not named are 0.
     options
         How the basins are found.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
@@ -236,4 +236,4 @@ def basins(
         fixed={name: low for name, low in zip(box.names, box.low, strict=True) if name not in plane},
         resolution=check_resolution(resolution),
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -17,7 +17,7 @@ from gapwalk.attractors.attractor_catalogue import (
     explore,
     sort_states,
 )
-from gapwalk.attractors.basins import BasinShares, Check, in_order
+from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
 from gapwalk.attractors.many_motions import ExactMotions, motions_of
 from gapwalk.errors import ModelError
@@ -128,7 +128,7 @@ class BasinWork(CellWork):
         self.system, self.states, self.neighbours, self.options = system, states, neighbours, options
         self.catalogue = Catalogue(system)
         self.labels = np.full(len(states), UNRESOLVED)
-        self.checked = Check(len(states))
+        self.checked = BasinCheck(len(states))
         self.is_begun = False
         self._ends = states.copy()  # where the motions have come to
 
@@ -146,11 +146,11 @@ class BasinWork(CellWork):
         for chunk in self.chunks.values():
             self.note(chunk)
 
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
         sort = partial(_sort_fast, *self._known, self.options.longest)
         pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
-        return hands.each(sort, pieces, in_order=False)
+        return workers.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
@@ -165,13 +165,13 @@ class BasinWork(CellWork):
             return (f"stopped when {done} of {len(self.states)} states were done",)
         return (f"{left} states lead to no attractor that was found; raise longest or tries",) if left else ()
 
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Look for the attractors of states that are left over; then check labels."""
         left = np.flatnonzero(self.labels == UNRESOLVED)
         self._explore(left, self._ends[left])
-        self.check_labels(hands)
+        self.check_labels(workers)
 
-    def check_labels(self, hands: Workers) -> None:
+    def check_labels(self, workers: Workers) -> None:
         """Find labels at borders, and some others, again with the exact flow, and correct wrong ones.
 
         Wrong labels are not alone: where one was found, those around it are found again too. And where a sample holds
@@ -191,20 +191,20 @@ class BasinWork(CellWork):
                 chosen = self._choose(near & ~checked, left)
                 if not len(chosen):
                     break
-                wrong += self._correct(hands, chosen, changed)
+                wrong += self._correct(workers, chosen, changed)
                 checked[chosen] = True
             chosen = self._choose(~near & ~checked, elsewhere)
             before = int(changed.sum())
-            wrong_elsewhere += self._correct(hands, chosen, changed)
+            wrong_elsewhere += self._correct(workers, chosen, changed)
             checked[chosen] = sampled[chosen] = True
             if at_borders is not None or changed.sum() == before:
                 break
         at_border = checked & ~sampled
         counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
         again = self._choose(checked, elsewhere)
-        shifted = self._exact(hands, again, _SHIFT)
+        shifted = self._exact(workers, again, _SHIFT)
         differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
-        self.checked = Check(
+        self.checked = BasinCheck(
             len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
         )
 
@@ -213,9 +213,9 @@ class BasinWork(CellWork):
         random = np.random.default_rng(self.options.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
-    def _correct(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+    def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and note in `changed` which differ now; how many were wrong."""
-        exact = self._exact(hands, which)
+        exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong
         corrected = np.where(exact == UNRESOLVED, self.labels[which], exact)
@@ -223,7 +223,7 @@ class BasinWork(CellWork):
         self.labels[which] = corrected
         return wrong
 
-    def _exact(self, hands: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+    def _exact(self, workers: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
         """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array(
@@ -239,7 +239,7 @@ class BasinWork(CellWork):
             for first in range(0, len(group), _CHECKED)
         ]
         pieces = [(longest, states[group]) for group, longest in groups]
-        for index, found in hands.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
+        for index, found in workers.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
             exact[groups[index][0]] = found.labels
         return exact[which]
 
@@ -282,7 +282,7 @@ def basin_shares(
     *,
     confidence: float = 0.95,
     options: BasinOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
 ) -> BasinShares:
     """Return the shares of a box of initial states that lead to each attractor, with confidence limits.
@@ -300,7 +300,7 @@ def basin_shares(
         Probability with which the limits of a share hold.
     options
         How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
-    hands, report
+    workers, report
         As in `gapwalk.basins`.
 
     Raises
@@ -331,4 +331,4 @@ def basin_shares(
             return BasinShares(system, room, states, labels, attractors, *how)
 
     work = Shares(system, states, beside_states(states), (starts, 1), options)
-    return call(options, work, system, hands=hands, report=report).record
+    return call(options, work, system, workers=workers, report=report).record

@@ -42,7 +42,7 @@ class CellWork(Work):
         return
 
     @abstractmethod
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, Any]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, Any]]:
         """Do some chunks, as `gapwalk.parallel.workers.Workers.each`."""
 
     @abstractmethod
@@ -50,7 +50,7 @@ class CellWork(Work):
         """Enter a chunk into the arrays over all cells."""
 
     @abstractmethod
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Compare what is found with the exact flow, when all chunks are done."""
 
     @abstractmethod
@@ -71,13 +71,13 @@ class CellWork(Work):
         elif self._whole.resolution != self.resolution:
             raise ValueError(f"its resolution is {self._whole.resolution}")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Do the chunks that are left; then check what is found with the exact flow."""
         self.begin()
-        for _, chunk in self.follow(hands, [number for number in range(self.total) if number not in self.chunks]):
+        for _, chunk in self.follow(workers, [number for number in range(self.total) if number not in self.chunks]):
             self._add(chunk)
             yield Found.part(self.chunk_part, chunk, chunk.number)
-        self.check(hands)
+        self.check(workers)
         self._whole = self.found(complete=True)
 
     def _add(self, chunk: Any) -> None:

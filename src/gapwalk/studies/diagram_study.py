@@ -177,11 +177,11 @@ class DiagramWork(Work):
         if (self.diagram.parameter, self.diagram.within) != (before.parameter, before.within):
             raise ValueError("the diagram does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find the branches that are not known yet."""
         # what could not be done before is tried again, and noted again
         self.diagram = replace(self.diagram, notes=(), failures=(), complete=False, max_period=self.options.max_period)
-        for member in self._members(hands):
+        for member in self._members(workers):
             entries = (BRANCH.entry(member, len(self.diagram.members) - 1), *self._state(finished=False))
             yield Found(entries, ((self.diagram, member),))
             self._kept = self.diagram.search  # only now: Ctrl-C may come before the file has it
@@ -226,24 +226,24 @@ class DiagramWork(Work):
         """All branches that are known, those apart first."""
         return (*self.apart, *self.diagram.branches)
 
-    def _members(self, hands: Workers) -> Iterator[DiagramBranch]:
+    def _members(self, workers: Workers) -> Iterator[DiagramBranch]:
         """The branches, each when it has been added: those attached to the first one, and those that a search finds.
 
         If branches are known that a search has found, then those attached to the first one were found before them; what
         was left out there, such as a branch that could not be walked, must not depend on them.
         """
         if self.first is None:
-            yield from self._searched(self.system, hands)
+            yield from self._searched(self.system, workers)
             return
         members = self.diagram.members
         orbit = members[0].branch.points[0].orbit if members else self.first()
         directions(orbit.system[self.diagram.parameter], self.diagram.within)  # refuses a range without the start
-        yield from self._plant([orbit], hands)
-        yield from self._grow_from(self.diagram.members[:1], hands)
+        yield from self._plant([orbit], workers)
+        yield from self._grow_from(self.diagram.members[:1], workers)
         if self.options.search_values and self.diagram.members and not self._truncated:
-            yield from self._searched(orbit.system, hands)
+            yield from self._searched(orbit.system, workers)
 
-    def _searched(self, system: System, hands: Workers) -> Iterator[DiagramBranch]:
+    def _searched(self, system: System, workers: Workers) -> Iterator[DiagramBranch]:
         """Add the branches connected to no other, with all that grows from them.
 
         The search knows the branches that were found without it. Its result is kept with the first branch that it
@@ -258,7 +258,7 @@ class DiagramWork(Work):
                 self._search_values(),
                 known=self._known,
                 options=self.options.search,
-                hands=hands,
+                workers=workers,
                 report=self.searching,
             )
         notes = (*self.diagram.notes, *coverage(result))
@@ -266,8 +266,8 @@ class DiagramWork(Work):
         if not result.complete:
             raise KeyboardInterrupt
         new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
-        yield from self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
-        yield from self._grow_from([member for member in self.diagram.members if member.begins is None], hands)
+        yield from self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], workers)
+        yield from self._grow_from([member for member in self.diagram.members if member.begins is None], workers)
 
     def _search_values(self) -> np.ndarray:
         values = self.options.search_values
@@ -276,25 +276,25 @@ class DiagramWork(Work):
         low, high = self.diagram.within
         return low + (high - low) * (np.arange(values) + 0.5) / values
 
-    def _plant(self, orbits: Sequence[Orbit], hands: Workers) -> Iterator[DiagramBranch]:
+    def _plant(self, orbits: Sequence[Orbit], workers: Workers) -> Iterator[DiagramBranch]:
         """Add the branches through orbits that were found by themselves."""
 
         def is_new(index: int) -> bool:
             self._curves += [Curve(branch) for branch in self._known[len(self._curves) :]]  # each is made once
             return not any(curve.holds(orbits[index]) for curve in self._curves) and not self._full()
 
-        for _, branch in hands.each(self._walker, [(orbit, 0) for orbit in orbits], is_new):
+        for _, branch in workers.each(self._walker, [(orbit, 0) for orbit in orbits], is_new):
             yield from self._accepted(branch, None)
 
-    def _grow_from(self, roots: Sequence[DiagramBranch], hands: Workers) -> Iterator[DiagramBranch]:
+    def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
         """Add all that grows from some branches, generation by generation."""
         generation = list(roots)
         while generation:
-            yield from self._branch_off(generation, hands)
+            yield from self._branch_off(generation, workers)
             names = {member.name for member in generation}
             generation = [member for member in self.diagram.members if member.begins and member.begins.parent in names]
 
-    def _branch_off(self, generation: list[DiagramBranch], hands: Workers) -> Iterator[DiagramBranch]:
+    def _branch_off(self, generation: list[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
         """Walk away from every flip and branch point of one generation of branches."""
         buds = [
             (origin, special, way)
@@ -310,7 +310,7 @@ class DiagramWork(Work):
             origin, special, _ = buds[index]
             return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
 
-        for index, branch in hands.each(self._walker, [(special, way) for _, special, way in buds], is_new):
+        for index, branch in workers.each(self._walker, [(special, way) for _, special, way in buds], is_new):
             # a branch that begins where a known one ends is that one if its middle lies on it
             if isinstance(branch, str) or not any(
                 known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)

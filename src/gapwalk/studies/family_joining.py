@@ -139,15 +139,15 @@ class FamilyWork(Work):
         if any(not 0 <= number < self.count - 1 for number in self.connections):
             raise ValueError("there are connections between members that are not there")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Walk the members that are left; then join special points where that is left."""
         numbers = [number for number in range(self.count) if number not in self.members]
         walk = partial(_walk_member, self._family.system, self.asked)
-        for index, member in hands.each(walk, numbers, in_order=False):
+        for index, member in workers.each(walk, numbers, in_order=False):
             self.members[numbers[index]] = member
             yield Found.part(MEMBER, member, numbers[index])
         gaps = [pair for pair in self.record.gaps if pair[0].number not in self.connections]
-        for index, connections in hands.each(partial(_join, self.asked), gaps, in_order=False):
+        for index, connections in workers.each(partial(_join, self.asked), gaps, in_order=False):
             number = gaps[index][0].number
             self.connections[number] = connections
             yield Found.part(JOINTS, connections, number)

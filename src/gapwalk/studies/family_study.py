@@ -318,7 +318,7 @@ def family(
     options: FamilyOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Family:
@@ -340,9 +340,9 @@ def family(
         Where the branches start, as in `find_orbit`.
     options, walk, method
         How far the members go, and how their special points are joined; options of the walk and of the method.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each part when it is done, and is in the file.
     output
@@ -383,4 +383,4 @@ def family(
         **values_of(options),
         over=over,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -132,7 +132,7 @@ class Work(ABC):
         """Take over what a file has; any of LookupError, TypeError and ValueError if that makes no sense."""
 
     @abstractmethod
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Do what is left, part by part; KeyboardInterrupt where Ctrl-C ends it.
 
         The parts come in an order in which each makes sense together with those before it: what a file has after any

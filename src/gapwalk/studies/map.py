@@ -81,7 +81,7 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class MapSection:
     """The branches along the first parameter at one value of the second.
 
     Attributes
@@ -132,7 +132,7 @@ class Map(Shown):
     second: str
     within: Ranges
     loci: tuple[Locus, ...] = ()
-    sections: tuple[Section, ...] = ()
+    sections: tuple[MapSection, ...] = ()
     complete: bool = False
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()

@@ -31,7 +31,7 @@ from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derive import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.kind import Found, Work
-from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
+from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
 from gapwalk.studies.runner import call
 from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
 _ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus
 
-Report = Callable[[Map, Section | Locus], None]
+Report = Callable[[Map, MapSection | Locus], None]
 """Called with the map, and the section or the locus that was added to it last."""
 
 
@@ -118,7 +118,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
         return MapWork(system, self.parameter, self.second.parameter, self.within, self, *how)
 
 
-SECTION = Part("section", Section, numbered=True)
+SECTION = Part("section", MapSection, numbered=True)
 LOCUS = Part("locus", Locus, numbered=True)
 STATE = Part("map", tuple[Map, int, int])
 """What is known of the map as a whole, without its sections and loci; and how many of each there are."""
@@ -169,12 +169,12 @@ class MapWork(Work):
         if any(getattr(chart, name) != getattr(before, name) for name in ("first", "second", "within")):
             raise ValueError("the map does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find what is not known yet: the sections, then the loci."""
-        for section in self._sections(hands):
+        for section in self._sections(workers):
             entry = SECTION.entry(section, len(self.chart.sections) - 1)
             yield Found((entry, _state(self.chart)), ((self.chart, section),))
-        for locus in self._loci(hands):
+        for locus in self._loci(workers):
             entry = LOCUS.entry(locus, len(self.chart.loci) - 1)
             yield Found((entry, _state(self.chart)), ((self.chart, locus),))
         if not self.chart.branches:
@@ -210,7 +210,7 @@ class MapWork(Work):
         """Sections and loci."""
         return len(self.chart.sections) + len(self.chart.loci)
 
-    def _sections(self, hands: Workers) -> Iterator[Section]:
+    def _sections(self, workers: Workers) -> Iterator[MapSection]:
         """Follow the branches along the first parameter at each value of the second."""
         chart = self.chart
         values = self.options.values(*chart.within[1])[len(chart.sections) :]
@@ -222,10 +222,10 @@ class MapWork(Work):
         )
         how = (chart.within[0], self.start, self.period, self.walk, self.method)
         follow_one = partial(_follow_section, chart.first, chart.second, *how, None if self.which else tree)
-        for index, (branches, notes, failures) in hands.each(
+        for index, (branches, notes, failures) in workers.each(
             follow_one, [self.system.at({chart.second: value}) for value in values]
         ):
-            section = Section(values[index], branches)
+            section = MapSection(values[index], branches)
             self.chart = replace(
                 self.chart,
                 sections=(*self.chart.sections, section),
@@ -234,7 +234,7 @@ class MapWork(Work):
             )
             yield section
 
-    def _loci(self, hands: Workers) -> Iterator[Locus]:
+    def _loci(self, workers: Workers) -> Iterator[Locus]:
         """Follow the loci that begin at the special points of the sections, or at some of them."""
         which, (low, high) = self.which, self.chart.within[0]
         specials = [
@@ -261,7 +261,7 @@ class MapWork(Work):
 
         plane = (self.chart.first, self.chart.second, self.chart.within)
         follow_one = partial(_follow_special, *plane, self.walk, self.method)
-        for index, locus in hands.each(follow_one, [special for _, special in left], is_new):
+        for index, locus in workers.each(follow_one, [special for _, special in left], is_new):
             tried = done + index + 1
             if isinstance(locus, str):
                 self.chart = replace(self.chart, failures=(*self.chart.failures, locus), tried=tried)

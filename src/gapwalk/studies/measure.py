@@ -95,7 +95,7 @@ class Measurement:
     signal
         What of the motion a record measures.
     columns, time_scale, scale, speed_scale
-        As in `gapwalk.read_measurement`.
+        As in `gapwalk.measure.read_measurement`.
     order
         Periods of the excitation in a turn of the shaft whose speed was measured.
     period, start
@@ -137,7 +137,7 @@ class MeasuredModel(Measurement):
     title: str = field(default="", kw_only=True)
 
     def read(self, path: str | os.PathLike[str]) -> Record:
-        """Read a record in the units of the model; errors as `gapwalk.read_measurement`."""
+        """Read a record in the units of the model; errors as `gapwalk.measure.read_measurement`."""
         scales = {"time_scale": self.time_scale, "scale": self.scale, "speed_scale": self.speed_scale}
         return read_measurement(path, self.columns, **scales)
 

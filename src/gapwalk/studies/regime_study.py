@@ -251,18 +251,18 @@ class RegimeWork(CellWork):
         """Number of chunks."""
         return len(self.places)
 
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
         """Judge the cells of some chunks."""
         pieces = [(number, self.values[self.places[number]]) for number in numbers]
         judge_one = partial(_judge_piece, self.system, self.asked.names, self.start, self.asked.judging)
-        return hands.each(judge_one, pieces, in_order=False)
+        return workers.each(judge_one, pieces, in_order=False)
 
     def note(self, chunk: RegimeChunk) -> None:
         """Enter the verdicts of a chunk."""
         for whole, part in zip(self.verdicts, chunk.verdicts, strict=True):
             whole[self.places[chunk.number]] = part
 
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Classify the motions of random cells with the exact flow, from where they have come to."""
         regimes, periods = self.verdicts.regimes.ravel(), self.verdicts.periods.ravel()
         decided = np.flatnonzero(np.isin(regimes, (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC)))
@@ -271,7 +271,7 @@ class RegimeWork(CellWork):
         systems = [_system_at(self.system, self.asked.names, pair) for pair in self.values.reshape(-1, 2)[chosen]]
         states = self.verdicts.states.reshape(len(regimes), -1)[chosen]
         jobs = [list(zip(systems, states, strict=True))[k : k + _CHECKED] for k in range(0, len(chosen), _CHECKED)]
-        exact = [found for _, some in hands.each(_classify_some, jobs) for found in some]
+        exact = [found for _, some in workers.each(_classify_some, jobs) for found in some]
         mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
         both = zip(systems, mine, exact, strict=True)
         sentences = []
@@ -351,7 +351,7 @@ def regimes(
     *,
     start: str | Sequence[float] = "rest",
     options: RegimeMapOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
@@ -373,9 +373,9 @@ def regimes(
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
         How the map is made; its ``carry`` says where motions start.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
@@ -407,4 +407,4 @@ def regimes(
         resolution=check_resolution(resolution),
         start=state,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -102,7 +102,7 @@ class ResponseWork(Work):
             raise ValueError("it holds nothing, or a part of the walk is missing")
         self._moments = list(moments.values())
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""
         if self._start is None:
             self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)

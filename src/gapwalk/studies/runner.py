@@ -13,7 +13,7 @@ from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.parallel.work_chunks import Pace
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
 from gapwalk.results.versions import versions
@@ -78,7 +78,7 @@ def call(
     work: AnyWork,
     system: System,
     *,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> AnyWork:
@@ -90,8 +90,8 @@ def call(
         What is asked for, of a kind of study where there is a file, and the work.
     system
         The system, as the file keeps it.
-    hands
-        Who does the work; by default as many local processes as `asked` says.
+    workers
+        Number of local processes, or workers that were started before; by default as `asked` says.
     report
         Called with what is new, once it is in the file.
     output
@@ -110,7 +110,7 @@ def call(
             with reading(output) as parts:
                 _take(work, parts, system)
         if not work.complete:
-            finished, _ = _carry_out(work, asked, hands, lambda: request_file(request, output, before), report)
+            finished, _ = _carry_out(work, asked, workers, lambda: request_file(request, output, before), report)
             if not finished:
                 raise Interrupted(work.record) from None
     return work
@@ -123,7 +123,7 @@ def _take(work: Work, parts: Parts, system: System) -> None:
 
 
 def _carry_out(
-    work: Work, asked: Any, hands: Workers | None, opened: Callable[[], Keeper], report: Report | None
+    work: Work, asked: Any, workers: Workers | int | None, opened: Callable[[], Keeper], report: Report | None
 ) -> tuple[bool, bool]:
     """Do what is left, and keep and report it part by part.
 
@@ -142,9 +142,8 @@ def _carry_out(
         file: Keeper | None = None
         try:
             # this process does the work where the options say nothing of others
-            count = getattr(asked, "workers", 1)
-            own = workers(count) if hands is None else nullcontext(hands)
-            with own as executor, closing(work.parts(executor)) as parts:
+            count = getattr(asked, "workers", 1) if workers is None else workers
+            with local_workers(count) as executor, closing(work.parts(executor)) as parts:
                 for found in parts:
                     file = file or stack.enter_context(opened())
                     if found.entries:

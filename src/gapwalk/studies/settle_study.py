@@ -224,7 +224,7 @@ class SettleWork(Work):
             raise ValueError("the motion does not belong to the study")
         self._found = found
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find it: one part."""
         asked = self.asked
         settled = settle(self.system, asked.start, asked)

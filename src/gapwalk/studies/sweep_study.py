@@ -240,11 +240,11 @@ class SweepWork(Work):
                 raise ModelError(f"segment {number} of lane {lane} has another size than those of this sweep")
             self._keep(segment)
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Yield the segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
         tasks = self._first_tasks()
         try:
-            for _, segment in hands.each(sweep_stretch, tasks, in_order=False):
+            for _, segment in workers.each(sweep_stretch, tasks, in_order=False):
                 self._keep(segment)
                 if self.lanes[segment.lane].is_carried:
                     tasks.extend(self._next_task(segment.lane, segment.number))
@@ -327,7 +327,7 @@ def sweep(
     to: tuple[float, float],
     *,
     options: SweepOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Sweep:
@@ -344,9 +344,9 @@ def sweep(
         Name of the parameter, and the range.
     options
         How it is driven.
-    hands
+    workers
         Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`. The result does not depend on it.
     report
         Called with each segment of values when it is done, and is in the file.
     output
@@ -368,4 +368,4 @@ def sweep(
     low, high = sorted((float(to[0]), float(to[1])))
     asked = SweepStudy(parameter, low, high, **values_of(options or SweepOptions()))
     work = asked.work(system)
-    return call(asked, work, asked.first_system(system), hands=hands, report=report, output=output).record
+    return call(asked, work, asked.first_system(system), workers=workers, report=report, output=output).record

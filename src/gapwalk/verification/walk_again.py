@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = self._determined(corrector.equation, orbit)
+        known = self._determined(cast("OrbitEquation", corrector.equation), orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]

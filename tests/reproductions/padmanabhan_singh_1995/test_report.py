@@ -14,7 +14,7 @@ RUN = gw.run
 
 
 def done(jobs, folder: Path, **options):
-    with gw.workers(1) as workers:
+    with gw.parallel.local_workers(1) as workers:
         return compute(jobs, folder, workers, **options)
 
 
@@ -95,7 +95,7 @@ def test_a_folder_that_cannot_be_made(tmp_path) -> None:
 
 @pytest.mark.slow
 def test_other_processes_do_the_same(tmp_path) -> None:
-    with gw.workers(2) as workers:
+    with gw.parallel.local_workers(2) as workers:
         results, failures = compute([JOB, JOBS["18"]], tmp_path, workers)
     assert {key: result.system.frequency for key, result in results.items()} == {"17": FREQUENCY, "18": 0.634}
     assert not failures
