@@ -87,7 +87,6 @@ def samples() -> dict[str, Any]:
         "locus": locus,
         "locus point": locus.points[0],
         "motion": orbit.motion(),
-        "survey": orbit.survey,
         "modes": gw.find_modes(system),
         "rest": gw.find_equilibria(system),
         "hysteresis": gw.analysis.hysteresis(system, 1.5, "stage2"),
@@ -97,7 +96,7 @@ def samples() -> dict[str, Any]:
 
 
 MODELS = ("system", "contact", "contact with a list of stages", "harmonic", "train", "plane", "end")
-WALKED = ("orbit", "balanced orbit", "point", "special point", "branch", "locus", "locus point", "motion", "survey")
+WALKED = ("orbit", "balanced orbit", "point", "special point", "branch", "locus", "locus point", "motion")
 FOUND = (*WALKED, "modes", "rest", "hysteresis", "spectrum", "settled")
 
 

@@ -2,7 +2,7 @@
 
 Functions: `register`.
 
-Classes: `Balance`, `Evaluation`, `Method`, `OrbitEquation`, `Shooting`.
+Classes: `Balance`, `Evaluation`, `Method`, `OrbitEquation`, `ParameterLine`, `Shooting`.
 """
 
 from gapwalk.lazy_names import lazy_names
