@@ -63,7 +63,7 @@ def test_an_impossible_way_is_refused(to, message) -> None:
 
 
 def test_a_way_does_not_begin_on_another() -> None:
-    with pytest.raises(ModelError, match="is on a way already"):
+    with pytest.raises(ModelError, match="already has a parameter path"):
         on_the_way(on_the_way(clutch(), TO), TO)
 
 

@@ -197,4 +197,5 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         grazes = sum(each.kind is Kind.GRAZING and each.contact == name for each in special)
         change = abs(then - now)
         if change > grazes or (grazes - change) % 2:
-            yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"
+            times = f"{now} times per period before this step, {then} times after it"
+            yield f"{name} closes {times}, and grazes {grazes} times in it"

@@ -135,12 +135,12 @@ class Events:
             loop.call_soon_threadsafe(self._wake)
 
     def join(self) -> asyncio.Event:
-        """Take a place for one more page, at once, so that pages that come together do not exceed the limit.
+        """Reserve a connection for one more page, at once, so that pages that connect together do not exceed the limit.
 
         Raises
         ------
         ModelError
-            If all places are taken.
+            If all connections are taken.
         """
         if len(self._pages) >= _PAGES:
             raise ModelError(f"{_PAGES} pages are open on this server; close some of them")

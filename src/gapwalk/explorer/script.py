@@ -105,7 +105,7 @@ class _Script:
         return f"{entry.path.parent.name}/{entry.path.name}"
 
     def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
-        """Return lines for the branches of a result; of a map its loci follow, as on the page."""
+        """Return lines of the script that name the branches of a result and, for a map, its loci after them."""
         if entry.result is None or entry.result.map is None:
             return [f"{name} = {result}.branches", ""]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]

@@ -290,7 +290,7 @@ def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
 
 @contextmanager
 def on_cores(count: int | None = None) -> Iterator[Workers]:
-    """Have all work of a while done by the same local processes, so that each starts once.
+    """Use the same local processes for all work inside the `with` block, so that each starts only once.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def on_cores(count: int | None = None) -> Iterator[Workers]:
 
 @contextmanager
 def on_cluster(scheduler: str) -> Iterator[Workers]:
-    """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
+    """Use the workers of a Dask cluster for all work inside the `with` block; see `docs/cluster.md`.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ def _hired(executor: Executor) -> Iterator[Workers]:
 
 @contextmanager
 def _for_all(workers: Workers) -> Iterator[None]:
-    """Have these workers do all work of a while."""
+    """Use these workers for all work inside the `with` block."""
     token = _around.set(workers)
     try:
         yield

@@ -376,9 +376,9 @@ def stored_diagram(parts: Parts) -> DiagramState:
     for number, member in parts.all(BRANCH):
         known = {each.name: len(each.branch.special_points) for each in members}
         if number != len(members) or member.name in known:
-            raise ValueError(f"branch {member.name:.60} has no place in the tree")
+            raise ValueError(f"branch {member.name:.60} is out of order in the file, or is stored twice")
         if any(not 0 <= origin.special < known.get(origin.parent, 0) for origin in member.origins):
-            raise ValueError(f"branch {member.name} begins or ends nowhere")
+            raise ValueError(f"branch {member.name} begins or ends at a special point that is not in the file")
         members.append(member)
     state = parts.one(STATE)
     diagram = replace(state.diagram, members=tuple(members), search=parts.get(SEARCH))

@@ -44,7 +44,7 @@ class Call:
     system
         The system, as at the beginning of such a study.
     options
-        What is asked for.
+        The request: the options of a study, or those of the function.
     """
 
     system: System

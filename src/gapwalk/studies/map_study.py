@@ -315,7 +315,7 @@ def _follow_section(
 def _follow_special(
     first: str, second: str, within: Ranges, walk: WalkOptions | None, method: Method | None, special: SpecialPoint
 ) -> Locus | str:
-    """Follow the locus of a special point; a sentence instead if that cannot be done."""
+    """Follow the locus of a special point; return a sentence that says why if it cannot be followed."""
     try:
         return follow_locus(special, first, second, within, walk=walk, method=method)
     except NumericalError as error:

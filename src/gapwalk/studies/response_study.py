@@ -1,8 +1,7 @@
 """The study of a response: one branch of periodic orbits over one parameter, from its first orbit on.
 
-The points of a moment are one part of its file, together with the state of the walk after them. So a run that is killed
-is resumed as if nothing had happened; and thousands of small parts would take longer to write than their points to
-compute.
+Points are written in batches, each with the state of the walk after it, so that a killed run resumes from the last one.
+To write each point alone would take longer than to compute it.
 """
 
 from __future__ import annotations

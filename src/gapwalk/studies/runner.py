@@ -87,7 +87,7 @@ def call(
     Parameters
     ----------
     asked, work
-        What is asked for, of a kind of study where there is a file, and the work.
+        The request, which is a kind of study where there is a file, and the work.
     system
         The system, as the file keeps it.
     workers
