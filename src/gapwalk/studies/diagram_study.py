@@ -406,6 +406,7 @@ def diagram(
     options: DiagramOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Diagram:
@@ -424,6 +425,9 @@ def diagram(
         Where the first branch starts: an orbit, or as in `find_orbit`.
     options, walk, method
         How far the diagram goes; options of the walk and of the method.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each branch as it is accepted.
     resume
@@ -442,7 +446,7 @@ def diagram(
     work = DiagramWork(
         orbit.system, resume or empty_diagram(parameter, to), options or DiagramOptions(), walk, method, lambda: orbit
     )
-    return call(work.options, work, orbit.system, report=report).record
+    return call(work.options, work, orbit.system, workers=workers, report=report).record
 
 
 def find_others(
@@ -454,6 +458,7 @@ def find_others(
     options: DiagramOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Diagram:
@@ -471,7 +476,7 @@ def find_others(
         Branches along this parameter that have been followed already. They do not become part of the diagram.
     options
         How far it goes; `search_values` are where it searches, by default 60 values.
-    walk, method, report, resume
+    walk, method, workers, report, resume
         As in `diagram`.
 
     Raises
@@ -487,4 +492,4 @@ def find_others(
     for bound in to:
         system.at({parameter: bound})
     work = DiagramWork(system, resume or empty_diagram(parameter, to), options, walk, method, apart=known)
-    return call(options, work, system, report=report).record
+    return call(options, work, system, workers=workers, report=report).record

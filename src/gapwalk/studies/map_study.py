@@ -355,6 +355,7 @@ def bifurcation_map(
     options: MapOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     resume: Map | None = None,
 ) -> Map:
@@ -376,6 +377,9 @@ def bifurcation_map(
         its range, and at the upper end otherwise.
     options, walk, method
         What the map shows; options of the walks and of the method.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each section and each locus as it is accepted.
     resume
@@ -395,4 +399,4 @@ def bifurcation_map(
     options = options or MapOptions()
     work = MapWork(system, first, second, to, options, start, period, walk, method)
     work.chart = resume or work.chart
-    return call(options, work, system, report=report).record
+    return call(options, work, system, workers=workers, report=report).record
