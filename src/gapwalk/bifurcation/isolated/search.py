@@ -191,7 +191,7 @@ def search(
     options
         Options of the search.
     workers
-        Executor of the work; by default this process alone. ``with gapwalk.parallel.workers.workers() as workers:``
+        Executor of the work; by default this process alone. ``with gw.parallel.local_workers() as workers:``
         uses all local cores. The result does not depend on it.
     report
         Called after each piece of work.
