@@ -216,7 +216,7 @@ def test_a_log_has_a_line_now_and_then(monkeypatch, capsys) -> None:
     assert not sys.stderr.isatty()
     with lines.progress_of(study_of().options, "mine") as progress:
         time.sleep(0.3)
-        progress._line.update("mine", "sections 1 of 1  loci 0")
+        progress.update("mine", "sections 1 of 1  loci 0")
         time.sleep(0.3)
     found = capsys.readouterr().err.splitlines()
     assert found[0] == "mine first section  0 s"

@@ -187,13 +187,14 @@ def test_a_coupled_train_is_stored_and_given_other_numbers() -> None:
 
 
 def test_units_leave_a_slip_as_it_is() -> None:
-    parts: Any = gw  # quantities with units are texts
+    base: Any = gw  # quantities with units are texts
+    parts: Any = gw.train
     train = parts.Train(
         [parts.Inertia("engine", f"{ENGINE} kg m^2"), parts.Inertia("driven", f"{DRIVEN} kg m^2")],
         [parts.Shaft("oil", ("engine", "driven"), damping=f"{DRAG * np.pi / 180.0} N m s/deg")],
         mean={"engine": f"{TORQUE} N m"},
         reaction="driven",
-        harmonics=[parts.Harmonic(f"{SIZE} N m", {"engine": 1.0}, phase="0.3 rad")],
+        harmonics=[base.Harmonic(f"{SIZE} N m", {"engine": 1.0}, phase="0.3 rad")],
         frequency=f"{W} rad/s",
     )
     torque = gw.find_orbit(train.system()).motion(64).signal("oil.torque")
