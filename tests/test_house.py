@@ -56,7 +56,11 @@ ROOT_NAMES = ("__version__",)
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
-    ("attractors/contrast.py", "plot", "plot"): "contrast.plot() is a convenience; comparing motions never draws",
+    (
+        "attractors/compare_motions.py",
+        "plot",
+        "plot",
+    ): "contrast.plot() is a convenience; comparing motions never draws",
     ("attractors/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
     ("attractors/attractor.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractors/spectrum.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",

@@ -35,7 +35,7 @@ from .bifurcation.kinds import Event as Event
 from .bifurcation.kinds import Kind as Kind
 from .bifurcation.loci import Locus as Locus
 from .bifurcation.loci import follow_locus as follow_locus
-from .continuation.walk_options import WalkOptions as WalkOptions
+from .continuation.step_size import WalkOptions as WalkOptions
 from .explorer.saved_page import save_html as save_html
 from .flow.motion import integrate as integrate
 from .model.contact import Contact as Contact
@@ -43,8 +43,8 @@ from .model.contact import Side as Side
 from .model.contact import Stage as Stage
 from .model.contact import backlash as backlash
 from .model.contact import stop as stop
-from .model.damping import ModalDamping as ModalDamping
-from .model.damping import ProportionalDamping as ProportionalDamping
+from .model.damping_matrix import ModalDamping as ModalDamping
+from .model.damping_matrix import ProportionalDamping as ProportionalDamping
 from .model.equilibria import find_equilibria as find_equilibria
 from .model.loads import Harmonic as Harmonic
 from .model.modes import find_modes as find_modes
@@ -65,10 +65,10 @@ from .studies.export import save_tables as save_tables
 from .studies.family import Family as Family
 from .studies.family_joining import FamilyOptions as FamilyOptions
 from .studies.family_study import family as family
-from .studies.load import load as load
 from .studies.map import Map as Map
 from .studies.map import MapOptions as MapOptions
 from .studies.map_study import bifurcation_map as bifurcation_map
+from .studies.read_result import load as load
 from .studies.regime_study import RegimeMapOptions as RegimeMapOptions
 from .studies.regime_study import regimes as regimes
 from .studies.result import Result as Result

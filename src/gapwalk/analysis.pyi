@@ -1,11 +1,11 @@
 """Public names of `gapwalk.analysis`; see `gapwalk.lazy_names`."""
 
 from .attractors.attractor_catalogue import match as match
-from .attractors.contrast import Agreement as Agreement
-from .attractors.contrast import Contrast as Contrast
-from .attractors.contrast import LinePair as LinePair
-from .attractors.contrast import SignalPair as SignalPair
-from .attractors.contrast import contrast as contrast
+from .attractors.compare_motions import Agreement as Agreement
+from .attractors.compare_motions import Contrast as Contrast
+from .attractors.compare_motions import LinePair as LinePair
+from .attractors.compare_motions import SignalPair as SignalPair
+from .attractors.compare_motions import contrast as contrast
 from .attractors.lyapunov import Lyapunov as Lyapunov
 from .attractors.lyapunov import LyapunovOptions as LyapunovOptions
 from .attractors.lyapunov import lyapunov as lyapunov

@@ -7,9 +7,9 @@ from .model.laws import Law as Law
 from .model.laws import Stages as Stages
 from .model.laws import StageTerms as StageTerms
 from .model.laws import register as register
-from .model.laws.springs import Elastic as Elastic
-from .model.laws.springs import HuntCrossley as HuntCrossley
-from .model.laws.springs import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
-from .model.laws.springs import Viscous as Viscous
+from .model.laws.contact_laws import Elastic as Elastic
+from .model.laws.contact_laws import HuntCrossley as HuntCrossley
+from .model.laws.contact_laws import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
+from .model.laws.contact_laws import Viscous as Viscous
 from .model.parameter import Parameter as Parameter
 from .model.units import QuantityKind as QuantityKind

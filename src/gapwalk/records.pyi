@@ -25,9 +25,9 @@ from .bifurcation.loci import LocusPoint as LocusPoint
 from .continuation.branch_point import BranchPoint as BranchPoint
 from .continuation.walk import End as End
 from .continuation.walk import EndReason as EndReason
+from .flow.contact_events import ContactEvent as ContactEvent
 from .flow.motion import ContactRecord as ContactRecord
 from .flow.motion import Motion as Motion
-from .flow.switching import ContactEvent as ContactEvent
 from .model.equilibria import ContactRest as ContactRest
 from .model.equilibria import Equilibrium as Equilibrium
 from .model.equilibria import Rest as Rest

@@ -4,4 +4,4 @@ from .bifurcation.kinds import Event as Event
 from .bifurcation.kinds import Kind as Kind
 from .bifurcation.kinds import Symbol as Symbol
 from .bifurcation.kinds import register as register
-from .bifurcation.kinds.condition import Criticality as Criticality
+from .bifurcation.kinds.defining_functions import Criticality as Criticality

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.contrast import agreement, lines_of, orders_of
+from gapwalk.attractors.compare_motions import agreement, lines_of, orders_of
 from gapwalk.errors import ModelError
 from tests.systems import clutch, linear
 

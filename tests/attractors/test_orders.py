@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.attractors import contrast as agreement
+from gapwalk.attractors import compare_motions as agreement
 from gapwalk.attractors.spectrum import line_name
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw

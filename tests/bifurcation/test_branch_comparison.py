@@ -7,7 +7,7 @@ import pytest
 
 from gapwalk import Balance, Contact, Harmonic, Kind, Stage, System, WalkOptions, compare, find_orbit, follow
 from gapwalk.bifurcation.branch_start import switch
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.paper import case

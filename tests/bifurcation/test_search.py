@@ -17,7 +17,7 @@ from gapwalk.bifurcation.isolated import (
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
 from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import Flow

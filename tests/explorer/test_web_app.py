@@ -15,9 +15,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import Quantities
-from gapwalk.explorer.events import Events
 from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.panels import Flows, SupersededError
+from gapwalk.explorer.motion_panels import Flows, SupersededError
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.session import Session, exploration_progress
 from tests.explorer.conftest import CLUTCH, STOP, about, wait
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import pytest
 
 import gapwalk as gw
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.explorer.plan import method_of

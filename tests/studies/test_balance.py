@@ -18,8 +18,8 @@ from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.document import result_document
 from gapwalk.studies.export import table_of
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.results.tampering import change_sealed

@@ -16,7 +16,7 @@ from gapwalk.paper import case
 from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.studies.basin_study import basins
 from gapwalk.studies.basin_work import BasinOptions, BasinWork, basin_shares
-from gapwalk.studies.load import load_result
+from gapwalk.studies.read_result import load_result
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
 from tests.systems import linear

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.clutch import ScipyClutch
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation import EndReason
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of

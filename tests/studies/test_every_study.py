@@ -13,10 +13,10 @@ from gapwalk.cli import main
 from gapwalk.errors import StoreError
 from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import kinds
 from gapwalk.studies.regime_study import Carry
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import kinds
 from tests import models
 from tests.interruption import until_ctrl_c
 from tests.results.again import again

@@ -11,8 +11,8 @@ from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.export import export_csv
 from gapwalk.studies.family_study import FamilyStudy
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.studies.families import MODEL, second_resonance, study_of

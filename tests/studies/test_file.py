@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source

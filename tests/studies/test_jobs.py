@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.load import check_claim
+from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.study_file import check_study
 from tests.studies.jobs import BASINS, HEAD, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.studies.killing import killed_after

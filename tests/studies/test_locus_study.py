@@ -15,11 +15,11 @@ from gapwalk.cli import progress as lines
 from gapwalk.errors import ModelError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map import Which
 from gapwalk.studies.study_file import check_study
-from gapwalk.studies.units import without_units
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.without_units import without_units
 from tests.results.again import again
 
 SYSTEM = """\

@@ -5,8 +5,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.study_file import Study, check_study
+from gapwalk.studies.study_kind import StudyKind
 from tests.results.again import again
 
 SYSTEM = """\

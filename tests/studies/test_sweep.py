@@ -19,8 +19,8 @@ from gapwalk.parallel.work_chunks import Pace
 from gapwalk.parallel.workers import local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments
-from gapwalk.studies.kind import values_of
-from gapwalk.studies.load import REQUEST, load_result, request_file
+from gapwalk.studies.read_result import REQUEST, load_result, request_file
+from gapwalk.studies.study_kind import values_of
 from gapwalk.studies.sweep import BLOCK, Patience, SweepSegment, Way
 from gapwalk.studies.sweep_study import STRETCH, SweepStudy
 from tests.interruption import until_ctrl_c

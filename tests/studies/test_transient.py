@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gapwalk.attractors.convergence import has_settled
+from gapwalk.attractors.settling_judge import has_settled
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of

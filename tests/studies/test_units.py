@@ -13,7 +13,7 @@ from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.studies.document import result_document
 from gapwalk.studies.export import export_csv
-from gapwalk.studies.units import without_units
+from gapwalk.studies.without_units import without_units
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
 

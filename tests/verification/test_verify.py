@@ -16,7 +16,7 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
-from gapwalk.studies.load import request_file
+from gapwalk.studies.read_result import request_file
 from gapwalk.studies.response_study import MOMENT, START, Moment
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite
-from gapwalk.continuation.walk_options import Range, check_range
-from gapwalk.continuation.walk_scales import scales_of, with_natural_change
+from gapwalk.continuation.walk_scales import Range, check_range, scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen

@@ -15,7 +15,7 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.isolated import SearchResult
-from gapwalk.bifurcation.membership import meets, parent_flip
+from gapwalk.bifurcation.orbit_on_branch import meets, parent_flip
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown

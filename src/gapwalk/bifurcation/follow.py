@@ -9,11 +9,11 @@ from dataclasses import replace
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
-from gapwalk.bifurcation.kinds.event import Event, check_events
+from gapwalk.bifurcation.kinds.user_event import Event, check_events
+from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.tracing import Tracing, TracingState, in_one_direction
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method, chosen

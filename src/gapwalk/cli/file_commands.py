@@ -68,7 +68,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
 def show_result(path: Path, *, points: bool, json: bool) -> int:
     """Show the contents of a result file; special points of a diagram or a map only if requested."""
     from gapwalk.cli.run_command import show_heading
-    from gapwalk.studies.load import load_result
+    from gapwalk.studies.read_result import load_result
 
     result = load_result(path)
     if json:
@@ -91,7 +91,7 @@ def export_result(
 ) -> int:
     """Write the tables or the picture of a result, or a page with its motions."""
     from gapwalk.studies.export import export_csv
-    from gapwalk.studies.load import load_result
+    from gapwalk.studies.read_result import load_result
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
     if form not in ("csv", "html", *_PICTURES):

@@ -19,8 +19,8 @@ from gapwalk.cli.output import console, printable
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.map import Map, MapSection
+from gapwalk.studies.study_kind import StudyKind
 
 _FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 

@@ -33,11 +33,11 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.changes import parse_changes
 from gapwalk.studies.export import save_tables
-from gapwalk.studies.kind import found_by
-from gapwalk.studies.load import check_claim
+from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.result import Result
 from gapwalk.studies.runner import run
 from gapwalk.studies.study_file import Study, read_studies
+from gapwalk.studies.study_kind import found_by
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
 
@@ -59,7 +59,7 @@ def run_file(
     """
     studies = chosen(read_studies(file, parse_changes(changes)), names, file)
     if plain:
-        from gapwalk.studies.units import without_units  # imported late: it needs the options of all kinds
+        from gapwalk.studies.without_units import without_units  # imported late: it needs the options of all kinds
 
         studies = [without_units(study) for study in studies]
     alone = len(studies) == 1

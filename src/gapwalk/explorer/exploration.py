@@ -17,16 +17,16 @@ from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
-from gapwalk.explorer.events import Progress
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
+from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
 from gapwalk.model.model_file import matrix_paths
 from gapwalk.model.model_source import read_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
-from gapwalk.studies.load import load_result
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.read_result import load_result
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study, check_studies
 

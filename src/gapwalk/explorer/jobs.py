@@ -17,8 +17,8 @@ from multiprocessing import get_context
 from typing import Any
 
 from gapwalk.errors import GapwalkError, ModelError, WorkError
-from gapwalk.explorer.events import Progress
 from gapwalk.explorer.exploration import Entry, Exploration, State
+from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task, do
 from gapwalk.parallel.processes import undisturbed
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.continuation.walk_options import check_range
+from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
 from gapwalk.model.system import System

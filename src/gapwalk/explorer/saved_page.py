@@ -24,7 +24,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import Node, measure_name, nodes_of, quantity, quantity_words, special_words
-from gapwalk.explorer.panels import panels_of
+from gapwalk.explorer.motion_panels import panels_of
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure

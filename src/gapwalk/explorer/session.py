@@ -9,11 +9,11 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import measure_name, quantity_words
-from gapwalk.explorer.events import Events
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
-from gapwalk.explorer.panels import Flows
+from gapwalk.explorer.motion_panels import Flows
 from gapwalk.explorer.plan import read_action
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System

@@ -21,9 +21,9 @@ from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, labels, quantity
-from gapwalk.explorer.events import Events
-from gapwalk.explorer.panels import SupersededError, check_signal, details_of, panels_of
+from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
 from gapwalk.explorer.plan import Place, orbit_at
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.request_guard import Guard, TooLargeError
 from gapwalk.explorer.script import script_of
 from gapwalk.explorer.session import Session

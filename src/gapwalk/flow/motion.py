@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.problems import did_you_mean

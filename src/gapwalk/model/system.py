@@ -12,7 +12,7 @@ from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
-from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units

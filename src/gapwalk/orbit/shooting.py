@@ -17,8 +17,8 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers

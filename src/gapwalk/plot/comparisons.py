@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.attractors.contrast import Contrast, LinePair, SignalPair
+from gapwalk.attractors.compare_motions import Contrast, LinePair, SignalPair
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment

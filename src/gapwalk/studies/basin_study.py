@@ -20,8 +20,8 @@ from gapwalk.results.result_file import Part
 from gapwalk.studies.basin_work import BasinOptions, BasinWork
 from gapwalk.studies.cell_work import CellFinding
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.kind import Rows, StudyKind, values_of
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
 from gapwalk.summary import Table
 

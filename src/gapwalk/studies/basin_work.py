@@ -25,8 +25,8 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork
-from gapwalk.studies.kinds import Counted, check_integers
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_registry import Counted, check_integers
 
 CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""

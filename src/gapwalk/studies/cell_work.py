@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Finding, Found, Work
+from gapwalk.studies.study_kind import Finding, Found, Work
 
 
 class CellWork(Work):

@@ -21,8 +21,8 @@ from pydantic import Field as Key
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.model.schema import Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import INLINE, OPEN, kind_of, kinds
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import INLINE, OPEN, kind_of, kinds
 from gapwalk.studies.tables import StudyPart
 
 _SCALARS: dict[Any, Any] = {

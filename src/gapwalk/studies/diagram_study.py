@@ -17,8 +17,8 @@ from gapwalk.bifurcation.branch_start import directions, start_branch, switch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.isolated import Progress, SearchOptions, SearchResult, coverage, search
-from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
@@ -27,10 +27,10 @@ from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Found, Work, found_by
-from gapwalk.studies.kinds import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
 from gapwalk.studies.runner import call
+from gapwalk.studies.study_kind import Found, Work, found_by
+from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 
 if TYPE_CHECKING:
     from typing import Self

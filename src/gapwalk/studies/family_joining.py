@@ -20,7 +20,7 @@ from gapwalk.bifurcation.loci.locus import LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import Secant, zero_along
 from gapwalk.bifurcation.loci.locus_start import start_locus
 from gapwalk.continuation.corrector import Correction
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.parameter_path import WAY, on_the_way
@@ -31,8 +31,8 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.family import TURN, Connection, Family, Fate, Member, Passage, Place
-from gapwalk.studies.kind import Finding, Found, Work
-from gapwalk.studies.kinds import Counted, check_integers
+from gapwalk.studies.study_kind import Finding, Found, Work
+from gapwalk.studies.study_registry import Counted, check_integers
 
 if TYPE_CHECKING:
     from gapwalk.studies.family_study import FamilyStudy

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import directions
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
@@ -29,9 +29,9 @@ from gapwalk.studies.columns import parameter_headings, point_row, table_rows
 from gapwalk.studies.document import branch_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
 from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
-from gapwalk.studies.kind import Finding, Rows, values_of
 from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Rows, values_of
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import Table
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, ValidationInfo
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Locus, follow_locus
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.problems import given
@@ -30,10 +30,10 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derive import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
-from gapwalk.studies.kind import Found, Work
 from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
 from gapwalk.studies.runner import call
+from gapwalk.studies.study_kind import Found, Work
 from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
 
 if TYPE_CHECKING:

@@ -26,8 +26,8 @@ from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.changes import leaves_of
 from gapwalk.studies.derive import given_of, table_schema
-from gapwalk.studies.kind import Rows, plain_numbers, values_of
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
 from gapwalk.summary import Described, Table, remarks
 

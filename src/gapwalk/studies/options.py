@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, Val
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.isolated import SearchOptions
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import one_of
@@ -23,8 +23,8 @@ from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.studies.derive import key_type, table_schema
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import INLINE, OPEN
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import INLINE, OPEN
 from gapwalk.studies.tables import (
     WITH_UNIT,
     CountOrValues,

@@ -27,10 +27,10 @@ from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.kind import Rows, plain_numbers, values_of
-from gapwalk.studies.kinds import INLINE, Counted, check_integers
 from gapwalk.studies.options import RangeStudy, Second, SecondParameter
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
 from gapwalk.summary import Table
 

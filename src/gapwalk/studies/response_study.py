@@ -30,8 +30,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import checked
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Found, Work
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_kind import Found, Work
 
 _SECONDS = 0.1  # between two moments that are written
 _POINTS = 500  # at most in one of them

@@ -17,10 +17,10 @@ from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, parameter_symbol, signal_words
 from gapwalk.notebook import Shown
 from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, point_row, special_rows, table_rows
-from gapwalk.studies.kind import Finding, StudyKind
 from gapwalk.studies.map import Map, codim2_rows, locus_rows
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_kind import Finding, StudyKind
 from gapwalk.summary import Rows, Summary, Table, Tables, remarks
 from gapwalk.verification import Verification
 

@@ -17,8 +17,7 @@ from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
 from gapwalk.results.versions import versions
-from gapwalk.studies.kind import Work
-from gapwalk.studies.load import (
+from gapwalk.studies.read_result import (
     Call,
     Keeper,
     NoFile,
@@ -31,10 +30,11 @@ from gapwalk.studies.load import (
 )
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_kind import Work
 from gapwalk.studies.verify import with_checks, with_verification
 
 Report = Callable[..., object]
-"""Called with each part when it is done and is in the file; with what, says `gapwalk.studies.kind.Found`."""
+"""Called with each part when it is done and is in the file; with what, says `gapwalk.studies.study_kind.Found`."""
 
 AnyWork = TypeVar("AnyWork", bound=Work)
 

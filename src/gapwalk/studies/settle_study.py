@@ -28,8 +28,8 @@ from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
-from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
 from gapwalk.summary import Table
 

@@ -33,11 +33,11 @@ from gapwalk.studies.changes import (
     walked_parameters,
 )
 from gapwalk.studies.derive import DerivedPart, all_keys, study_schema
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import kind_of, kinds
 from gapwalk.studies.measure import check_measurement
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import StudyPart, Surroundings
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
-from gapwalk.studies.kinds import INLINE, Counted, check_integers
+from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 
 _MOST = 100_000_000  # states that are kept
 

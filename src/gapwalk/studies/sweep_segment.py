@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.convergence import has_settled, period_of
 from gapwalk.attractors.many_motions import BatchMotions, motions_of
 from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
 from gapwalk.attractors.regimes import Regime, regime_word
+from gapwalk.attractors.settling_judge import has_settled, period_of
 from gapwalk.errors import FlowError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model.coefficients import ParameterLine
@@ -56,7 +56,7 @@ def let_settle(
 ) -> Settled:
     """Follow the transient from a state until it has settled.
 
-    `gapwalk.attractors.convergence` judges it: its nearest returns shrink towards an orbit that is closer than the
+    `gapwalk.attractors.settling_judge` judges it: its nearest returns shrink towards an orbit that is closer than the
     tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
 
     Parameters

@@ -23,10 +23,10 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.kind import Finding, Found, Rows, Work, plain_numbers, values_of
-from gapwalk.studies.kinds import OPEN
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
 from gapwalk.studies.sweep_segment import Task, sweep_stretch
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal

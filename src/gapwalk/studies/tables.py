@@ -24,7 +24,7 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.studies.kinds import MAX_VALUES, Counted
+from gapwalk.studies.study_registry import MAX_VALUES, Counted
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""

@@ -12,11 +12,11 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.results.result_file import lock, seal_fault, write_more
 from gapwalk.studies.family import Family
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.load import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.map import Map
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.read_result import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.result import FullCheck, Result
+from gapwalk.studies.study_kind import StudyKind
 from gapwalk.verification import (
     Check,
     Ledger,

@@ -21,7 +21,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
 from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
+from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.loci.orbit_plane import STEP, OrbitPlane, Place, Turning
 from gapwalk.continuation.walk_scales import unknown_scales

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import halves_apart, is_close
-from gapwalk.bifurcation.kinds.condition import critical_pair
+from gapwalk.bifurcation.kinds.defining_functions import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.kinds.condition import Criticality
+from gapwalk.bifurcation.kinds.defining_functions import Criticality
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.orbit.orbit import Orbit

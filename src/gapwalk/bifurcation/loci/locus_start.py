@@ -22,8 +22,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.walk_options import Range
-from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names

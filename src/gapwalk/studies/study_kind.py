@@ -17,7 +17,7 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kinds import kind_of
+from gapwalk.studies.study_registry import kind_of
 from gapwalk.summary import Rows, Summary
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class StudyKind:
       which it holds: no option is written down twice.
     - `work` returns its `Work`, which yields what is found part by part. So one runner (`gapwalk.studies.runner`)
       serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
-    - A line in `gapwalk.studies.kinds`, or `gapwalk.studies.kinds.add_kind`, makes it known by its `kind`.
+    - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
     """
 
     kind: ClassVar[str]

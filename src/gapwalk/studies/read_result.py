@@ -28,10 +28,10 @@ from gapwalk.results.result_file import (
     tidy,
 )
 from gapwalk.results.versions import check_not_newer, versions
-from gapwalk.studies.kind import StudyKind, Work
 from gapwalk.studies.map import Map
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_kind import StudyKind, Work
 from gapwalk.verification import Verification
 
 

@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
-    from gapwalk.studies.kind import StudyKind
+    from gapwalk.studies.study_kind import StudyKind
 
 INLINE = "inline"
 """In ``Annotated``, marks a field whose own fields are keys of the table around it."""
