@@ -24,7 +24,6 @@ from .attractors.regimes import Regimes as Regimes
 from .attractors.settle import SettleOptions as SettleOptions
 from .attractors.settle import settle as settle
 from .bifurcation.branch import Branch as Branch
-from .bifurcation.branch import SpecialPoint as SpecialPoint
 from .bifurcation.branch_comparison import compare as compare
 from .bifurcation.diagram import Diagram as Diagram
 from .bifurcation.follow import follow as follow
@@ -35,6 +34,7 @@ from .bifurcation.kinds import Event as Event
 from .bifurcation.kinds import Kind as Kind
 from .bifurcation.loci import Locus as Locus
 from .bifurcation.loci import follow_locus as follow_locus
+from .bifurcation.special_point import SpecialPoint as SpecialPoint
 from .continuation.step_size import WalkOptions as WalkOptions
 from .explorer.saved_page import save_html as save_html
 from .flow.motion import integrate as integrate

@@ -23,7 +23,7 @@ from gapwalk.orbit.orbit import Orbit, true_period
 from gapwalk.orbit.orbit_equation import OrbitEquation, solve
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.branch import SpecialPoint
+    from gapwalk.bifurcation.special_point import SpecialPoint
 
 _MERGED = 1e-7  # relative difference between the halves of an orbit below which it has half the period
 _CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period

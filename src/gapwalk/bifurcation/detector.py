@@ -17,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint, Unexplained
+from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.branch_point import BranchPoint

@@ -6,10 +6,11 @@ import reprlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions

@@ -12,9 +12,11 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.step_size import WalkOptions

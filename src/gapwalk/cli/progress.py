@@ -12,9 +12,10 @@ from typing import Any, Self
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.cli.output import console, printable
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import parameter_symbol

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.explorer.exploration import Line
 from gapwalk.model.system import System

@@ -10,9 +10,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.studies.map import Map, MapSection

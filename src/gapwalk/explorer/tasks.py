@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.loci.follow_locus import trace_locus, traced_locus
 from gapwalk.bifurcation.loci.locus_start import start_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.explorer.progress_stream import News, Progress
 from gapwalk.results.result_file import lock
 from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram

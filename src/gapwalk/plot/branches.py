@@ -15,7 +15,8 @@ from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot import style

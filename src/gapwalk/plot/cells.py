@@ -15,8 +15,8 @@ from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from gapwalk.attractors.compare_motions import Contrast, LinePair, SignalPair
-from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit

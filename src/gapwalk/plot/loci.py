@@ -14,8 +14,9 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.model.words import full_measure, measure_words, parameter_words

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES

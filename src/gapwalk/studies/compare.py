@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_comparison import (
     SplineCurve,
     common_range,
@@ -23,6 +23,7 @@ from gapwalk.bifurcation.branch_comparison import (
     value_range,
 )
 from gapwalk.bifurcation.loci import Codim2Point, Locus
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
 from gapwalk.studies.map import Map

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import directions, start_branch, switch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.isolated import Progress, SearchOptions, SearchResult, coverage, search
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System

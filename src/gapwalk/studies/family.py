@@ -11,7 +11,9 @@ from functools import cached_property
 from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown

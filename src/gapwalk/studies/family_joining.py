@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, follow_locus
 from gapwalk.bifurcation.loci.locus import LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import Secant, zero_along
 from gapwalk.bifurcation.loci.locus_start import start_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Correction
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError

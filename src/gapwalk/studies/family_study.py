@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import directions
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Number, Text

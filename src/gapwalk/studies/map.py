@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, ValidationInfo
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Locus, follow_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.isolated import SearchOptions
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given

@@ -19,8 +19,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, start_branch
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import DetectorState
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError

@@ -10,7 +10,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.walk_scales import powers_of_two

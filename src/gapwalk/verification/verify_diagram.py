@@ -13,11 +13,12 @@ from itertools import combinations
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border, multipliers

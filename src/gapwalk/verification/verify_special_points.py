@@ -20,9 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import depth_near, describe_switch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import NumericalError

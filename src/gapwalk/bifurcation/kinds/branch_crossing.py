@@ -14,9 +14,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.branch_point import BranchPoint

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.bifurcation.branch import REACH, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, bounded_product, nearest, smallest_singular_value
+from gapwalk.bifurcation.special_point import REACH, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector

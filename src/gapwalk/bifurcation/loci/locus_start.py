@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
@@ -20,6 +19,8 @@ from gapwalk.bifurcation.loci.locus_equations import (
     onto_curve,
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk_scales import Range, powers_of_two
