@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.notebook import Shown
 from gapwalk.studies.export import table_of
 from gapwalk.summary import rows_of
+from tests.computed import paper_response
 from tests.systems import clutch
 
 
@@ -56,3 +57,15 @@ def test_records_of_gapwalk_can_be_saved(tmp_path) -> None:
     modes = gw.find_modes(clutch())
     assert [path.name for path in gw.save_tables(modes, tmp_path / "clutch")] == ["clutch-frequencies.csv"]
     assert list(modes.summary()) == [repr(modes)]
+
+
+def test_a_summary_is_printed_as_the_terminal_shows_it() -> None:
+    system = gw.paper.case("13")
+    assert str(system.summary()) == "\n".join(system.summary())
+    lines = str(gw.find_modes(system).summary()).splitlines()
+    assert lines == list(gw.find_modes(system).summary())
+    branch = paper_response("9b")
+    text = str(branch.summary())
+    assert "kind" in text.splitlines()[3]
+    assert len(text.splitlines()) > 4 + len(branch.special_points)
+    assert text == repr(branch.summary())

@@ -35,13 +35,21 @@ def lazy_names(module: str, file: str) -> tuple[Callable[[str], Any], Callable[[
         if name == "__all__":
             value: Any = sorted(homes())
         elif name.startswith("__") or name not in homes():
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+            raise AttributeError(f"module {module!r} has no attribute {name!r}{elsewhere(name)}", name=name)
         elif homes()[name] == ".":  # a module of the package
             value = import_module(f".{name}", package)
         else:
             value = getattr(import_module(homes()[name], package), name)
         setattr(sys.modules[module], name, value)
         return value
+
+    def elsewhere(name: str) -> str:
+        """Return a hint if a namespace of the module has the name."""
+        for space in () if name.startswith("_") else [each for each, home in homes().items() if home == "."]:
+            for stub in (path.parent / f"{space}.pyi", path.parent / space / "__init__.pyi"):
+                if stub.exists() and name in _homes(stub):
+                    return f"; write {module}.{space}.{name}"
+        return ""
 
     return get, lambda: sorted({*vars(sys.modules[module]), *homes()})
 

@@ -9,9 +9,9 @@ import cmath
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from functools import partial
+from functools import partial, wraps
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, ParamSpec
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,39 @@ class Tree:
     children: list[Tree] = field(default_factory=list, hash=False)
 
 
-Summary = Iterable[str | Table | Tree]
-"""A record in the words that the terminal shows: lines, tables and trees, from the top to the bottom."""
+SummaryParts = Iterable[str | Table | Tree]
+"""SummaryParts of a summary: lines, tables and trees, from the top to the bottom."""
+
+P = ParamSpec("P")
+
+
+class SummaryText(tuple[str | Table | Tree, ...]):
+    """A record in words: lines, tables and trees, from the top to the bottom. Printed, it is what the terminal shows.
+
+    Examples
+    --------
+    >>> print(branch.summary())
+    """
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        from gapwalk.terminal import text_of
+
+        return text_of(self)
+
+    __repr__ = __str__
+
+
+def summarizes(parts: Callable[P, SummaryParts]) -> Callable[P, SummaryText]:
+    """Decorate a method that yields the parts of a summary; it then returns the summary."""
+
+    @wraps(parts)
+    def summary(*arguments: P.args, **options: P.kwargs) -> SummaryText:
+        return SummaryText(parts(*arguments, **options))
+
+    return summary
+
 
 Rows = Iterable[Sequence[object]]
 """The rows of a table of numbers, the first of them the headings."""
@@ -76,9 +107,9 @@ class Described:
     """The row of the record in a table: the path of an attribute, such as ``orbit.pattern``, by each heading. By
     default the row has all fields that are numbers or texts."""
 
-    def summary(self) -> Summary:
+    def summary(self) -> SummaryText:
         """Return the record in words: lines of text, tables and trees."""
-        return (repr(self),)
+        return SummaryText((repr(self),))
 
     def tables(self) -> Tables:
         """Return the tables of the record by name.

@@ -11,6 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 import gapwalk as gw
 from tests.release.names import namespaces, public_things
 
@@ -95,3 +97,10 @@ def imported_late(scope: ModuleType) -> dict[str, object]:
         if isinstance(statement, ast.ImportFrom) and str(statement.module).startswith("gapwalk")
         for alias in statement.names
     }
+
+
+def test_a_name_of_a_namespace_is_said_to_be_there() -> None:
+    with pytest.raises(AttributeError, match=r"module 'gapwalk' has no attribute 'Train'; write gapwalk\.train\.Train"):
+        gw.Train  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match=r"no attribute 'Trains'$"):
+        gw.Trains  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]

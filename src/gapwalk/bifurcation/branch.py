@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
-from gapwalk.summary import Table
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 if TYPE_CHECKING:
     import pandas
@@ -115,7 +114,8 @@ class Branch(Shown):
         """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
-    def summary(self, points: bool = True) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self, points: bool = True) -> SummaryParts:
         """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield (

@@ -6,7 +6,6 @@ Method: docs/numerics/switching.md
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -23,7 +22,7 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Tree, remarks
+from gapwalk.summary import SummaryParts, Tree, remarks, summarizes
 
 
 @dataclass(frozen=True)
@@ -187,7 +186,8 @@ class Diagram(Shown):
             member = _tied(self, member, method)
         return replace(self, members=(*self.members, member))
 
-    def summary(self) -> Iterator[str | Tree]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the tree of the branches, the period-doubling cascades, notes and failures, for the terminal.
 
         A branch that connects two others is listed below the one on which it begins.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,6 +13,7 @@ from gapwalk.flow.length_unit import magnitude
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import SummaryParts, summarizes
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
@@ -110,7 +110,8 @@ class SpecialPoint(Shown):
             return f"{multiplier.real:+.6f}"
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
 
-    def summary(self) -> Iterator[str]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return what is known of the point, a line for each figure."""
         return (f"{name} {text}" for name, text in self.words.items() if text)
 

@@ -15,7 +15,7 @@ from gapwalk.studies.read_result import load_result
 from gapwalk.studies.result import Result
 from gapwalk.studies.runner import run
 from gapwalk.studies.study_file import read_study
-from gapwalk.summary import Summary, Table, remarks
+from gapwalk.summary import SummaryParts, Table, remarks
 
 _PICTURES = (".png", ".svg")
 _WORDS = ("first", "second")
@@ -70,7 +70,7 @@ def _result_of(text: str, changes: list[str]) -> Result:
     return result
 
 
-def _lines(found: ResultComparison, files: tuple[str, str]) -> Summary:
+def _lines(found: ResultComparison, files: tuple[str, str]) -> SummaryParts:
     """Return the common parts and the differences of two results."""
     for which, file, result in zip(_WORDS, files, found.results, strict=True):
         title = f", {result.title}" if result.title else ""
@@ -87,7 +87,7 @@ def _lines(found: ResultComparison, files: tuple[str, str]) -> Summary:
         yield from (f"only in the {which}: {name}" for name in names)
 
 
-def _pair_lines(pair: Pair, symbols: list[str], *, downwards: bool) -> Summary:
+def _pair_lines(pair: Pair, symbols: list[str], *, downwards: bool) -> SummaryParts:
     """Return the distance of a branch or a locus in both results, and the table of its special points."""
     name = pair.names[0] if pair.names[0] == pair.names[1] else " and ".join(pair.names)
     place = place_words(symbols, pair.worst)

@@ -6,11 +6,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from gapwalk.cli.output import DONE, FAILED, console, print_json, printable, show, show_files, show_title
+from gapwalk.cli.output import DONE, FAILED, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
 from gapwalk.studies.changes import parse_changes
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.measure import measure, read_measured_model
+from gapwalk.terminal import printable
 
 _PICTURES = (".png", ".svg")
 

@@ -10,13 +10,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table as RichTable
-from rich.tree import Tree as RichTree
 
 from gapwalk.errors import GapwalkError, NumericalError
-from gapwalk.summary import Summary, Table, Tree
+from gapwalk.summary import SummaryParts
+from gapwalk.terminal import printable, render
 
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
 _WIDTH = 1000  # of text to a file or a pipe, where tables are not folded
@@ -35,16 +33,9 @@ def console(*, stderr: bool = False) -> Console:
     return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width)
 
 
-def show(summary: Summary, screen: Console | None = None) -> None:
+def show(summary: SummaryParts, screen: Console | None = None) -> None:
     """Print the summary of a record."""
-    screen = screen or console()
-    for part in summary:
-        if isinstance(part, Table):
-            screen.print(_rich_table(part))
-        elif isinstance(part, Tree):
-            screen.print(_rich_tree(part))
-        else:
-            screen.print(printable(part), soft_wrap=True)
+    render(summary, screen or console())
 
 
 def show_files(files: Iterable[Path | str], screen: Console | None = None) -> None:
@@ -56,23 +47,6 @@ def show_title(title: str, screen: Console) -> None:
     """Print the title of a study or a model, if it has one, in bold letters."""
     if title:
         screen.print(printable(title), style="bold", soft_wrap=True)
-
-
-def _rich_table(table: Table) -> RichTable:
-    made = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading, is_right in table.columns:
-        made.add_column(printable(heading), justify="right" if is_right else "left")
-    for number, row in enumerate(table.rows):
-        made.add_row(*map(printable, row), end_section=number in table.groups)
-    return made
-
-
-def _rich_tree(tree: Tree, above: RichTree | None = None) -> RichTree:
-    label = printable(tree.label)
-    made = RichTree(label, guide_style="dim") if above is None else above.add(label)
-    for child in tree.children:
-        _rich_tree(child, made)
-    return made
 
 
 def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:
@@ -127,11 +101,6 @@ def report_error(error: Exception, *, json: bool = False, debug: bool = False) -
 def print_json(document: object) -> None:
     """Print the JSON document of a command."""
     print(json_format.dumps(document, allow_nan=False))
-
-
-def printable(text: str) -> str:
-    """Make a text from a file safe for a terminal."""
-    return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
 
 
 def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:

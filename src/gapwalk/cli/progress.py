@@ -16,12 +16,13 @@ from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.cli.output import console, printable
+from gapwalk.cli.output import console
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
 from gapwalk.studies.map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
+from gapwalk.terminal import printable
 
 _FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 

@@ -17,6 +17,7 @@ from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units
 from gapwalk.notebook import Shown
+from gapwalk.summary import SummaryParts, summarizes
 
 
 class _Parameters(Mapping[str, float]):
@@ -277,7 +278,8 @@ class System(Shown):
     def __hash__(self) -> int:
         return hash((self.structure, self.values.tobytes()))
 
-    def summary(self) -> Iterator[str]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the frequency or speed, then coordinates, contacts, excitation and units in words."""
         yield f"{self.structure.pace} = {pace_number(self, 6)}"
         yield from self.contents

@@ -23,7 +23,7 @@ from gapwalk.studies.derive import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
-from gapwalk.summary import Table
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 _WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges"}
 
@@ -33,7 +33,8 @@ class BasinFinding(CellFinding):
 
     map: Basins | None
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the share of cells of each attractor, and how far the labels hold."""
         found = self.map
         assert found is not None

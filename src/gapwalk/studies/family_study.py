@@ -33,7 +33,7 @@ from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Finding, Rows, values_of
 from gapwalk.studies.tables import Surroundings
-from gapwalk.summary import Table
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -70,7 +70,8 @@ class FamilyFinding(Finding):
         """True if there is any branch."""
         return bool(self.family.branches)
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the members, then the special points, each followed through the family."""
         found = self.family
         (low, high), symbol, name = found.within, parameter_symbol(found.parameter), parameter_symbol(found.over.name)

@@ -20,7 +20,7 @@ from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.studies.columns import measure_names, measure_values, method_document, method_values, parameter_headings
 from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
-from gapwalk.summary import Table, remarks
+from gapwalk.summary import SummaryParts, Table, remarks, summarizes
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,8 @@ class Map(Shown):
         """Return the loci of one kind."""
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
-    def summary(self, measure: str | None = None) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self, measure: str | None = None) -> SummaryParts:
         """Return the loci with their ends, notes and failures, as the terminal shows them.
 
         Parameters

@@ -29,7 +29,7 @@ from gapwalk.studies.derive import given_of, table_schema
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
-from gapwalk.summary import Described, Table, remarks
+from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
@@ -220,7 +220,8 @@ class Measured(Described):
         """Why the result is not to be trusted, in sentences."""
         return () if self.fit is None else self.fit.failures
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the agreement of record and motion, the fitted parameters, the highest spectral lines, and notes."""
         aligned, orbit = self.alignment, self.alignment.orbit
         sizes = f"{len(aligned.theta)} samples, {aligned.periods} periods"

@@ -32,7 +32,7 @@ from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
-from gapwalk.summary import Table
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 
 class Carry(StrEnum):
@@ -163,7 +163,8 @@ class RegimeFinding(CellFinding):
 
     map: Regimes
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the share of cells of each regime, and the cells that were classified again."""
         found = self.map
         (columns, rows), total = found.resolution, found.regimes.size

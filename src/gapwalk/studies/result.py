@@ -21,7 +21,7 @@ from gapwalk.studies.map import Map, codim2_rows, locus_rows
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.study_kind import Finding, StudyKind
-from gapwalk.summary import Rows, Summary, Table, Tables, remarks
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 from gapwalk.verification import Verification
 
 
@@ -167,7 +167,8 @@ class Result(Shown):
             return tuple(member.name for member in self.diagram.members)
         return tuple(f"P{branch.period}-{number}" for number, branch in enumerate(self.branches, start=1))
 
-    def summary(self, points: bool = True) -> Summary:
+    @summarizes
+    def summary(self, points: bool = True) -> SummaryParts:
         """Return the result as the terminal shows it: lines of text, tables, and the tree of a diagram.
 
         Parameters

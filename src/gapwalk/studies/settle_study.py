@@ -31,7 +31,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
 from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
-from gapwalk.summary import Table
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -155,7 +155,8 @@ class SettleFinding(Finding):
         """Why it is not known what the motion is, if it is not."""
         return self.attractor.evidence if self.attractor.kind is AttractorKind.UNDECIDED else ()
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the kind of motion with its evidence, the highest lines of its spectrum, and how it rattles."""
         attractor, system = self.attractor, self.attractor.system
         yield f"{attractor.label}: {attractor.kind.value} motion at {pace_words(system)}"

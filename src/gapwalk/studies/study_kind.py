@@ -18,7 +18,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_registry import kind_of
-from gapwalk.summary import Rows, Summary
+from gapwalk.summary import Rows, SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -226,7 +226,8 @@ class Finding(ABC):
         """Where the numerics gave up, in sentences."""
         return getattr(self.record, "failures", ())
 
-    def summary(self) -> Summary:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return what the terminal shows of its record: lines, `Table` and `Tree`; without notes and failures."""
         return (repr(self.record),)
 

@@ -30,6 +30,7 @@ from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
 from gapwalk.studies.sweep_segment import Task, sweep_stretch
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
+from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -70,7 +71,8 @@ class SweepFinding(Finding):
         """Where motions could not be followed."""
         return self.sweep.notes
 
-    def summary(self) -> Iterator[str]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return the bands of equal motions for each direction and start."""
         sweep = self.sweep
         symbol = parameter_symbol(sweep.parameter, sweep.system.units)

@@ -6,12 +6,12 @@ Method: docs/numerics/verification.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
 
-from gapwalk.summary import Table, remarks
+from gapwalk.summary import SummaryParts, Table, remarks, summarizes
 
 _NAMED = 5  # special points that a note names
 _LISTED = 20  # failed checks that a summary lists
@@ -177,7 +177,8 @@ class Verification:
             return f"{seen} verified: all {sum(summary.count for summary in self.summaries)} checks passed"
         return f"{seen} checked: {len(self.breaches)} of the checks failed, the first being {self.breaches[0]}"
 
-    def summary(self) -> Iterator[str | Table]:
+    @summarizes
+    def summary(self) -> SummaryParts:
         """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them."""
         rows = []
         for summary in self.summaries:
