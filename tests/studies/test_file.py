@@ -291,7 +291,7 @@ def test_a_file_has_several_studies_of_changed_systems(tmp_path: Path) -> None:
     assert strong.system == read_system(path).at(changes)
     assert (strong.options.begin, strong.options.end, strong.options.max_period) == (0.02, 1.0, 4)
     assert read_study(path, name="strong") == strong
-    with pytest.raises(ModelError, match="has 2 studies, so name the one that is meant: light, strong"):
+    with pytest.raises(ModelError, match="has 2 studies, so give the name of one: light, strong"):
         read_study(path)
     with pytest.raises(ModelError, match=r"has no study 'stong'; did you mean strong\?"):
         read_study(path, name="stong")

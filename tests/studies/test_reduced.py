@@ -184,7 +184,7 @@ def test_the_command_line_tells_it(finished, capsys) -> None:
     assert done.value.code in (0, None)
     text = capsys.readouterr().out
     assert "reduced from 12 degrees of freedom to 4" in text
-    assert "P1-1 set against the full system, by 15 harmonics" in text
+    assert "P1-1 compared with the full system, by 15 harmonics" in text
     with pytest.raises(SystemExit):
         app(["check", str(path.with_suffix(".toml"))])
     assert "reduced from 12 degrees of freedom to 4" in capsys.readouterr().out

@@ -157,7 +157,7 @@ class Switchboard:
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
 
     def is_right(self) -> bool:
-        """Return whether no crossing was missed: each event changed its switch, and all are right at the end."""
+        """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
         if not self.count:

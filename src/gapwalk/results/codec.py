@@ -304,7 +304,7 @@ class OneOf(Column):
     tag_of
         The tag of a value; None if it is of none of the types.
     column_of_tag
-        The column of a tag; a LookupError if there is none.
+        The column of a tag; raise a LookupError if there is none.
     optional
         Whether a value may be None.
     """

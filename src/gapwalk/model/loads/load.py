@@ -158,7 +158,7 @@ LOADS: Registry[type[Load]] = Registry("load")
 
 
 def register(kind: type[Load]) -> None:
-    """Make a kind of load known to model files and result files; a ModelError if another one has its key."""
+    """Make a kind of load known to model files and result files; raise a ModelError if another one has its key."""
     LOADS.add(kind.key, kind)
 
 
