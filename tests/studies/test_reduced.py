@@ -150,7 +150,7 @@ def test_the_result_says_what_the_full_system_says(finished) -> None:
     again = study.reduced.reduction.check(branch)
     assert check.errors == tuple(each.error for each in again.special)
     assert max(check.errors) < 0.02
-    assert f"{len(check.errors)} of its {len(check.errors)} special points are there" in check.words
+    assert f"{len(check.errors)} of its {len(check.errors)} special points exist there" in check.words
     stored = load(path)
     assert stored.checks == result.checks
     assert stored.study.reduced == study.reduced
