@@ -1,4 +1,4 @@
-"""How records describe themselves: in words for readers, in tables of numbers, and as plain values for programs.
+"""Self-description of records: in words for readers, in tables of numbers, and as plain values for programs.
 
 The terminal, cards in notebooks, the explorer's page, CSV files and JSON documents ask the record.
 """

@@ -255,7 +255,7 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
     [
         ("DELETE FROM part WHERE name = 'locus' AND number = 1", "a section or a locus is missing"),
         ("DELETE FROM part WHERE name = 'section' AND number = 1", "a section or a locus is missing"),
-        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are not there"),
+        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are missing"),
         ("UPDATE part SET head = replace(head, '\"ends\":[', '\"ends\":[0,') WHERE name = 'locus'", "Locus.ends"),
         (
             "UPDATE part SET head = replace(head, '\"period\":1,', '\"period\":3,') WHERE name = 'locus'",

@@ -247,7 +247,7 @@ class Drift(NamedTuple):
 def drift_of(states: NDArray[np.float64], longest: int) -> Drift:
     """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
 
-    What is left after the nearest return within `longest` forcing periods (for example the size of a torus about an
+    Remainder after the nearest return within `longest` forcing periods (for example the size of a torus about an
     orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
     """
     scaled, period = states[:, None], recurrences(states, longest, np.inf)[-1].period

@@ -121,12 +121,12 @@ class SpecialPoint(Shown):
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
 
     def summary(self) -> Iterator[str]:
-        """Return what is known of the point, a line for each figure."""
+        """Return the properties of the point, one line each."""
         return (f"{name} {text}" for name, text in self.words.items() if text)
 
     @property
     def words(self) -> dict[str, str]:
-        """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
+        """Row of the point in a table for readers: rounded, and empty where a value does not apply."""
         return {
             "kind": self.kind.value,
             "at": f"{self.value:#.10g}",
@@ -183,7 +183,7 @@ class Branch(Shown):
     special_points
         Special points in the order of the walk.
     ends
-        Where and why the branch ends, at its first and at its last point.
+        Ends of the branch with their reasons, at its first and at its last point.
     """
 
     parameter: str

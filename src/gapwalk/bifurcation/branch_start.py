@@ -227,7 +227,7 @@ def is_close(point: BranchPoint) -> bool:
 
 
 def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float | None:
-    """Return the parameter at which the halves of the orbit exchange places between two points; None if they do not.
+    """Return the parameter between two points at which both halves of the orbit coincide; None if they do not.
 
     It follows from the cubic through the two points.
     """

@@ -175,7 +175,7 @@ def _is_undecided(point: BranchPoint) -> bool:
 
 
 def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
-    """Return whether the sign of a test function says nothing at a point.
+    """Return True if the sign of a test function is not significant at a point.
 
     The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
     and only known to a few digits.

@@ -43,9 +43,9 @@ class DiagramBranch:
     branch
         The branch.
     begins
-        Where it begins on another branch; None for a branch that was found on its own.
+        Its beginning on another branch; None for a branch that was found independently.
     joins
-        Where it ends on another branch; None if it ends otherwise.
+        Its end on another branch; None if it ends otherwise.
     """
 
     name: str
@@ -175,7 +175,7 @@ class Diagram(Shown):
         branch
             The branch.
         begins
-            Where it begins on another branch.
+            Its beginning on another branch.
         method
             Method by which its orbits were found.
         """

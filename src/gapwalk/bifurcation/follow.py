@@ -129,7 +129,7 @@ class BranchWalk(Iterator[BranchPoint]):
     Parameters
     ----------
     beginnings
-        Where it begins: one beginning, or two at one point in opposite directions.
+        Beginning of the walk, or two at one point in opposite directions.
     options
         Options of the walk.
     events
@@ -163,7 +163,7 @@ class BranchWalk(Iterator[BranchPoint]):
 
     @property
     def branch(self) -> Branch:
-        """Branch as far as it was followed; a ModelError before the first point."""
+        """Branch so far; raises a ModelError before the first point."""
         if not self._tracing.traces:
             raise ModelError("no point was computed yet; ask for a point first: next(steps)")
         return _traced(self._tracing)

@@ -213,7 +213,7 @@ class StateSpace:
         return list(phases(orbit))
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """Return all variables of an orbit that lies at a place."""
+        """Return all variables of an orbit at a place on the branch."""
         if len(self.scales) == self.size + 1:
             return np.append(place / self.scales[:-1], value)
         unknowns = self.corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
@@ -232,13 +232,13 @@ class StateSpace:
         return self.corrector.equation.orbit(correction.x[:-1] * self.scales[:-1], value, correction.evaluation)
 
     def tolerance(self, orbit: Orbit) -> float:
-        """Return the largest distance from the branch, relative to its size, of an orbit that counts as one of it."""
+        """Return the largest distance at which an orbit belongs to the branch, relative to the size of the branch."""
         return 0.0
 
 
 @singledispatch
 def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
-    """Return the space in which a branch of such orbits is a curve: of states, unless their class has another one.
+    """Return the space in which a branch of these orbits is a curve; by default the space of states.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
 
 
 def _first_flip(beginning: BranchStart) -> SpecialPoint | None:
-    """Return the first flip in one direction along a branch, which may itself end at its parent just beyond."""
+    """Return the first flip in one direction along a branch; the branch may end at its parent just after the flip."""
     for step in _STEPS:
         tracer = BranchTracer(beginning, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
         flip = next((each for _, special in tracer for each in special if each.kind is Kind.FLIP), None)

@@ -113,7 +113,7 @@ class _Corner:
             self._at(label)
         graze = self._at(0.0)
         if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
-            raise ConvergenceError("the graze lies behind, and far enough away")
+            raise ConvergenceError("the graze is behind the walk, and far enough away")
         label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
             label += self._growth(label)
@@ -226,7 +226,7 @@ class _Corner:
 
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
-        """Same orbits with shorter segments before the contacts, for an error estimate, and one of them."""
+        """Return the same equation with shorter segments before contacts, for an error estimate, and an orbit of it."""
         # Newton's method starts most easily at the outermost point
         orbit = self._points[max(self._points, key=lambda label: label * self._way * self._posed.free)].orbit
         posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)

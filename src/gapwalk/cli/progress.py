@@ -68,13 +68,13 @@ class ProgressLine:
         self._writer = threading.Thread(target=self._write, name="gapwalk progress", daemon=True)
 
     def __call__(self, *news: Any) -> None:
-        """Show what is reported."""
+        """Show one report."""
         self.update(*self._words(*news))
 
     def update(
         self, description: str, reached: str, completed: float | None = None, total: float | None = None
     ) -> None:
-        """Show a description, how far the work has come, and the same as a number of a total number."""
+        """Show a description, and the progress in words and as a number out of a total."""
         self._text = f"{description}  {reached}"
         self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
 

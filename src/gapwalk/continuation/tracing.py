@@ -132,7 +132,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
 def in_one_direction(
     walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
 ) -> tuple[tuple[P, ...], tuple[F, ...]]:
-    """Join the steps of one or two traces into the points of a curve, and what was found between them.
+    """Join the steps of one or two traces into the points of a curve and the events between them.
 
     Parameters
     ----------

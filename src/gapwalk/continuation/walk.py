@@ -161,7 +161,7 @@ class Walk(Iterator[BranchPoint]):
         return True
 
     def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
-        """Continue from a point that was reached from a state by other means, with the given next step."""
+        """Continue from a point that another method has reached from a state, with the given next step."""
         self.previous, self.point, self.count = state.point, point, state.count + 1
         self.step = min(step, self._longest(point, self.options.largest_step))
         self.end, self._least = None, max(self.options.smallest_step, _SHORT)

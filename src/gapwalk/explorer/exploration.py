@@ -130,7 +130,7 @@ class Entry:
         self.version += 1
 
     def lines(self) -> list[Line]:
-        """Return its branches, then its loci, as the page shows them; while it is computed, in the order of finding."""
+        """Return its branches, then its loci, as the page shows them; while it is computed, as they were found."""
         result = self.result
         if result is None:
             return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
@@ -238,7 +238,7 @@ class Exploration:
         return self.studies[0]
 
     def study(self, name: str, values: Mapping[str, float]) -> Study:
-        """Return a study of the file with changed values; raise a ModelError if there is none of that name."""
+        """Return a study of the file with changed values; raise a ModelError if it has no study of that name."""
         if self.file.suffix == RESULT:
             study = self.base()
             return replace(study, system=study.system.at(dict(values)))
@@ -405,7 +405,7 @@ def _stamp(path: str) -> str:
 
 
 def _ends(entry: Entry) -> str:
-    """Return how the only branch or locus of a result ends, or what a search has covered."""
+    """Return the ends of the only branch or locus of a result, or the coverage of a search."""
     result = entry.result
     if result is None:
         return ""

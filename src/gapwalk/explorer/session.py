@@ -26,7 +26,7 @@ _PARAMETERS = 400  # that a page can choose from
 
 
 class Session:
-    """State that outlives a page.
+    """State of the explorer that is kept when a page is closed or reloaded.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class Equations:
 
     @property
     def text(self) -> str:
-        """Text that distinguishes these equations from others, whatever the names of coordinates and contacts."""
+        """Text that identifies these equations, independent of the names of coordinates and contacts."""
         structure = self.layout.structure
         contacts = [
             (form.law.name, form.reciprocal, *(stage.side.value for stage in form.stages))

@@ -17,7 +17,7 @@ class UnknownNameError(ModelError):
 
 
 class Registry(dict[str, T]):
-    """All kinds of one thing by name, in the order of their registration.
+    """Registry of the kinds of one concept by name, in the order of their registration.
 
     Parameters
     ----------

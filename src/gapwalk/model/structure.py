@@ -171,7 +171,7 @@ class ContactForm:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The names of the parameters of its law: of its stages, then of the contact as a whole."""
+        """Names of the parameters of its law: of its stages, then of the contact as a whole."""
         groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
         groups.append((self.name, self.law.parameters))
         return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
@@ -288,7 +288,7 @@ class Structure:
 
     @cached_property
     def frequency(self) -> float:
-        """The angular frequency W of the excitation at the value 1 of the first parameter."""
+        """The angular frequency W of the excitation if the first parameter has the value 1."""
         return self.units.frequency if self.units else 1.0
 
     @cached_property

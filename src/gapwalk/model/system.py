@@ -171,7 +171,7 @@ class System(Shown):
     def beside(cls, other: System, place: int, value: float) -> System:
         """Make a system that differs from another one by the value at one place, which is not checked.
 
-        The two share their numbers until somebody asks for all of them: a thousand degrees of freedom have millions.
+        Both share their numbers until all of them are needed: a thousand degrees of freedom have millions.
         """
         system = object.__new__(cls)
         system._set(other.structure, other.values, {place: float(value)})

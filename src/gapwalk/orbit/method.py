@@ -67,7 +67,7 @@ class Method:
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method that poses one of its orbits in so many unknowns."""
+        """Return the method that poses one of its orbits with a given number of unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
@@ -80,7 +80,7 @@ class Method:
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """Describe the resolution of some of its orbits in a sentence; empty if there is nothing to say."""
+        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report."""
         return ""
 
     @classmethod

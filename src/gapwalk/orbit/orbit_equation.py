@@ -140,7 +140,7 @@ class OrbitEquation:
         return None
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
+        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is."""
         return ""
 
     def finer(self) -> OrbitEquation | None:

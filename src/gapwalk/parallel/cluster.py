@@ -28,7 +28,8 @@ class Cluster:
     Parameters
     ----------
     address
-        Of the scheduler, such as ``tcp://node7:8786``; or the name of its scheduler file, which ends with ``.json``.
+        Address of the scheduler, such as ``tcp://node7:8786``; or the name of its scheduler file, which ends with
+        ``.json``.
 
     Raises
     ------
@@ -73,10 +74,10 @@ class Cluster:
         return isinstance(error, self._killed)
 
     def check(self) -> None:
-        """A WorkError if the scheduler has gone."""
+        """Raise a WorkError if the connection to the scheduler is lost."""
         if self._client.status != "running":
             raise WorkError(
-                f"the Dask scheduler at {self.address} has gone; what was done is kept. Start it again and resume"
+                f"the Dask scheduler at {self.address} has stopped; finished work is kept. Start it again and resume"
             )
 
     def close(self, *, at_once: bool) -> None:
@@ -89,7 +90,7 @@ class Cluster:
         return _AHEAD * max(1, len(self._client.nthreads()))
 
     def _check_workers(self) -> None:
-        """See that the workers have this version of gapwalk, one thread each, and that there are any."""
+        """Check that there are workers, with this version of gapwalk and one thread each."""
         try:
             found = self._client.run(versions)
         except Exception as error:  # what goes wrong there comes in many types

@@ -81,7 +81,7 @@ def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
 
 
 def checked(record: T) -> T:
-    """Return a record that was read, or made from what was read; raise a ValueError if its fields do not fit."""
+    """Return a record made from stored values; raise a ValueError if its fields do not fit together."""
     check: Callable[[], object] | None = getattr(record, "_check_read", None)
     if check is not None:
         check()
@@ -182,10 +182,10 @@ class Array(Column):
             return list(found)
         shapes, flat = node["shapes"], reader.take(node["numbers"], self._code)
         if not isinstance(shapes, list) or len(shapes) != count or not all(map(is_shape, shapes)) or flat.ndim != 1:
-            raise ValueError("arrays are not of the shapes that they are said to have")
+            raise ValueError("the stated shapes of arrays are invalid")
         stops = list(accumulate(map(math.prod, shapes), initial=0))
         if stops[-1] != len(flat):
-            raise ValueError("arrays have more or less numbers than they are said to have")
+            raise ValueError("the number of values does not agree with the stated shapes")
         return [flat[first:last].reshape(shape) for shape, (first, last) in zip(shapes, pairwise(stops), strict=True)]
 
 
@@ -226,9 +226,9 @@ class Sequential(Column):
         sizes = self._counts.read(node["count"], count, reader)
         stops = list(accumulate(sizes, initial=0))
         if min(sizes, default=0) < 0 or stops[-1] > reader.size or set(node) != {"count", "items"}:
-            raise ValueError(f"{max(sizes, default=0)} items are said to be there, and are not")
+            raise ValueError(f"{max(sizes, default=0)} items are stated, but the file does not have them")
         if not stops[-1] and node["items"] is not None:
-            raise ValueError("there are items, and none are said to be there")
+            raise ValueError("there are items, but their stated number is 0")
         items = self._items.read(node["items"], stops[-1], reader) if stops[-1] else []
         return [tuple(items[first:last]) for first, last in pairwise(stops)]
 
@@ -306,7 +306,7 @@ class OneOf(Column):
     column_of_tag
         The column of a tag; raise a LookupError if there is none.
     optional
-        Whether a value may be None.
+        True if a value may be None.
     """
 
     tag = "union"
@@ -359,7 +359,7 @@ class OneOf(Column):
 
 
 class Free(Column):
-    """Whatever JSON can write, as a hint `object` allows it: numbers, texts, lists and tables."""
+    """Any JSON value, for the hint `object`: numbers, texts, lists and tables."""
 
     tag = "object"
 

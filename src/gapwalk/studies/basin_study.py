@@ -127,7 +127,7 @@ class BasinStudy(BasinOptions, StudyKind):
     Parameters
     ----------
     longest, max_period, tries, exact_borders, check, seed, workers
-        How the basins are found, as `gapwalk.BasinOptions`.
+        Options for the computation; as `gapwalk.BasinOptions`.
     plane
         The two axes and their ranges, the horizontal one first.
     fixed
@@ -205,7 +205,7 @@ def basins(
     fixed
         The other components of the state at theta = 0; those that are not named are 0.
     options
-        How the basins are found.
+        Options for the computation of basins.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.

@@ -50,13 +50,13 @@ class BasinOptions:
     tries
         Largest number of motions that are settled and classified one by one, with the exact flow.
     exact_borders
-        Whether the label of every cell at a border between basins is found with the exact flow, and of those within two
+        True to find the label of every cell at a border between basins with the exact flow, and of those within two
         cells of a label that was wrong; otherwise those of `check` cells at borders are.
     check
         Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
         many again, until none of the last ones is wrong.
     seed
-        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
+        Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
     """
@@ -111,7 +111,7 @@ class BasinWork(CellWork):
     resolution
         Columns and rows of the states.
     options
-        How the basins are found.
+        Options for the computation of basins.
     """
 
     chunk_part = Part("cells", BasinChunk, numbered=True)
@@ -300,7 +300,8 @@ def basin_shares(
     confidence
         Probability with which the limits of a share hold.
     options
-        How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
+        Options for the computation of basins. A start is at a border if its label differs from that of one of those
+        nearest to it.
     workers, report
         As in `gapwalk.basins`.
 

@@ -60,7 +60,7 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
     rest : dict
         The other changes; they concern parameters of the system.
     problems : list of Problem
-        What cannot be changed.
+        Changes that are not possible.
     """
     rest, problems = {}, []
     tables = study_tables(source).values()

@@ -422,9 +422,9 @@ def diagram(
     parameter, to
         Name of the parameter, and the range.
     start, period
-        Where the first branch starts: an orbit, or as in `find_orbit`.
+        Start of the first branch: an orbit, or as in `find_orbit`.
     options, walk, method
-        How far the diagram goes; options of the walk and of the method.
+        Options of the diagram, of the walk and of the method.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.

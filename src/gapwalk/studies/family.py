@@ -307,7 +307,7 @@ class SpecialPointPath:
     connections
         The connections of neighbouring places.
     before, after
-        What becomes of it before its first and after its last special point; None at the first and the last member, and
+        Its fate before its first and after its last special point; None at the first and the last member, and
         where that is not known yet.
     """
 

@@ -92,7 +92,7 @@ class FamilyOptions:
     kinds
         Kinds of special points that are joined.
     exact
-        Whether special points are joined by the exact loci that lead from member to member; otherwise each to the
+        True to join special points by the exact loci that lead from member to member; otherwise each to the
         nearest of its kind, which is a guess.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
@@ -232,7 +232,7 @@ class _Joiner:
     Parameters
     ----------
     asked
-        What is asked of the family.
+        The request for the family.
     members
         The two neighbouring members.
 

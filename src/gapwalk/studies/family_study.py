@@ -264,7 +264,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
     max_period, kinds, exact, workers
         Extent of the members, and how their special points are joined; as `FamilyOptions`.
     over
-        What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
+        Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called``
         and ``values`` are keys next to it.
     """
 
@@ -334,12 +334,12 @@ def family(
     parameter, to
         The parameter along which each member is walked, from the first value to the second.
     over
-        What differs from member to member: the values of a parameter, as in ``{"mean.q1": [0.25, 0.3, 0.35]}``, or of
+        Values in which members differ: those of a parameter, as in ``{"mean.q1": [0.25, 0.3, 0.35]}``, or of
         several that move together. With a name of its own: `MemberParameter`.
     start, period
-        Where the branches start, as in `find_orbit`.
+        Start of the branches, as in `find_orbit`.
     options, walk, method
-        How far the members go, and how their special points are joined; options of the walk and of the method.
+        Options of the family, of the walk and of the method.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.

@@ -136,8 +136,8 @@ def load(path: str | os.PathLike[str]) -> Any:
     Returns
     -------
     Result, Sweep, Basins, Regimes or Family
-        What `gapwalk.run` returned, or `gapwalk.sweep`, `gapwalk.basins`, `gapwalk.regimes`, `gapwalk.family` with
-        ``output=``.
+        The record that `gapwalk.run` returned, or `gapwalk.sweep`, `gapwalk.basins`, `gapwalk.regimes`,
+        `gapwalk.family` with ``output=``.
 
     Raises
     ------

@@ -85,9 +85,10 @@ class LocusStudyOptions(MapStudyOptions):
     kinds
         One kind of special points.
     near
-        Of those, only the one nearest to this value of the first parameter; by default all are followed.
+        Value that selects only the special point nearest to this value of the first parameter; by default all are
+        followed.
     contact
-        Of grazing points, only those of this contact.
+        Contact that selects among grazing points.
 
     Raises
     ------

@@ -354,7 +354,7 @@ class Which:
     kind
         Kind of the special points; a branch point has no locus.
     near
-        Of those, only the one nearest to this value of the branch's parameter; by default all.
+        Value that selects only the special point nearest to this value of the branch's parameter; by default all.
     contact
         Of grazing points, only those of this contact, or of a stage and side of it, such as ``stage2 -``.
 

@@ -71,9 +71,9 @@ class MapStudyOptions(MapOptions, BranchOptions):
     parameter, begin, end, period, start, walk, method
         As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
     measure
-        What tables and lists of motions show.
+        Measure in tables and lists of motions.
     sections, max_period, kinds, workers, search_values, search
-        What the map shows, and where its loci are picked up; as `MapOptions`.
+        Content of the map, and the sections on which its loci begin; as `MapOptions`.
     second
         The second parameter.
     """

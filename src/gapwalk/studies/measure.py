@@ -127,7 +127,7 @@ class MeasuredModel(Measurement):
     system
         The system, with initial guesses of the parameters to be fitted.
     frequency_given
-        Whether the file gives the frequency; otherwise it must come from the speed of a record.
+        True if the file gives the frequency; otherwise it must come from the speed of a record.
     title
         A line for people; may be empty.
     """

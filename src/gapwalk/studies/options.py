@@ -228,7 +228,7 @@ class BranchOptions(RangeStudy):
     begin, end
         The values between which it is walked, from the first to the second.
     measure
-        What a picture shows: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
+        Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
         coordinate, for example ``"half.q1"``.
     period
         m: the orbits repeat after m forcing periods.
@@ -238,7 +238,7 @@ class BranchOptions(RangeStudy):
     walk
         Numerical options of the walk.
     method
-        How its orbits are found, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
+        Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
         table names it by ``method``; the options of the first two are in tables of these names, and both may be given,
         so that one word changes the method.
     verify

@@ -30,7 +30,7 @@ class ReducedFrom:
     modes
         The number of modes.
     up_to, error
-        As of `gapwalk.Reduction`.
+        As in `gapwalk.Reduction`.
     reduction
         The `gapwalk.Reduction` itself, if the study was read from a model file; it is not stored in a result.
     """

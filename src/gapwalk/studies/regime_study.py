@@ -53,14 +53,14 @@ class RegimeMapOptions:
     Parameters
     ----------
     carry
-        Where the motions start: ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
+        Start of the motions. ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
         along the first parameter, as in a sweep.
     judging
         Criteria that separate the regimes.
     check
         Cells that are settled and classified again with the exact flow.
     seed
-        Of the choice of those cells.
+        Seed of the choice of those cells.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
     """
@@ -87,7 +87,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     parameter, begin, end
         The horizontal parameter, and its range.
     carry, judging, check, seed, workers
-        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
+        Options of the map; as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
     second
         The vertical parameter, and its range.
     resolution

@@ -66,7 +66,7 @@ class Moment(NamedTuple):
     points, special_points
         Its points, and the special points between them and the one before.
     progress
-        Where the walk can continue; None if it has not left its first point.
+        State from which the walk can continue; None if it has not left its first point.
     ends
         Place and reason of its beginning and its end; None while it continues.
     """

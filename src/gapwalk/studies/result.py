@@ -174,7 +174,7 @@ class Result(Shown):
         Parameters
         ----------
         points
-            Whether to include the special points of a diagram or a map.
+            True to include the special points of a diagram or a map.
         """
         if self.study.reduced is not None:
             yield self.study.reduced.words
@@ -291,7 +291,7 @@ class Result(Shown):
         Parameters
         ----------
         points
-            Whether to include each point of each branch, and not only the special points.
+            True to include each point of each branch, and not only the special points.
 
         Returns
         -------

@@ -64,7 +64,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
     Parameters
     ----------
     max_periods, max_period, tolerance
-        How to settle; as `gapwalk.SettleOptions`.
+        Options for settling; as `gapwalk.SettleOptions`.
     signal
         A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
         signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
@@ -73,7 +73,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
     phase
         Phase of the excitation at which the section is taken, in radians.
     lyapunov
-        How long the exponents of a motion without period are averaged; no key of a table.
+        Options for the exponents of a motion without period; not a key of a table.
     """
 
     kind: ClassVar[str] = "settle"

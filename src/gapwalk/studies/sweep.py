@@ -175,7 +175,7 @@ class SweepSegment:
     transients : shape (count,)
         Forcing periods before the section points.
     settled : shape (count,), bool
-        Whether the transient had settled by then.
+        True if the transient had settled.
     regimes
         Regimes in words; empty where there are no points.
     note
@@ -247,7 +247,7 @@ class Sweep(Shown):
     transients : shape (lanes, steps)
         Forcing periods before the section points.
     settled : shape (lanes, steps), bool
-        Whether the transient had settled by then, or the patience was used up.
+        True if the transient had settled; False if it reached its longest length.
     regimes : shape (lanes, steps), str
         Regime of each motion in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``diverges``, or
         ``not periodic`` where no more can be said of a large system; empty where there is nothing.

@@ -70,7 +70,7 @@ def let_settle(
     max_period
         Longest period, in forcing periods, for which a return is looked for.
     patience
-        How long to follow it.
+        Limits on the length of the transient.
 
     Raises
     ------

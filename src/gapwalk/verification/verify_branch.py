@@ -175,9 +175,9 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
-    """Return how much the branch between two neighbouring points deviates from the cubic through them.
+    """Return the deviation of the branch between two neighbouring points from the cubic through them.
 
-    1 is the largest accepted figure: an orbit between them lies off the cubic through both points by a tenth of their
+    1 is the largest accepted figure: an orbit between them is off the cubic through both points by a tenth of their
     distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved.
     It is infinite if there is no orbit between. The distance must also equal the arclength between them within 30 %.
     """

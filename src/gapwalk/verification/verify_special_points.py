@@ -111,7 +111,7 @@ class Examination:
     special: SpecialPoint
 
     def sides(self) -> Sides:
-        """Examine the point from both sides, ever closer to it as long as something contradicts what is stored."""
+        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point."""
         branch = self.track.branch
         from_afar = self._reach(branch.points)
         reaches = [from_afar * _SHARE**power for power in range(_NEARER)]

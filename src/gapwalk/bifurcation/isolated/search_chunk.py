@@ -111,7 +111,7 @@ class Catch:
 
 
 def search_chunk(chunk: Chunk) -> Catch:
-    """Process one chunk. The result depends on the chunk alone, so chunks can be distributed over processes.
+    """Process one chunk. The result depends only on the chunk, so chunks can be distributed over processes.
 
     Every start is followed until it settles. States along the transients are starts of Newton's method for orbits of
     several periods, stable or not. Finally, Newton's method with deflation searches near each new orbit for others.

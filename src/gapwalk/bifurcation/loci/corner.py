@@ -118,7 +118,7 @@ def turnings(point: BranchPoint) -> list[Turning]:
 
 
 def is_highest(correction: Correction) -> bool:
-    """Return whether the deflection has a maximum on the orbit of a correction."""
+    """Return True if the deflection has a maximum, not a minimum, on the corrected orbit."""
     return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
 
 

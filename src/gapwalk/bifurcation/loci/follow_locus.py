@@ -265,7 +265,7 @@ class LocusTracer(Iterator[LocusStep]):
         return corrector.point(correction, inside.tangent, length)
 
     def _around_corner(self, within: float, ahead: list[Approach]) -> LocusStep | None:
-        """Return the step round the corner at the present point; None if there is none, or if it was just turned."""
+        """Return the step from the present point around a corner; None if there is no corner, or it was just passed."""
         state = self.walk.state
         if self.beginning.kind is Kind.GRAZING or (state.previous is None and state.point is not self.beginning.first):
             return None
@@ -332,7 +332,7 @@ def trace_locus(beginnings: list[LocusStart], walk: WalkOptions | None = None) -
 
 
 def traced_locus(tracing: LocusTracing) -> Locus:
-    """Return the locus as far as it was traced, with one direction of travel; one trace may cover a closed curve."""
+    """Return the locus so far, in one direction of travel; a single trace may cover a closed curve."""
     kept = slice(-1, None) if tracing.traces[-1].is_closed else slice(None)
     tracers, walked = tracing.traces[kept], tracing.steps[kept]
     start, plane = tracers[-1].beginning, tracers[-1].beginning.plane

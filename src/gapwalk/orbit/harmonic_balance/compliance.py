@@ -133,7 +133,7 @@ class DirectCompliance:
 
     @cached_property
     def free(self) -> NDArray[np.complex128]:
-        """Deflections under the loads alone, shape (lines, contacts)."""
+        """Deflections under the loads only, shape (lines, contacts)."""
         return self._solved[:, :, -1] @ self.linear.deflections.T
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -255,7 +255,7 @@ def _of_modes(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
 
 
 def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> Eigen | None:
-    """Compute them from the state matrix, whatever the damping; None if it has too few eigenvectors."""
+    """Compute the eigenvalues from the state matrix, for any damping; None if it has too few eigenvectors."""
     n = len(stiffness)
     generator = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
     values, vectors = np.linalg.eig(generator)
