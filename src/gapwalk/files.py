@@ -77,7 +77,7 @@ def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
     Raises
     ------
     ValueError
-        If its content is larger, or an array holds objects or states more entries than are there.
+        If its content is larger, or an array contains objects or states more entries than it has.
     zipfile.BadZipFile, OSError
         If it is not an archive, or cannot be read.
     """
@@ -105,7 +105,7 @@ def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple
     Raises
     ------
     ValueError
-        If it is not an array, holds objects, or states more entries than are there.
+        If it is not an array, contains objects, or states more entries than it has.
     """
     version = np.lib.format.read_magic(content)
     heads = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}

@@ -233,7 +233,7 @@ def case(
     name
         One of `names`.
     slope, damping
-        The readings of the paper, where it can be read in two ways.
+        Interpretations of the paper where it is ambiguous.
 
     Raises
     ------

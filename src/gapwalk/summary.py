@@ -102,7 +102,7 @@ class Described:
     def to_dict(self) -> dict[str, Any]:
         """Return the record as plain JSON values.
 
-        Complex numbers become pairs, and what is not finite becomes None.
+        Complex numbers become pairs, and numbers that are not finite become None.
         """
         from gapwalk.results.plain import plain
 

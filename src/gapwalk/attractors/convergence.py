@@ -57,7 +57,7 @@ class Tolerances:
         Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a
         torus, because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
     small
-        Weight of what is left after a nearest return: it may change by a hundred times the tolerance.
+        Weight of the remainder after a nearest return: it may change by a hundred times the tolerance.
     irregular
         Spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic.
     """

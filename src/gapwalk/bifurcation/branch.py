@@ -99,7 +99,7 @@ class SpecialPoint(Shown):
 
     @property
     def is_vertex(self) -> bool:
-        """True for a branch point at which this branch turns back, because it branches off from the other one."""
+        """True for a branch point at which this branch begins on another one and therefore turns back."""
         return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
 
     @property

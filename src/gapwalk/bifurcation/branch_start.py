@@ -134,7 +134,7 @@ def refined(beginning: BranchStart) -> BranchStart | None:
 
 
 def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
-    """Return a point of a branch, posed by a finer equation of the same branch; None if Newton's method fails."""
+    """Return a point of a branch, corrected for a finer equation of the branch; None if Newton's method fails."""
     equation = cast("OrbitEquation", corrector.equation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))

@@ -73,7 +73,7 @@ class BranchTracer(Iterator[Step]):
     walk
         Options of the walk.
     resume
-        `state` of a stopped tracer with the same beginning. Its equation is refined as it was on the way. Its points
+        `state` of a stopped tracer with the same beginning. The equation is refined again in the same way. Its points
         are as they were yielded, so the one before the last may have been computed before a refinement.
     events
         User-defined kinds of special points.

@@ -35,7 +35,7 @@ def follow(
     verify: bool = False,
     events: Sequence[Event] = (),
 ) -> Branch:
-    """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
+    """Follow a periodic orbit along one named parameter, around folds, and locate every special point.
 
     Parameters
     ----------

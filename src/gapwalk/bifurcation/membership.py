@@ -98,7 +98,7 @@ class Curve:
         return found
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
-        """Return the segments that may pass the scaled value; each may overshoot its ends by a share of its length."""
+        """Return segments that may contain the scaled value; each may extend beyond its ends by a share of its length."""
         margin = _BULGE * self._lengths + 1e-12
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))

@@ -29,7 +29,7 @@ Words = Callable[..., tuple[Any, ...]]
 
 
 class ProgressLine:
-    """One line with the elapsed time, removed at the end; it is called with what is reported.
+    """One line with the elapsed time, removed at the end; it is called with each report.
 
     If stderr is not a terminal (a log, say), a line is written at regular intervals, even without any change.
 
@@ -38,7 +38,7 @@ class ProgressLine:
     first
         The text at the beginning.
     words
-        Describes what is reported.
+        Function that describes a report.
     bar
         True for a bar of the finished part.
     total

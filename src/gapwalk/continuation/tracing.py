@@ -137,11 +137,11 @@ def in_one_direction(
     Parameters
     ----------
     walked
-        The steps of each trace: a point, and what was found before it.
+        The steps of each trace: a point, and the events before it.
     first
         The point at which the traces begin.
     turn, turn_found
-        Functions that return a point, or what was found, as for travel in the direction of the second trace.
+        Functions that convert a point, or the events, for travel in the opposite direction.
     """
     *back, ahead = walked
     points, found = [first], []

@@ -29,8 +29,8 @@ _SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two valu
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
     """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
 
-    No scale grows with the range without bound, so a part of a range is followed in the same way however wide the
-    whole range is. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
+    Scales are bounded, so a part of a range is followed in the same way whatever the width of the whole
+    range. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
     width of the range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the
     motion may be a million times larger at the other end of the range, lengths are scaled by the largest expected
     motion (`linear_growth`).

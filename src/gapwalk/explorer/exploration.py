@@ -165,7 +165,7 @@ def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line
 
 
 def _growing(live: Progress) -> Iterator[Line]:
-    """Yield the branch or locus under way: a line for each of its directions from the start."""
+    """Yield the branch or locus in progress: a line for each of its directions from the start."""
     lengths = [point.arclength for point, _ in live.steps]
     turns = [i for i in range(1, len(lengths)) if lengths[i] < lengths[i - 1]]
     for start, stop in pairwise([0, *turns, len(lengths)]):

@@ -217,7 +217,7 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
     title
         Title of the page.
     most
-        Points of branches whose motions are kept, at most, besides special points.
+        Largest number of points, in addition to special points, whose motions are stored.
     blob
         Takes the arrays.
     """

@@ -181,7 +181,7 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
 
 @dataclass(frozen=True, eq=False)
 class _Statics:
-    """The static forces of a system: stiffness matrix, mean load, and the springs of its contacts."""
+    """Data for the static forces of a system: stiffness matrix, mean load, and the springs of its contacts."""
 
     stiffness: NDArray[np.float64]
     load: NDArray[np.float64]

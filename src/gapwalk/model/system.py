@@ -161,7 +161,7 @@ class System(Shown):
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
         """Make a system from its structure and its flat vector of values, in the order of `structure.names`.
 
-        It takes the vector as it is, makes it read-only, and checks nothing: for values that are known to be right.
+        It uses the vector without a copy or a check, and makes it read-only: for values that are known to be valid.
         """
         system = object.__new__(cls)
         system._set(structure, np.asarray(values, dtype=float))

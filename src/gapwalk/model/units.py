@@ -188,7 +188,7 @@ class Quantity:
     number
         The number as it was written.
     unit
-        The unit, written in the way of ``N m/deg``.
+        The unit, in the form ``N m/deg``.
     factor
         Size of the unit in the reference unit of its kind (SI, with angles in rad).
     kind
@@ -318,7 +318,7 @@ class Units:
     Parameters
     ----------
     chosen
-        A unit for each kind that has one of its own; the others have the usual ones.
+        A unit for each kind with a chosen unit; the others have the default ones.
     turns
         If the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None if it is
         the frequency of the excitation.

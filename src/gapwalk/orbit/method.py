@@ -85,7 +85,7 @@ class Method:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """Return the schema of options that hold a method: any method; each itself by its fields."""
+        """Return the schema of options that contain a method: any method, or one class of methods by its fields."""
         from pydantic_core import core_schema  # imported late: walks need no files
 
         return core_schema.is_instance_schema(Method) if cls is Method else handler(source)

@@ -60,7 +60,7 @@ class Cluster:
 
     @property
     def size(self) -> int:
-        """Number of pieces that should be under way, as the cluster is now."""
+        """Number of pieces that should be in progress, for the present size of the cluster."""
         if time.monotonic() - self._seen > _LOOK:
             self._size, self._seen = self._count(), time.monotonic()
         return self._size

@@ -29,7 +29,7 @@ def local_cores() -> int:
 class Processes:
     """Some processes on this machine; a `Executor`.
 
-    Each is a pool of its own: in a larger pool the death of one process ends all the others. They are spawned
+    Each is a separate pool, because in a larger pool the death of one process ends all the others. They are spawned
     (not forked), because the compiled flows of a forked process are not its own. They die with this one, however it
     dies.
 

@@ -109,11 +109,11 @@ def do_in_chunks(
     workers
         Executor of the work.
     seed
-        From which each item has a seed of its own.
+        Seed from which the seed of each item is derived.
     size
-        Items in a chunk; by default as many as take about half a second, which is seen from those before.
+        Items in a chunk; by default as many as take about half a second, estimated from earlier chunks.
     known
-        Results that are there already, by the number of their item; these are not done again.
+        Results that exist already, by the number of their item; these are not computed again.
     keep
         Called with the number of the first item of a chunk and the results when they come: a store writes them here.
     report

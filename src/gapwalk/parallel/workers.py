@@ -38,7 +38,7 @@ class Executor(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of pieces that should be under way at the same time."""
+        """Number of pieces that should be in progress at the same time."""
         ...
 
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
@@ -94,10 +94,10 @@ class Workers:
         pieces
             The work.
         is_needed
-            Asked before a piece is begun: what has come by then may have made it superfluous.
+            Called before a piece begins; False to skip it, because earlier results have made it superfluous.
         in_order
             True for results in the order of the pieces, so that nothing depends on the number of workers; otherwise
-            each comes when it is there.
+            in the order of completion.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class _Run:
             raise self._blame(self._given_up)
 
     def _begin(self) -> Iterator[tuple[int, Any]]:
-        """Begin as many pieces as can be under way."""
+        """Begin as many pieces as can be in progress."""
         while len(self._running) < self._executor.size and not self._has_last_try() and self._is_left():
             if self._again:
                 yield from self._begin_one(self._again.popleft())

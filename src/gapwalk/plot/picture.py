@@ -295,7 +295,7 @@ def save(
     Parameters
     ----------
     record
-        The record, as in `draw`; or a figure of matplotlib, which is laid out and written as it is.
+        The record, as in `draw`; or a figure of matplotlib, which is written without changes to its contents.
     *paths
         The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
     form

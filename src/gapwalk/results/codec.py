@@ -2,10 +2,10 @@
 
 Both sides follow the type hints of the records. Every value is written as a *column* of values of one type, so that a
 branch of a thousand points becomes a few long arrays and not a thousand small objects; a single value is a column of
-one. Long columns of numbers and all arrays are kept aside as bytes, in the order in which they are met; the JSON holds
+one. Long columns of numbers and all arrays are kept aside as bytes, in the order in which they occur; the JSON holds
 the rest. A column of one number or text is written without brackets, so the JSON of a single record reads as usual.
 
-Nothing that is read is trusted: each value must be of the type that its hint names, and memory is asked for only where
+Nothing that is read is trusted: each value must be of the type that its hint names, and memory is allocated only where
 the bytes to fill it are there.
 """
 
@@ -111,7 +111,7 @@ class Column(ABC):
 
     @abstractmethod
     def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
-        """Return `count` values from their node; ValueError, TypeError or LookupError if it does not hold them."""
+        """Return `count` values from their node; raise a ValueError, TypeError or LookupError if it is invalid."""
 
 
 class Scalar(Column):
@@ -190,7 +190,7 @@ class Array(Column):
 
 
 class Fixed(Column):
-    """Tuples of a fixed length, each place of a type of its own."""
+    """Tuples of a fixed length, with one type for each place."""
 
     def __init__(self, kinds: Sequence[Any]) -> None:
         self.tag, self._columns = "tuple", [column_of(kind) for kind in kinds]
@@ -422,7 +422,7 @@ _COLUMNS: dict[Any, Column] = {object: Free(), **{kind: Scalar(kind) for kind in
 
 
 def register(kind: Any, column: Column) -> None:
-    """Write a type in a way of its own."""
+    """Register a column for a type."""
     _COLUMNS[kind] = column
     column_of.cache_clear()
 

@@ -168,7 +168,7 @@ def _orbits_of(name: str) -> Column:
 
 
 class Registered(Converted):
-    """Members of a registry, by their names; what is not registered could not be read again.
+    """Members of a registry, by their names; an unregistered object is refused, because it could not be read again.
 
     Parameters
     ----------

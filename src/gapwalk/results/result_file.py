@@ -1,10 +1,11 @@
 """The one file format of gapwalk: named parts in a SQLite database, each with a checksum, and one of all of them.
 
 While a job writes its file, SQLite's log is next to it (``-wal``, ``-shm``); a job that ends, even by Ctrl-C, leaves
-one file. Killed at any moment, the file holds all parts up to some moment, so what was reported is never lost.
+one file. If the process is killed at any time, the file contains all parts up to some moment: reported parts are never
+lost.
 
 The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
-Nothing in it is secret: it finds what was changed by something else than gapwalk, but not a change with a new seal.
+Nothing in it is secret: it detects changes by other programs, but not a change with a new seal.
 
 Method: docs/numerics/results.md
 """
@@ -62,7 +63,7 @@ class Part:
     name
         Its name in a file.
     type
-        The type hint of what it holds.
+        The type hint of its contents.
     numbered
         True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a
         new one replaces it.
@@ -429,7 +430,7 @@ def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
 
 
 def _close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """Close a file such that it is one file again; while somebody reads it, that is left to the reader."""
+    """Close a file so that it is a single file again; if somebody reads it, the reader does that."""
     with explained(path):
         try:
             with suppress(sqlite3.OperationalError):

@@ -204,7 +204,7 @@ def _deviation(track: Track, a: BranchPoint, b: BranchPoint, depth: int) -> floa
 
 
 def _between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:
-    """Return an orbit about half way between two points, and its deviation from that place; see `_gap`."""
+    """Return an orbit about half-way between two points, and its deviation from the interpolated one; see `_gap`."""
     chord = b.x - a.x
     length = length_of(chord)
     way, corrector = chord / length, track.corrector_at(a)

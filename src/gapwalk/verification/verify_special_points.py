@@ -55,7 +55,7 @@ class Sides(NamedTuple):
     Attributes
     ----------
     faults
-        Contradictions to what is stored, as sentences.
+        Contradictions to the stored point, as sentences.
     value
         The parameter where its test function is zero; None if it cannot be computed.
     before, after

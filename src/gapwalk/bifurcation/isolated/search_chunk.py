@@ -218,7 +218,7 @@ class Settler:
     system
         The system.
     catalogue
-        The orbits found so far; new ones are added, including unstable ones found on the way.
+        The orbits found so far; new ones are added, including unstable ones.
     periods
         Longest period, in forcing periods, for which a return is sought.
     patience

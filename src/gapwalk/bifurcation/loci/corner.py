@@ -274,7 +274,7 @@ def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Tur
 
 
 def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Return whether a step changes a touch in a way that the points before it do not predict.
+    """Return whether a step changes a touch that the previous points do not predict.
 
     Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
     """

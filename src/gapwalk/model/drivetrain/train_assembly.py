@@ -309,7 +309,7 @@ class TrainNumbers:
 
         Shape (inertias, 1 + terms of the excitation): by the mean torques, then by each term at the size 1. Together
         with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
-        ``r^T J r psi'' = r^T (torques)``. Zeros where the ground holds the train.
+        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground.
         """
         if not self.form.is_free:
             return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)

@@ -84,7 +84,7 @@ class Tree:
     Parameters
     ----------
     root
-        The ground where there is one, or else the first inertia.
+        The ground if there is one, otherwise the first inertia.
     steps
         In an order in which each begins where another has ended.
     chords

@@ -128,12 +128,12 @@ LAWS: Registry[Law] = Registry("force law")
 
 
 def register(law: Law) -> None:
-    """Make a force law known to model files, under its name.
+    """Register a force law for model files under its name.
 
     Raises
     ------
     ModelError
-        If another law has that name, or if a table of a model file has another key of the name of a parameter.
+        If another law has that name, or a parameter has the name of another key of its table.
     """
     whole, of_stages = ([each.name for each in those] for those in (law.parameters, law.stage_parameters))
     others = {*law_parameters("stage_parameters")}

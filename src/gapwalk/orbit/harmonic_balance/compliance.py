@@ -4,8 +4,8 @@ With the forces of the contacts on the right-hand side, the lines of the motion 
 
     (A + sum_k D_k s_k e_k - w^2 + i w B) q = loads - sum_k D_k (f_k - s_k x_k)
 
-where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts hold in
-place can be solved too. The matrices are read from the coefficients of the flow (`Linear`).
+where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts
+restrain can be solved too. The matrices are read from the coefficients of the flow (`Linear`).
 
 There are two ways to solve it, with the same members. `DirectCompliance` factors the matrix of each line. Where the
 matrices stay the same along the branch, `PoleCompliance` sums over the eigenvalues of the linear system (`Poles`),
