@@ -1,4 +1,4 @@
-"""Convergence to a stable orbit: states from which it is known, so that a motion need not be followed to its end.
+"""Regions around a stable orbit from which every motion converges to it, so that it need not be followed to its end.
 
 The linearised return map A of a stable orbit has a norm in which it is a contraction, ``|x|^2 = x' P x`` with
 ``A' P A / g^2 - P + I = 0`` for any g above the largest multiplier (Lyapunov's equation). The ellipsoids of that norm

@@ -217,12 +217,12 @@ def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
 
 
 def has_merged(point: BranchPoint) -> bool:
-    """Return whether the orbit of a point has half its period, so that it lies on the parent branch."""
+    """Return True if the orbit of a point has half its period, so that it lies on the parent branch."""
     return float(np.abs(halves_apart(point)).max()) < _MERGED
 
 
 def is_close(point: BranchPoint) -> bool:
-    """Return whether the orbit of a point nearly repeats after half its period."""
+    """Return True if the orbit of a point nearly repeats after half its period."""
     return float(np.abs(halves_apart(point)).max()) < _CLOSE
 
 

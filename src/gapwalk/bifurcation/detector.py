@@ -168,7 +168,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 
 def _is_undecided(point: BranchPoint) -> bool:
-    """Return whether a multiplier is so near the unit circle that its error decides on which side it lies."""
+    """Return True if a multiplier is so near the unit circle that its error decides on which side it lies."""
     orbit = point.orbit
     near = float(np.abs(np.abs(orbit.multipliers) - 1.0).min())
     return is_on_border(orbit.multipliers) or near < orbit.multiplier_error

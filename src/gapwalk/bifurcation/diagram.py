@@ -255,7 +255,7 @@ class Diagram(Shown):
 
 
 def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
-    """Return whether at least `needed` accepted branches already begin or end at a special point."""
+    """Return True if at least `needed` accepted branches already begin or end at a special point."""
     return sum(each == origin for member in diagram.members for each in member.origins) >= needed
 
 

@@ -67,7 +67,7 @@ def follow(
     VerificationError
         If the branch is to be verified, and a check fails.
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was followed.
+        After Ctrl-C; its `found` is the branch so far.
     """
     branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(_traced, report)
     if verify:
@@ -99,7 +99,7 @@ def walk(
     Returns
     -------
     BranchWalk
-        An iterator over the points; `BranchWalk.branch` is the branch as far as it was followed.
+        An iterator over the points; `BranchWalk.branch` is the branch so far.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, rep
     Raises
     ------
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was followed.
+        After Ctrl-C; its `found` is the branch so far.
     """
     return _tracing(beginnings, walk).to_end(_traced, report)
 

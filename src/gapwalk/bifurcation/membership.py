@@ -62,7 +62,7 @@ class Curve:
         self._values = self._x[:, -1]
 
     def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
-        """Return whether an orbit lies on the branch; see `lies_on`.
+        """Return True if an orbit lies on the branch; see `lies_on`.
 
         The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
         parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
@@ -98,13 +98,13 @@ class Curve:
         return found
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
-        """Return segments that may contain the scaled value; each may extend beyond its ends by a share of its length."""
+        """Return segments that may contain the scaled value; each may exceed its ends by a share of its length."""
         margin = _BULGE * self._lengths + 1e-12
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
 
     def _has_knot(self, place: NDArray[np.float64], value: float, tolerance: float) -> bool:
-        """Return whether a place at a value is one of the points from which the curve is made.
+        """Return True if a place at a value is one of the points from which the curve is made.
 
         No correction is made there: where a branch begins on another or joins it, solutions of both are close
         together, and rounding decides which of them the corrector finds.
@@ -116,7 +116,7 @@ class Curve:
     def _passes(
         self, orbit: Orbit, place: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
     ) -> bool:
-        """Return whether one of the segments passes through a place at a value."""
+        """Return True if one of the segments passes through a place at a value."""
         size = len(place)
         target = np.append(place / self._scales[:size], value)
         for segment in segments:
@@ -155,7 +155,7 @@ class Curve:
 
 
 def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
-    """Return whether an orbit lies on a branch, possibly with a start at a later forcing period.
+    """Return True if an orbit lies on a branch, possibly with a start at a later forcing period.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Return whether an orbit is that of a special point, possibly with another phase or repeated several times.
+    """Return True if an orbit is that of a special point, possibly with another phase or repeated several times.
 
     In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
     parent is located by its multipliers. The two differ by the truncation error.

@@ -160,7 +160,7 @@ class Kind(str):
         return known
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return whether a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
+        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
         return True
 
     def prepare(self, search: Search) -> None:
@@ -219,7 +219,7 @@ class Kind(str):
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
         """Return the distance of an orbit of a locus from a point of this kind, with multipliers computed again.
 
-        It is a product over all multipliers, as far as the kind has such a function. So a factor that is small for
+        It is a product over all multipliers, if the kind has such a function. So a factor that is small for
         another reason, as at a point of codimension two, does no harm.
         """
         if self.target is not None:

@@ -198,7 +198,7 @@ class _Corner:
 
     @staticmethod
     def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
-        """Return whether sign changes of test functions between two points can explain their unstable multipliers."""
+        """Return True if sign changes of test functions between two points can explain their unstable multipliers."""
         signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
         most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
         change = abs(b.instability.total - a.instability.total)

@@ -90,7 +90,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
         Raises
         ------
         Interrupted
-            After Ctrl-C; its `found` is the record as far as the curve was traced.
+            After Ctrl-C; its `found` is the record so far.
         """
         try:
             for step in self:

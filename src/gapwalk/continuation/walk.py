@@ -266,7 +266,7 @@ class Walk(Iterator[BranchPoint]):
         return point
 
     def _closes(self, point: BranchPoint) -> bool:
-        """Return whether the step to `point` passes through the origin of the walk."""
+        """Return True if the step to `point` passes through the origin of the walk."""
         if self.point is self.origin or point.arclength < 4 * self._first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x

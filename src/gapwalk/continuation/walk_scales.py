@@ -144,7 +144,7 @@ def linear_growth(system: System, parameter: str, within: Range) -> float:
 
 
 def _is_linear_inside_its_gaps(system: System) -> bool:
-    """Return whether all stages without a clearance, if there are any, are linear springs."""
+    """Return True if all stages without a clearance, if there are any, are linear springs."""
     for spring in springs_of(system):
         tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
         if any(slope.bends or slope.pull[0] for slope in tight) or sum(slope.sign for slope in tight) != 0:

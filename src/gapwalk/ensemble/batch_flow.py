@@ -50,7 +50,7 @@ _MOST_AT_ONCE = 4.0
 
 @dataclass(frozen=True)
 class BatchFlow:
-    """Integrates many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
+    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
 
     system: System
     options: BatchOptions = BatchOptions()

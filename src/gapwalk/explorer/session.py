@@ -107,7 +107,7 @@ class Session:
         }
 
     def about(self, name: str) -> dict[str, Any]:
-        """Return what a page needs to show a file; raise a ModelError if the file cannot be opened."""
+        """Return the data with which a page shows a file; raise a ModelError if the file cannot be opened."""
         exploration = self.reopen(name)
         stamp, study = exploration.stamp(), exploration.described()
         assert study is not None  # without it the file could not have been opened

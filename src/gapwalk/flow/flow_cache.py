@@ -85,7 +85,7 @@ def cache_folder(name: str) -> Path:
 
 
 def is_private(folder: Path) -> bool:
-    """Return whether a folder is the user's own, and writable for nobody else."""
+    """Return True if a folder is the user's own, and writable for nobody else."""
     about = folder.stat()
     is_mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
     return is_mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

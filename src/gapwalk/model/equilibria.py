@@ -314,7 +314,7 @@ class _Statics:
 
 
 def _curves_upwards(matrix: NDArray[np.float64]) -> bool:
-    """Return whether a matrix is symmetric and has no negative eigenvalue."""
+    """Return True if a matrix is symmetric and has no negative eigenvalue."""
     size = np.abs(matrix).max()
     if np.abs(matrix - matrix.T).max() > 1e-12 * size:
         return False

@@ -247,7 +247,7 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
 
 
 def has_unit(value: object) -> bool:
-    """Return whether a value is a quantity, or a text that begins with a number and continues with other text."""
+    """Return True if a value is a quantity, or a text that begins with a number and continues with other text."""
     if isinstance(value, Quantity):
         return True
     return isinstance(value, str) and re.match(rf"\s*{_NUMBER}\s*[^\s\d.,+-]", value) is not None

@@ -233,7 +233,7 @@ def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]
 
 
 def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
-    """Return whether two orbits of a system are the same motion, possibly with another phase; see `phases`."""
+    """Return True if two orbits of a system are the same motion, possibly with another phase; see `phases`."""
     if a.period != b.period:
         return False
     return bool(np.any(_distances(phases(a), b) <= tolerance))

@@ -226,7 +226,7 @@ def solve(
 
 
 def is_solved(equation: OrbitEquation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
-    """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
+    """Return True if the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
         return False

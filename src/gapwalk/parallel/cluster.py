@@ -116,13 +116,13 @@ class Cluster:
 
 
 def do_piece(function: Callable[[Any], Any], piece: Any, expected: dict[str, str]) -> Any:
-    """Do a piece on a worker, which may have come later than others; errors as the function, and `check_versions`."""
+    """Do a piece on a worker after a check of its versions, because it may be new; errors as the function."""
     check_versions(expected, versions(), "one of them")
     return function(piece)
 
 
 def check_versions(ours: dict[str, str], theirs: dict[str, str], worker: str) -> None:
-    """Compare what computes here and on a worker.
+    """Compare the versions of the software here and on a worker.
 
     Raises
     ------

@@ -224,7 +224,7 @@ _TRUNCATED = 30.0  # the same in the share of the motion that is neglected: cont
 
 
 class _Joiner:
-    """Joins the special points of two neighbouring members.
+    """Connection of the special points of two neighbouring members.
 
     A single parameter keeps its name; several parameters that change together are replaced by one, the path from the
     first member to the second.

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FamilyFinding(Finding):
-    """A family, as far as it has been worked on.
+    """Finding of a family, complete or not.
 
     Attributes
     ----------

@@ -168,10 +168,10 @@ class Work(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """Record that the Python function of the same work returns, as far as the work has come."""
+        """Record so far, as the Python function of the same work returns it."""
 
     def finding(self) -> Finding | None:
-        """Return the finding of the study, as far as the work has come; None for a branch, a diagram or a map."""
+        """Return the finding so far; None for a branch, a diagram or a map."""
         return None
 
 

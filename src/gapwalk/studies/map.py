@@ -239,7 +239,7 @@ class Map(Shown):
 
 
 def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
-    """Return what a map has besides its branches: the plane, and the loci with their points (if wanted)."""
+    """Return the parts of a map other than its branches: the plane, and the loci with their points (if wanted)."""
     return {
         "plane": [
             {"parameter": name, "from": low, "to": high}

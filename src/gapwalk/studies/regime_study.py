@@ -358,8 +358,8 @@ def regimes(
     """Return the regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
     At the centre of each cell a motion is followed by the fast flow until its regime is known. Those that seem
-    quasi-periodic get another look with the exact flow, and a sample of all is classified by it, from where the motion
-    has come to.
+    quasi-periodic are examined again with the exact flow, and a sample of all cells is classified by it, from the
+    states that the motions have reached.
 
     Parameters
     ----------

@@ -231,7 +231,7 @@ class SweepWork(Work):
             if not (0 <= lane < len(self.lanes) and 0 <= number < self._per_lane):
                 raise ModelError(f"segment {number} of lane {lane} does not belong to this sweep")
             if place != self._place(segment):
-                raise ValueError("a segment has the place of another one")
+                raise ValueError("a segment is stored in the place of another one")
             count = len(places_of(self.lanes[lane].way, self.asked.steps, number))
             shape = (count, self.asked.points, 2 * self.system.size)
             if not segment.sections.shape == shape or not (

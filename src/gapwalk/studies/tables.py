@@ -123,7 +123,7 @@ class Start(StrEnum):
     REST = "rest"
     """Newton's method from the state zero."""
     SETTLE = "settle"
-    """Newton's method from where a transient from rest has come to."""
+    """Newton's method from the state that a transient from rest has reached."""
 
 
 _STATE = "the state at t = 0, a list of numbers"

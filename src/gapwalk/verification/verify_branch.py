@@ -157,7 +157,7 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
 
 
 def _may_join(track: Track, point: BranchPoint) -> bool:
-    """Return whether a branch may join another here: its motion nearly has half its period, or branches cross."""
+    """Return True if a branch may join another here: its motion nearly has half its period, or branches cross."""
     with suppress(NumericalError):
         if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point)).max()) < _NEAR:
             return True

@@ -254,7 +254,7 @@ class Settler:
         return Settling(np.array(path), None)
 
     def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
-        """Return whether to follow a transient further: it is still short, or its returns shrink."""
+        """Return True if a transient should be followed further: it is still short, or its returns shrink."""
         length = len(path) - 1
         if length < max(self._patience, 4 * self._periods):  # before that there are no two halves to compare
             return True

@@ -33,7 +33,7 @@ class Train:
     Parameters
     ----------
     inertias, shafts, gears
-        Its parts; all of them are connected. Loops may be closed, as far as the ratios around them agree.
+        Its parts; all of them are connected. Closed loops are allowed if the ratios around them agree.
     mean
         Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
     harmonics

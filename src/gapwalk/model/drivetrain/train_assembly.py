@@ -46,14 +46,14 @@ _CONSISTENT = 1e-9  # relative error of the ratios around a loop
 
 @dataclass(frozen=True)
 class TrainAssembly:
-    """Computes the equations of motion from the numbers of a train of this form.
+    """Assembly of the equations of motion from the numbers of a train of this form.
 
     Parameters
     ----------
     form
         The train without its numbers.
     units
-        In which units its numbers are; None if they are plain numbers, in consistent units already.
+        Units of its numbers; None for plain numbers, which are in consistent units already.
     """
 
     form: TrainForm

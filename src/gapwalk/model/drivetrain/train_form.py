@@ -55,7 +55,7 @@ class LinkForm:
 
     @property
     def own_numbers(self) -> tuple[str, ...]:
-        """Names of its own numbers, besides those of its contact."""
+        """Names of its numbers, without those of its contact."""
         has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always, "damping": not self.rigid}
         return tuple(what for what, value in has.items() if value)
 
