@@ -115,7 +115,12 @@ def test_options_survive_json(text) -> None:
         ("workers = 3", "workers = 0", "study.workers", "is 0; it must be >= 1"),
         ("workers = 3", "max_branches = 3", "study.max_branches", "is not a key here"),
         ("workers = 3", "shooting.segments = 3", "study.shooting.segments", "a locus is followed with one"),
-        ("workers = 3", "set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks it"),
+        (
+            "workers = 3",
+            "set = { frequency = 3 }",
+            "study.set.frequency",
+            "cannot be set here: the study walks this parameter",
+        ),
         ("workers = 3", "search = { starts = 3 }", "study.search.values", "write at how many values of the parameter"),
         ("workers = 3", "search.values = [0.6]", "study.search.values", "has 0.6, outside the range from 0.1 to 0.5"),
     ],
