@@ -76,7 +76,7 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, found: Any) -> None:
-        super().__init__("what was found until then is `found` of this exception, after it sys.last_value.found")
+        super().__init__("the results so far are `found` of this exception, or afterwards sys.last_value.found")
         self.found = found
 
     def __reduce__(self) -> tuple[type["Interrupted"], tuple[Any]]:

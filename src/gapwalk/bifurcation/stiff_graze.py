@@ -205,7 +205,7 @@ class _Corner:
         return change <= most and (most - change) % 2 == 0
 
     def _zeros(self, kind: Kind, nodes: list[float]) -> list[float]:
-        """Return the labels at which a test function vanishes; on so short a part of the branch it does so only once.
+        """Return the positions, by label, of the zeros of a test function; on so short a part there is at most one.
 
         A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
         """

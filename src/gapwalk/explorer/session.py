@@ -147,7 +147,7 @@ class Session:
 
 
 def _study(study: Study) -> dict[str, Any]:
-    """Describe a study of the file for the page; the parameters along which it runs have no value to be chosen."""
+    """Describe a study of the file for the page; a page cannot set the parameters along which it runs."""
     second = getattr(study.options, "second", None)
     walks = [getattr(study.options, "parameter", None), getattr(second, "parameter", None)]
     return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}

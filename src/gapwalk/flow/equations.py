@@ -187,7 +187,7 @@ class Equations:
 
     @cached_property
     def _contact_laws(self) -> list[tuple]:
-        """For each contact its force, and the derivatives of that by deflection and by deflection rate."""
+        """Force of each contact, and its derivatives with respect to deflection and deflection rate."""
         laws = []
         for index, contact in enumerate(self.layout.contacts):
             x, rate = hy.make_vars("deflection", "deflection_rate")

@@ -140,7 +140,7 @@ def _name(stem: str, content: bytes) -> str:
 
 
 def _opened(work: Path) -> int | None:
-    """Open heyoka's copy, and return its size; return None, without a database, if there is no room for one."""
+    """Open heyoka's copy of the database and return its size; disable it and return None if there is no space."""
     state = hy.llvm_state
     try:
         state.set_diskcache_path(work)

@@ -44,7 +44,7 @@ class Size:
     scale
         Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
     tall
-        Height relative to the width, compared with that on a screen.
+        Ratio of height to width, relative to that ratio on a screen.
     """
 
     width: float | None = None

@@ -150,7 +150,7 @@ def _structure_of(plain: Any) -> Structure:
         prefixes = [block.prefix for block in each.names.blocks]
         words = [*each.coordinates, *(word for prefix in prefixes for word in prefix.split("."))]
         if not all(word.isidentifier() for word in words) or len(set(prefixes)) < len(prefixes):
-            raise ValueError("a part of the system has no name, or that of another one")
+            raise ValueError("a part of the system has no name, or the name of another part")
         if len(set(each.coordinates)) < len(each.coordinates):
             raise ValueError("two coordinates have one name")
     return structure

@@ -51,7 +51,7 @@ class CellWork(Work):
 
     @abstractmethod
     def check(self, workers: Workers) -> None:
-        """Compare what is found with the exact flow, when all chunks are done."""
+        """Compare the results with the exact flow, when all chunks are done."""
 
     @abstractmethod
     def found(self, *, complete: bool) -> Any:
@@ -72,7 +72,7 @@ class CellWork(Work):
             raise ValueError(f"its resolution is {self._whole.resolution}")
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the chunks that are left; then check what is found with the exact flow."""
+        """Do the remaining chunks; then check the results with the exact flow."""
         self.begin()
         for _, chunk in self.follow(workers, [number for number in range(self.total) if number not in self.chunks]):
             self._add(chunk)

@@ -36,7 +36,7 @@ class StudyKind:
       before.
     - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
       which it holds: no option is written down twice.
-    - `work` returns its `Work`, which yields what is found part by part. So one runner (`gapwalk.studies.runner`)
+    - `work` returns its `Work`, which yields its results part by part. So one runner (`gapwalk.studies.runner`)
       serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
     - A line in `gapwalk.studies.kinds`, or `gapwalk.studies.kinds.add_kind`, makes it known by its `kind`.
     """

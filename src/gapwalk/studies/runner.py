@@ -89,11 +89,11 @@ def call(
     asked, work
         The request, which is a kind of study if there is a file, and the work.
     system
-        The system, as the file keeps it.
+        The system, as it is stored in the file.
     workers
         Number of local processes, or workers that were started before; by default as `asked` says.
     report
-        Called with what is new, once it is in the file.
+        Called with each new result, once it is in the file.
     output
         The file to write; None for none.
 
@@ -190,10 +190,10 @@ def run(
     force
         Overwrite an existing result file.
     report
-        Called with what is new, once it is in the file: of a response, each point and the special points before it; of
-        a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or the
-        locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
-        `gapwalk.parallel.work_chunks.Pace` of all. What a resumed result has already comes first.
+        Called with each new result, once it is in the file: of a response, each point and the special points before it;
+        of a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or
+        the locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
+        `gapwalk.parallel.work_chunks.Pace` of all. The stored part of a resumed result is reported first.
 
     Raises
     ------
@@ -205,7 +205,8 @@ def run(
     NumericalError
         If no first orbit is found.
     Interrupted
-        After Ctrl-C: what has been found is in the file, and `found` of the exception is the result, not `complete`.
+        After Ctrl-C: the results so far are in the file; `found` of the exception is the result, with ``complete``
+        False.
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.
