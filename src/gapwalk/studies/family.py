@@ -231,7 +231,7 @@ class Connection:
     Attributes
     ----------
     kind, contact, period
-        Of the special point.
+        Properties of the special point.
     fate
         Its fate.
     begin

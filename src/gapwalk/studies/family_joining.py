@@ -121,7 +121,7 @@ class FamilyWork(Work):
     Parameters
     ----------
     finding
-        Makes the finding of a study from a family.
+        Function that makes the finding of a study from a family.
     """
 
     def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:

@@ -356,7 +356,7 @@ class Which:
     near
         Value that selects only the special point nearest to this value of the branch's parameter; by default all.
     contact
-        Of grazing points, only those of this contact, or of a stage and side of it, such as ``stage2 -``.
+        Contact that selects among grazing points, or a stage and side of it, such as ``stage2 -``.
 
     Raises
     ------

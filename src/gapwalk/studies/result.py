@@ -128,7 +128,7 @@ class Result(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked or explained, in sentences.
+        """Failures to walk or to explain something, in sentences.
 
         They concern whole branches and loci, ends due to numerical failures, and steps in which a special point was
         missed.

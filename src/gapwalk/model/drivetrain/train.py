@@ -28,7 +28,7 @@ _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "stud
 
 @dataclass(frozen=True)
 class Train:
-    """A drive train (or any chain or tree of bodies and springs), free or held by the ground.
+    """A drive train (or any chain or tree of bodies and springs), free or connected to the ground.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class Law(ABC):
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
         """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
 
-        By default the motion goes on through the breakpoint, and the stage closes. A law that overrides this reverses
+        By default the motion continues through the breakpoint, and the stage closes. A law that overrides this reverses
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
         """
         return rate
