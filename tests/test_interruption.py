@@ -73,7 +73,7 @@ def test_what_was_found_can_be_asked_for() -> None:
     assert found_by(call, stops=True) == [1]
     again = pickle.loads(pickle.dumps(Interrupted([1])))
     assert again.found == [1]
-    assert str(again) == "what was found until then is `found` of this exception, after it sys.last_value.found"
+    assert str(again) == "the results so far are `found` of this exception, or afterwards sys.last_value.found"
 
 
 def test_a_notebook_stops_at_the_cell_and_the_next_one_has_what_was_found() -> None:

@@ -1,4 +1,4 @@
-"""The errors that gapwalk raises; each message says what was given, what is allowed, and what to write instead."""
+"""The errors that gapwalk raises; each message states the given value, the allowed values, and the correction."""
 
 from typing import Any
 
@@ -42,7 +42,7 @@ class VerificationError(NumericalError):
 
 
 class WorkError(NumericalError):
-    """Work that other processes could not do: a process died of one piece each time, or all processes are gone.
+    """Failure of work in other processes: a piece killed its process at each try, or all processes are lost.
 
     Attributes
     ----------
@@ -56,14 +56,14 @@ class WorkError(NumericalError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C in a call that had found something by then; it is stored, if the call stores results.
+    """Interruption by Ctrl-C of a call that has partial results; they are stored if the call stores results.
 
     It is raised so that nothing after the call continues with a part of the answer.
 
     Attributes
     ----------
     found
-        Return value of the call, as far as it had come.
+        Return value of the call so far.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, found: Any) -> None:
-        super().__init__("what was found until then is `found` of this exception, after it sys.last_value.found")
+        super().__init__("the results so far are `found` of this exception, or afterwards sys.last_value.found")
         self.found = found
 
     def __reduce__(self) -> tuple[type["Interrupted"], tuple[Any]]:

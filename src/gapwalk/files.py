@@ -31,7 +31,7 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait for the end of the block, so that it is known what was written in it.
+    """Delay Ctrl-C and SIGTERM until the end of the block, so that its writing is never interrupted.
 
     Signals without a handler in Python end the process at once, as usual. Other threads are never interrupted.
     """
@@ -77,7 +77,7 @@ def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
     Raises
     ------
     ValueError
-        If its content is larger, or an array holds objects or states more entries than are there.
+        If its content is larger, or an array contains objects or states more entries than it has.
     zipfile.BadZipFile, OSError
         If it is not an archive, or cannot be read.
     """
@@ -105,7 +105,7 @@ def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple
     Raises
     ------
     ValueError
-        If it is not an array, holds objects, or states more entries than are there.
+        If it is not an array, contains objects, or states more entries than it has.
     """
     version = np.lib.format.read_magic(content)
     heads = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -114,9 +114,9 @@ def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple
     try:
         shape, _, dtype = heads[version](content)
     except (SyntaxError, TypeError, TokenError, MemoryError, RecursionError):  # the head is a Python expression
-        raise ValueError(f"{name} has a head that cannot be read") from None
+        raise ValueError(f"{name} has a header that cannot be read") from None
     if dtype.hasobject:
         raise ValueError(f"{name} holds objects; only numbers and texts are read")
     if any(length < 0 for length in shape) or math.prod(shape) * dtype.itemsize > size:
-        raise ValueError(f"{name} is said to have {math.prod(shape):,} entries, but they are not there")
+        raise ValueError(f"{name} states {math.prod(shape):,} entries, but they are missing")
     return shape, dtype

@@ -210,7 +210,7 @@ def parameter_set(name: str) -> ParameterSet:
 
 
 def describe(name: str) -> str:
-    """Return what had to be decided for a figure beyond the printed tables; a guess begins with the word GUESS.
+    """Return the decisions for a figure that the printed tables leave open; a guess begins with the word GUESS.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def case(
     name
         One of `names`.
     slope, damping
-        The readings of the paper, where it can be read in two ways.
+        Interpretations of the paper where it is ambiguous.
 
     Raises
     ------

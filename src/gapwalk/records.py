@@ -1,4 +1,4 @@
-"""Records that other records hold, and that functions return: each is described here, none is made by hand.
+"""Records that are fields of other records or results of functions; users do not create them.
 
 Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`, `BranchWalk`, `Cascade`,
 `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`,

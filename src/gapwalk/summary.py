@@ -1,4 +1,4 @@
-"""How records describe themselves: in words for readers, in tables of numbers, and as plain values for programs.
+"""Self-description of records: in words for readers, in tables of numbers, and as plain values for programs.
 
 The terminal, cards in notebooks, the explorer's page, CSV files and JSON documents ask the record.
 """
@@ -133,7 +133,7 @@ class Described:
     def to_dict(self) -> dict[str, Any]:
         """Return the record as plain JSON values.
 
-        Complex numbers become pairs, and what is not finite becomes None.
+        Complex numbers become pairs, and numbers that are not finite become None.
         """
         from gapwalk.results.plain import plain
 

@@ -87,7 +87,7 @@ def test_model_files_are_run(model, results, capsys) -> None:
     assert main(["compare", "two.toml:one", "two.toml:two"]) == 4
     assert "the first covers Ω from 0.7 to 1.7, the second from 0.7 to 1.9: 0.17 is missing" in capsys.readouterr().out
     assert main(["compare", results[0], "two.toml"]) == 2
-    assert "has 2 studies, so name the one that is meant: one, two" in capsys.readouterr().err
+    assert "has 2 studies, so give the name of one: one, two" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,10 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
         gw.measure.read_measurement(tmp_path / "x.csv")
     for content, told in (
         (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "not a MAT file of version 5 to 7"),
-        (b"MATLAB 7.3 MAT-file, by" + b" " * 300, r"of version 7.3; save it with save\(..., '-v7'\)"),
+        (
+            b"MATLAB 7.3 MAT-file, by" + b" " * 300,
+            r"of version 7.3, which cannot be read; save it with save\(..., '-v7'\)",
+        ),
         (b" " * 126 + b"IM" + b"\x0e\x00\x00\x00\x10\x00\x00\x00", "a damaged MAT file"),
     ):
         (tmp_path / "x.mat").write_bytes(content)

@@ -62,5 +62,5 @@ def test_where_no_acceleration_turns_the_deflection_no_depth_can_be_held():
     orbit = find_orbit(oscillator(0.3))
     equation = Shooting().pose(orbit.system, "frequency")
     touch = touches(orbit)[0]._replace(acceleration=0.0)
-    with pytest.raises(ConvergenceError, match="too little time before the touch"):
+    with pytest.raises(ConvergenceError, match="segment before the touch is too short"):
         TouchEquation(equation, orbit, [touch], np.array([16.0, 16.0, 1.0]))

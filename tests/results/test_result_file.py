@@ -264,7 +264,7 @@ def test_a_part_is_named_where_it_is_damaged(path) -> None:
     with call_file(CALL, path) as file:
         file.write(NUMBERS.entry(tuple(range(20)), 7))
     for statement, message in (
-        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'numbers'", "its part numbers 7: .* bytes are not there"),
+        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'numbers'", "its part numbers 7: .* bytes are missing"),
         ("UPDATE part SET head = '7' WHERE name = 'numbers'", "its part numbers 7: there is an integer where a table"),
         ("DELETE FROM part WHERE name = 'versions'", "its part versions is missing"),
     ):

@@ -260,7 +260,7 @@ def test_a_diagram_is_a_kind_of_study() -> None:
         ('set = { "stage2.clearence" = 1 }', 'study.set."stage2.clearence"', "did you mean 'stage2.clearance'"),
         ("set = { stage2.clearance = -1 }", "study.set.stage2.clearance", "is -1.0; it must be >= 0"),
         ('set = { mean.q1 = "1" }', "study.set.mean.q1", "is '1'; it must be a number"),
-        ("set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks it"),
+        ("set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks this parameter"),
         (
             "set = { mass.q1.q1 = 0, mass.q3.q3 = 0 }",
             "study.set.mass.q1.q1",
@@ -291,12 +291,12 @@ def test_a_file_has_several_studies_of_changed_systems(tmp_path: Path) -> None:
     assert strong.system == read_system(path).at(changes)
     assert (strong.options.begin, strong.options.end, strong.options.max_period) == (0.02, 1.0, 4)
     assert read_study(path, name="strong") == strong
-    with pytest.raises(ModelError, match="has 2 studies, so name the one that is meant: light, strong"):
+    with pytest.raises(ModelError, match="has 2 studies, so give the name of one: light, strong"):
         read_study(path)
     with pytest.raises(ModelError, match=r"has no study 'stong'; did you mean strong\?"):
         read_study(path, name="stong")
     path.write_text(GOOD, encoding="utf-8")
-    with pytest.raises(ModelError, match="no name for it; leave the name 'strong' out"):
+    with pytest.raises(ModelError, match="which has no name; leave the name 'strong' out"):
         read_study(path, name="strong")
 
 

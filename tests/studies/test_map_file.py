@@ -106,7 +106,7 @@ def test_options_survive_json(text) -> None:
         ("to = 0.4", "to = -0.4", "study.second.to", "is not allowed: frequency is -0.4; it must be > 0"),
         ("to = 0.4", "to = 0.4, by = 3", "study.second.by", "is not a key here; the keys are parameter, from, to"),
         ("[0.5, 0.6]", "[0.5, 0.95]", "study.sections", "has 0.95, outside the range from 0.4 to 0.9"),
-        ("[0.5, 0.6]", "[0.5, 0.5]", "study.sections", "each value must stand there once"),
+        ("[0.5, 0.6]", "[0.5, 0.5]", "study.sections", "list each value only once"),
         ("[0.5, 0.6]", "[]", "study.sections", "it must be a list of at least 1"),
         ("[0.5, 0.6]", "0", "study.sections", "is 0; it must be >= 1"),
         ("[0.5, 0.6]", '"many"', "study.sections", 'is "many"; it must be an integer'),
@@ -115,7 +115,12 @@ def test_options_survive_json(text) -> None:
         ("workers = 3", "workers = 0", "study.workers", "is 0; it must be >= 1"),
         ("workers = 3", "max_branches = 3", "study.max_branches", "is not a key here"),
         ("workers = 3", "shooting.segments = 3", "study.shooting.segments", "a locus is followed with one"),
-        ("workers = 3", "set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks it"),
+        (
+            "workers = 3",
+            "set = { frequency = 3 }",
+            "study.set.frequency",
+            "cannot be set here: the study walks this parameter",
+        ),
         ("workers = 3", "search = { starts = 3 }", "study.search.values", "write at how many values of the parameter"),
         ("workers = 3", "search.values = [0.6]", "study.search.values", "has 0.6, outside the range from 0.1 to 0.5"),
     ],
@@ -168,4 +173,4 @@ def test_a_frequency_that_no_parameter_gives_is_asked_for() -> None:
     text = MAP.replace('"frequency", from = 0.9, to = 0.4', '"stage2.clearance", from = 0.9, to = 0.4')
     ((path, message),) = problems_of(text)
     assert path == "frequency"
-    assert "the study walks mean.q1 and stage2.clearance, so write at which frequency" in message
+    assert "the study walks mean.q1 and stage2.clearance, so give the frequency of the study" in message

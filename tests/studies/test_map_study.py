@@ -255,7 +255,7 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
     [
         ("DELETE FROM part WHERE name = 'locus' AND number = 1", "a section or a locus is missing"),
         ("DELETE FROM part WHERE name = 'section' AND number = 1", "a section or a locus is missing"),
-        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are not there"),
+        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are missing"),
         ("UPDATE part SET head = replace(head, '\"ends\":[', '\"ends\":[0,') WHERE name = 'locus'", "Locus.ends"),
         (
             "UPDATE part SET head = replace(head, '\"period\":1,', '\"period\":3,') WHERE name = 'locus'",
@@ -275,7 +275,7 @@ def test_a_damaged_file_is_named(path, change, message) -> None:
 def test_bad_requests_are_refused() -> None:
     with pytest.raises(ModelError, match=r"a section at 0\.7, outside the range from 0\.2 to 0\.3"):
         gw.run(clutch_map(sections=(0.7,)))
-    with pytest.raises(ModelError, match="each value must stand there once"):
+    with pytest.raises(ModelError, match="list each value only once"):
         gw.MapOptions(sections=(0.2, 0.2))
     with pytest.raises(ModelError, match="an integer from 1 to 100,000, or values of the second parameter"):
         gw.MapOptions(sections=())

@@ -150,7 +150,7 @@ def test_the_result_says_what_the_full_system_says(finished) -> None:
     again = study.reduced.reduction.check(branch)
     assert check.errors == tuple(each.error for each in again.special)
     assert max(check.errors) < 0.02
-    assert f"{len(check.errors)} of its {len(check.errors)} special points are there" in check.words
+    assert f"{len(check.errors)} of its {len(check.errors)} special points exist there" in check.words
     stored = load(path)
     assert stored.checks == result.checks
     assert stored.study.reduced == study.reduced
@@ -184,7 +184,7 @@ def test_the_command_line_tells_it(finished, capsys) -> None:
     assert done.value.code in (0, None)
     text = capsys.readouterr().out
     assert "reduced from 12 degrees of freedom to 4" in text
-    assert "P1-1 set against the full system, by 15 harmonics" in text
+    assert "P1-1 compared with the full system, by 15 harmonics" in text
     with pytest.raises(SystemExit):
         app(["check", str(path.with_suffix(".toml"))])
     assert "reduced from 12 degrees of freedom to 4" in capsys.readouterr().out

@@ -159,7 +159,7 @@ def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(p
         stop = iter([signal.SIGINT])
         until_ctrl_c(gw.run, stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
     content = path.read_bytes()
-    with pytest.raises(StoreError, match="variables were scaled otherwise"):
+    with pytest.raises(StoreError, match="with other scales of variables"):
         gw.run(stop_study(), path, resume=True)
     assert path.read_bytes() == content
 
@@ -218,7 +218,7 @@ def test_resume_begins_where_there_is_nothing_yet(path) -> None:
 
 def test_an_existing_result_is_kept_unless_told_otherwise(written) -> None:
     content = written.read_bytes()
-    with pytest.raises(StoreError, match=r"exists already; go on with it \(--resume\), write over it \(--force\)"):
+    with pytest.raises(StoreError, match=r"exists already; continue it \(--resume\), overwrite it \(--force\)"):
         gw.run(stop_study(end=1.8), written)
     with pytest.raises(StoreError, match="not both"):
         gw.run(stop_study(), written, resume=True, force=True)
@@ -237,7 +237,7 @@ def test_a_new_run_that_finds_no_start_keeps_the_old_result(written) -> None:
 def test_force_spares_what_is_no_result(tmp_path) -> None:
     model = tmp_path / "model.toml"
     model.write_text("title = 'precious'\n" * 20)
-    with pytest.raises(StoreError, match="not written over"):
+    with pytest.raises(StoreError, match="not overwritten"):
         gw.run(stop_study(), model, force=True)
     assert "precious" in model.read_text()
 

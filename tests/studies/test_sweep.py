@@ -196,8 +196,8 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
         return replace(call, options=replace(call.options, **changes))
 
     for request, number, wrong, message in [
-        (call, 1, segment, "stands in the place of another"),
-        (call, 5, replace(segment, lane=5), "segment 0 of lane 5 is none of this sweep"),
+        (call, 1, segment, "is stored in the place of another one"),
+        (call, 5, replace(segment, lane=5), "segment 0 of lane 5 does not belong to this sweep"),
         (call, 0, replace(segment, regimes=("",)), "another size"),
         (call, 0, replace(segment, sections=segment.sections[..., 1:]), "another size"),
         (asking(end=0.6), 0, segment, "is damaged"),

@@ -53,7 +53,7 @@ class Attractor(Shown):
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
         if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
-            raise ValueError(f"strobes of shape {self.strobes.shape} are none of this system")
+            raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -130,7 +130,7 @@ class Settled(Shown):
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
         if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
-            raise ValueError(f"strobes of shape {self.strobes.shape} are none of this system")
+            raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
 
     @property
     def period(self) -> int | None:

@@ -108,7 +108,7 @@ def judge(
 
 
 class _RegimeJudge:
-    """Classifies many motions; fills in what it has found."""
+    """Classifier of many motions, which fills in its results."""
 
     def __init__(
         self, motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray, options: RegimeOptions

@@ -162,7 +162,7 @@ def check_count(what: str, value: object, least: int = 1) -> None:
 
 
 class _Crossings:
-    """Finds the crossings of one plane by one motion, one forcing period at a time."""
+    """Search for the crossings of a plane by a motion, one forcing period at a time."""
 
     def __init__(self, system: System, plane: Plane) -> None:
         self._system, self._plane, self._weights = system, plane, plane.weights(system)

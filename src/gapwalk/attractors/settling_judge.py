@@ -57,7 +57,7 @@ class Tolerances:
         Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a
         torus, because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
     small
-        Weight of what is left after a nearest return: it may change by a hundred times the tolerance.
+        Weight of the remainder after a nearest return: it may change by a hundred times the tolerance.
     irregular
         Spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic.
     """
@@ -247,7 +247,7 @@ class Drift(NamedTuple):
 def drift_of(states: NDArray[np.float64], longest: int) -> Drift:
     """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
 
-    What is left after the nearest return within `longest` forcing periods (for example the size of a torus about an
+    Remainder after the nearest return within `longest` forcing periods (for example the size of a torus about an
     orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
     """
     scaled, period = states[:, None], recurrences(states, longest, np.inf)[-1].period

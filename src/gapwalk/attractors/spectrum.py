@@ -172,7 +172,7 @@ class Waterfall:
     turns: int | None = None
 
     def plot(self, **options):
-        """Draw it as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
+        """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
         from gapwalk.plot import draw
 
         return draw(self, **options)

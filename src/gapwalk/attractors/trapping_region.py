@@ -1,4 +1,4 @@
-"""Convergence to a stable orbit: states from which it is known, so that a motion need not be followed to its end.
+"""Regions around a stable orbit from which every motion converges to it, so that it need not be followed to its end.
 
 The linearised return map A of a stable orbit has a norm in which it is a contraction, ``|x|^2 = x' P x`` with
 ``A' P A / g^2 - P + I = 0`` for any g above the largest multiplier (Lyapunov's equation). The ellipsoids of that norm
@@ -118,7 +118,7 @@ def trapping_region_of(orbit: Orbit) -> TrappingRegion | None:
 
 
 class _Builder:
-    """Finds the ellipsoids of one orbit."""
+    """Computation of the ellipsoids of one orbit."""
 
     def __init__(self, orbit: Orbit) -> None:
         self.period = orbit.period
@@ -198,7 +198,7 @@ class _Builder:
 def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int, least: float) -> Orbit | None:
     """Find the orbit near a state by Newton's method, reduced to its smallest period; None if there is none nearby.
 
-    `least` is the smallest size of a motion, as in `size_of`: a static equilibrium has no size of its own.
+    `least` is the smallest size of a motion, as in `size_of`: a static equilibrium has the size 0.
     """
     try:
         if not _steps_nearby(strobe.system, state, period, least):

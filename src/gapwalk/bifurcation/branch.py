@@ -58,7 +58,7 @@ class Branch(Shown):
     special_points
         Special points in the order of the walk.
     ends
-        Where and why the branch ends, at its first and at its last point.
+        Ends of the branch with their reasons, at its first and at its last point.
     """
 
     parameter: str

@@ -133,7 +133,7 @@ def refined(beginning: BranchStart) -> BranchStart | None:
 
 
 def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
-    """Return a point of a branch, posed by a finer equation of the same branch; None if Newton's method fails."""
+    """Return a point of a branch, corrected for a finer equation of the branch; None if Newton's method fails."""
     equation = cast("OrbitEquation", corrector.equation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))
@@ -216,17 +216,17 @@ def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
 
 
 def has_merged(point: BranchPoint) -> bool:
-    """Return whether the orbit of a point has half its period, so that it lies on the parent branch."""
+    """Return True if the orbit of a point has half its period, so that it lies on the parent branch."""
     return float(np.abs(halves_apart(point)).max()) < _MERGED
 
 
 def is_close(point: BranchPoint) -> bool:
-    """Return whether the orbit of a point nearly repeats after half its period."""
+    """Return True if the orbit of a point nearly repeats after half its period."""
     return float(np.abs(halves_apart(point)).max()) < _CLOSE
 
 
 def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float | None:
-    """Return the parameter at which the halves of the orbit exchange places between two points; None if they do not.
+    """Return the parameter between two points at which both halves of the orbit coincide; None if they do not.
 
     It follows from the cubic through the two points.
     """

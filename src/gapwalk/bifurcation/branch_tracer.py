@@ -73,7 +73,7 @@ class BranchTracer(Iterator[Step]):
     walk
         Options of the walk.
     resume
-        `state` of a stopped tracer with the same beginning. Its equation is refined as it was on the way. Its points
+        `state` of a stopped tracer with the same beginning. The equation is refined again in the same way. Its points
         are as they were yielded, so the one before the last may have been computed before a refinement.
     events
         User-defined kinds of special points.
@@ -210,7 +210,7 @@ class BranchTracer(Iterator[Step]):
         return self._symmetries
 
     def _is_astray(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Return whether a point lacks a symmetry of the branch, by its extremes or by the closings of its contacts.
+        """Return True if a point lacks a symmetry of the branch, by its extremes or by the closings of its contacts.
 
         Beyond a graze at a stiff stop, the closings show an asymmetry that is too small to be seen in the extremes.
         """
@@ -261,7 +261,7 @@ class BranchTracer(Iterator[Step]):
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Return whether a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
+        """Return True if a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
         if first.orbit.closings == point.orbit.closings:
             return False
         return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
@@ -313,7 +313,7 @@ class BranchTracer(Iterator[Step]):
         return point, special
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
-        """Return whether the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
+        """Return True if the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
 
         Only then is there a branch to join. If not all symmetries of the system are known, the vertex is accepted.
         """
@@ -326,7 +326,7 @@ class BranchTracer(Iterator[Step]):
         return any(self._defect(each, vertex) < _RESTORED for each in lost)
 
     def _is_doubled(self, point: BranchPoint) -> bool:
-        """Return whether a point may be near the parent of a period-doubled branch, and is not its beginning."""
+        """Return True if a point may be near the parent of a period-doubled branch, and is not its beginning."""
         return point.orbit.period % 2 == 0 and not (point is self.first and self.beginning.singular)
 
     def _until_parent(self, first: BranchPoint, step: Step) -> Step:

@@ -169,14 +169,14 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 
 def _is_undecided(point: BranchPoint) -> bool:
-    """Return whether a multiplier is so near the unit circle that its error decides on which side it lies."""
+    """Return True if a multiplier is so near the unit circle that its error decides on which side it lies."""
     orbit = point.orbit
     near = float(np.abs(np.abs(orbit.multipliers) - 1.0).min())
     return is_on_border(orbit.multipliers) or near < orbit.multiplier_error
 
 
 def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
-    """Return whether the sign of a test function says nothing at a point.
+    """Return True if the sign of a test function is not significant at a point.
 
     The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
     and only known to a few digits.

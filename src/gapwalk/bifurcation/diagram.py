@@ -44,9 +44,9 @@ class DiagramBranch:
     branch
         The branch.
     begins
-        Where it begins on another branch; None for a branch that was found on its own.
+        Its beginning on another branch; None for a branch that was found independently.
     joins
-        Where it ends on another branch; None if it ends otherwise.
+        Its end on another branch; None if it ends otherwise.
     """
 
     name: str
@@ -176,7 +176,7 @@ class Diagram(Shown):
         branch
             The branch.
         begins
-            Where it begins on another branch.
+            Its beginning on another branch.
         method
             Method by which its orbits were found.
         """
@@ -257,7 +257,7 @@ class Diagram(Shown):
 
 
 def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
-    """Return whether at least `needed` accepted branches already begin or end at a special point."""
+    """Return True if at least `needed` accepted branches already begin or end at a special point."""
     return sum(each == origin for member in diagram.members for each in member.origins) >= needed
 
 

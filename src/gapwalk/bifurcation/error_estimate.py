@@ -52,7 +52,7 @@ class ErrorEstimator:
         self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
 
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
-        """Return the point of the second computation in the plane across a point's tangent, `shift` further along.
+        """Return the point of the second computation in a plane normal to a point's tangent, `shift` further along it.
 
         Raises
         ------

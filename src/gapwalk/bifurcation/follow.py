@@ -36,7 +36,7 @@ def follow(
     verify: bool = False,
     events: Sequence[Event] = (),
 ) -> Branch:
-    """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
+    """Follow a periodic orbit along one named parameter, around folds, and locate every special point.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def follow(
     VerificationError
         If the branch is to be verified, and a check fails.
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was followed.
+        After Ctrl-C; its `found` is the branch so far.
     """
     branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(_traced, report)
     if verify:
@@ -100,7 +100,7 @@ def walk(
     Returns
     -------
     BranchWalk
-        An iterator over the points; `BranchWalk.branch` is the branch as far as it was followed.
+        An iterator over the points; `BranchWalk.branch` is the branch so far.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class BranchWalk(Iterator[BranchPoint]):
     Parameters
     ----------
     beginnings
-        Where it begins: one beginning, or two at one point in opposite directions.
+        Beginning of the walk, or two at one point in opposite directions.
     options
         Options of the walk.
     events
@@ -164,7 +164,7 @@ class BranchWalk(Iterator[BranchPoint]):
 
     @property
     def branch(self) -> Branch:
-        """Branch as far as it was followed; a ModelError before the first point."""
+        """Branch so far; raises a ModelError before the first point."""
         if not self._tracing.traces:
             raise ModelError("no point was computed yet; ask for a point first: next(steps)")
         return _traced(self._tracing)
@@ -195,7 +195,7 @@ def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, rep
     Raises
     ------
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was followed.
+        After Ctrl-C; its `found` is the branch so far.
     """
     return _tracing(beginnings, walk).to_end(_traced, report)
 

@@ -64,7 +64,7 @@ class Curve:
         self._values = self._x[:, -1]
 
     def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
-        """Return whether an orbit lies on the branch; see `lies_on`.
+        """Return True if an orbit lies on the branch; see `lies_on`.
 
         The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
         parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
@@ -100,13 +100,13 @@ class Curve:
         return found
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
-        """Return the segments that may pass the scaled value; each may overshoot its ends by a share of its length."""
+        """Return segments that may contain the scaled value; each may exceed its ends by a share of its length."""
         margin = _BULGE * self._lengths + 1e-12
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
 
     def _has_knot(self, place: NDArray[np.float64], value: float, tolerance: float) -> bool:
-        """Return whether a place at a value is one of the points from which the curve is made.
+        """Return True if a place at a value is one of the points from which the curve is made.
 
         No correction is made there: where a branch begins on another or joins it, solutions of both are close
         together, and rounding decides which of them the corrector finds.
@@ -118,7 +118,7 @@ class Curve:
     def _passes(
         self, orbit: Orbit, place: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
     ) -> bool:
-        """Return whether one of the segments passes through a place at a value."""
+        """Return True if one of the segments passes through a place at a value."""
         size = len(place)
         target = np.append(place / self._scales[:size], value)
         for segment in segments:
@@ -157,7 +157,7 @@ class Curve:
 
 
 def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
-    """Return whether an orbit lies on a branch, possibly with a start at a later forcing period.
+    """Return True if an orbit lies on a branch, possibly with a start at a later forcing period.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ class StateSpace:
         return list(phases(orbit))
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """Return all variables of an orbit that lies at a place."""
+        """Return all variables of an orbit at a place on the branch."""
         if len(self.scales) == self.size + 1:
             return np.append(place / self.scales[:-1], value)
         unknowns = self.corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
@@ -234,13 +234,13 @@ class StateSpace:
         return self.corrector.equation.orbit(correction.x[:-1] * self.scales[:-1], value, correction.evaluation)
 
     def tolerance(self, orbit: Orbit) -> float:
-        """Return the largest distance from the branch, relative to its size, of an orbit that counts as one of it."""
+        """Return the largest distance at which an orbit belongs to the branch, relative to the size of the branch."""
         return 0.0
 
 
 @singledispatch
 def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
-    """Return the space in which a branch of such orbits is a curve: of states, unless their class has another one.
+    """Return the space in which a branch of these orbits is a curve; by default the space of states.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Return whether an orbit is that of a special point, possibly with another phase or repeated several times.
+    """Return True if an orbit is that of a special point, possibly with another phase or repeated several times.
 
     In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
     parent is located by its multipliers. The two differ by the truncation error.
@@ -302,7 +302,7 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
 
 
 def _first_flip(beginning: BranchStart) -> SpecialPoint | None:
-    """Return the first flip in one direction along a branch, which may itself end at its parent just beyond."""
+    """Return the first flip in one direction along a branch; the branch may end at its parent just after the flip."""
     for step in _STEPS:
         tracer = BranchTracer(beginning, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
         flip = next((each for _, special in tracer for each in special if each.kind is Kind.FLIP), None)

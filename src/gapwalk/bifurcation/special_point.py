@@ -112,7 +112,7 @@ class SpecialPoint(Shown):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return what is known of the point, a line for each figure."""
+        """Return the properties of the point, one line each."""
         return (f"{name} {text}" for name, text in self.words.items() if text)
 
     @property

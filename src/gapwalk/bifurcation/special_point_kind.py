@@ -160,7 +160,7 @@ class Kind(str):
         return known
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return whether a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
+        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
         return True
 
     def prepare(self, search: Search) -> None:
@@ -217,9 +217,9 @@ class Kind(str):
         return math.pi if self.target is not None and self.target < 0.0 else 0.0
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-        """Return how far an orbit of a locus is from a point of this kind, with multipliers that were computed again.
+        """Return the distance of an orbit of a locus from a point of this kind, with multipliers computed again.
 
-        It is a product over all multipliers, as far as the kind has such a function. So a factor that is small for
+        It is a product over all multipliers, if the kind has such a function. So a factor that is small for
         another reason, as at a point of codimension two, does no harm.
         """
         if self.target is not None:
@@ -229,7 +229,7 @@ class Kind(str):
 
     @property
     def no_locus(self) -> str:
-        """Reason why it has no locus in two parameters, as a sentence; empty if it has one."""
+        """Reason why this kind has no locus in two parameters, as a sentence; empty if it has one."""
         has_one = type(self).condition is not Kind.condition
         return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
 

@@ -114,7 +114,7 @@ class _Corner:
             self._at(label)
         graze = self._at(0.0)
         if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
-            raise ConvergenceError("the graze lies behind, and far enough away")
+            raise ConvergenceError("the graze is behind the walk, and far enough away")
         label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
             label += self._growth(label)
@@ -199,14 +199,14 @@ class _Corner:
 
     @staticmethod
     def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
-        """Return whether sign changes of test functions between two points can explain their unstable multipliers."""
+        """Return True if sign changes of test functions between two points can explain their unstable multipliers."""
         signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
         most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
         change = abs(b.instability.total - a.instability.total)
         return change <= most and (most - change) % 2 == 0
 
     def _zeros(self, kind: Kind, nodes: list[float]) -> list[float]:
-        """Return the labels at which a test function vanishes; on so short a part of the branch it does so only once.
+        """Return the positions, by label, of the zeros of a test function; on so short a part there is at most one.
 
         A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
         """
@@ -227,7 +227,7 @@ class _Corner:
 
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
-        """Same orbits with shorter segments before the contacts, for an error estimate, and one of them."""
+        """Return the same equation with shorter segments before contacts, for an error estimate, and an orbit of it."""
         # Newton's method starts most easily at the outermost point
         orbit = self._points[max(self._points, key=lambda label: label * self._way * self._posed.free)].orbit
         posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)

@@ -31,7 +31,7 @@ Words = Callable[..., tuple[Any, ...]]
 
 
 class ProgressLine:
-    """One line with the elapsed time, removed at the end; it is called with what is reported.
+    """One line with the elapsed time, removed at the end; it is called with each report.
 
     If stderr is not a terminal (a log, say), a line is written at regular intervals, even without any change.
 
@@ -40,7 +40,7 @@ class ProgressLine:
     first
         The text at the beginning.
     words
-        Describes what is reported.
+        Function that describes a report.
     bar
         True for a bar of the finished part.
     total
@@ -70,13 +70,13 @@ class ProgressLine:
         self._writer = threading.Thread(target=self._write, name="gapwalk progress", daemon=True)
 
     def __call__(self, *news: Any) -> None:
-        """Show what is reported."""
+        """Show one report."""
         self.update(*self._words(*news))
 
     def update(
         self, description: str, reached: str, completed: float | None = None, total: float | None = None
     ) -> None:
-        """Show a description, how far the work has come, and the same as a number of a total number."""
+        """Show a description, and the progress in words and as a number out of a total."""
         self._text = f"{description}  {reached}"
         self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
 

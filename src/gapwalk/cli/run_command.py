@@ -162,7 +162,7 @@ def show_heading(study: Study, screen: Console) -> None:
 
 
 def _stored_words(result: Result) -> str:
-    """Return what an interrupted run has stored."""
+    """Describe the stored part of an interrupted run."""
     if result.finding is not None:
         return f"interrupted; {result.finding.stored}"
     if result.map is not None:

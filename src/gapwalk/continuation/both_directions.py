@@ -90,7 +90,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
         Raises
         ------
         Interrupted
-            After Ctrl-C; its `found` is the record as far as the curve was traced.
+            After Ctrl-C; its `found` is the record so far.
         """
         try:
             for step in self:
@@ -132,16 +132,16 @@ class Tracing(Iterator[S], Generic[D, T, S]):
 def in_one_direction(
     walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
 ) -> tuple[tuple[P, ...], tuple[F, ...]]:
-    """Join the steps of one or two traces into the points of a curve, and what was found between them.
+    """Join the steps of one or two traces into the points of a curve and the events between them.
 
     Parameters
     ----------
     walked
-        The steps of each trace: a point, and what was found before it.
+        The steps of each trace: a point, and the events before it.
     first
         The point at which the traces begin.
     turn, turn_found
-        Functions that return a point, or what was found, as for travel in the direction of the second trace.
+        Functions that convert a point, or the events, for travel in the opposite direction.
     """
     *back, ahead = walked
     points, found = [first], []

@@ -162,7 +162,7 @@ class Walk(Iterator[BranchPoint]):
         return True
 
     def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
-        """Continue from a point that was reached from a state by other means, with the given next step."""
+        """Continue from a point that another method has reached from a state, with the given next step."""
         self.previous, self.point, self.count = state.point, point, state.count + 1
         self.step = min(step, self._longest(point, self.options.largest_step))
         self.end, self._least = None, max(self.options.smallest_step, _SHORT)
@@ -267,7 +267,7 @@ class Walk(Iterator[BranchPoint]):
         return point
 
     def _closes(self, point: BranchPoint) -> bool:
-        """Return whether the step to `point` passes through the origin of the walk."""
+        """Return True if the step to `point` passes through the origin of the walk."""
         if self.point is self.origin or point.arclength < 4 * self._first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x

@@ -90,8 +90,8 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
     """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
 
-    No scale grows with the range without bound, so a part of a range is followed in the same way however wide the
-    whole range is. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
+    Scales are bounded, so a part of a range is followed in the same way whatever the width of the whole
+    range. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
     width of the range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the
     motion may be a million times larger at the other end of the range, lengths are scaled by the largest expected
     motion (`linear_growth`).
@@ -205,7 +205,7 @@ def linear_growth(system: System, parameter: str, within: Range) -> float:
 
 
 def _is_linear_inside_its_gaps(system: System) -> bool:
-    """Return whether all stages without a clearance, if there are any, are linear springs."""
+    """Return True if all stages without a clearance, if there are any, are linear springs."""
     for spring in springs_of(system):
         tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
         if any(slope.bends or slope.pull[0] for slope in tight) or sum(slope.sign for slope in tight) != 0:

@@ -50,7 +50,7 @@ _MOST_AT_ONCE = 4.0
 
 @dataclass(frozen=True)
 class BatchFlow:
-    """Integrates many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
+    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
 
     system: System
     options: BatchOptions = BatchOptions()
@@ -100,7 +100,7 @@ class BatchFlow:
         return run
 
     def _pilot(self, batch: Batch, periods: int, steps: int) -> int:
-        """Choose steps that keep the error within its limit on a few trajectories, but not many more than needed."""
+        """Choose a number of steps, with little margin, that keeps the error of a few trajectories within its limit."""
         lanes = np.random.default_rng(_SEED).choice(batch.count, LANES, replace=False)
         few, plan, too_few = batch.some(np.sort(lanes)), _Plan(min(periods, _PILOT)), 0
         while True:

@@ -104,7 +104,7 @@ class Chunk:
         return [f"{name} = S[{rows[name] * LANES} + l]" for name in self.needs if not name.startswith("c")]
 
     def stores(self, rows: Mapping[str, int]) -> list[str]:
-        """Return the lines that store names for later chunks in their rows."""
+        """Return the source lines that store variables for later chunks of the code."""
         return [f"S[{rows[name] * LANES} + l] = {name}" for name in self.keeps]
 
 

@@ -174,7 +174,7 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
 
 
 def _augmented(linear: Linear, span: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Build the matrix of the linear part over one step, with its loads and polynomials for each contact."""
+    """Build the matrix of the linear part over one step, augmented by the loads and by polynomial contact forces."""
     lanes, n2, n_contacts = len(span), 2 * linear.n, linear.push.shape[2]
     first = n2 + linear.loads.shape[2]
     matrix = np.zeros((lanes, first + n_contacts * (1 + HISTORY), first + n_contacts * (1 + HISTORY)))

@@ -132,7 +132,7 @@ class Entry:
         self.version += 1
 
     def lines(self) -> list[Line]:
-        """Return its branches, then its loci, as the page shows them; while it is computed, in the order of finding."""
+        """Return its branches, then its loci, as the page shows them; while it is computed, as they were found."""
         result = self.result
         if result is None:
             return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
@@ -167,7 +167,7 @@ def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line
 
 
 def _growing(live: Progress) -> Iterator[Line]:
-    """Yield the branch or locus under way: a line for each of its directions from the start."""
+    """Yield the branch or locus in progress: a line for each of its directions from the start."""
     lengths = [point.arclength for point, _ in live.steps]
     turns = [i for i in range(1, len(lengths)) if lengths[i] < lengths[i - 1]]
     for start, stop in pairwise([0, *turns, len(lengths)]):
@@ -240,7 +240,7 @@ class Exploration:
         return self.studies[0]
 
     def study(self, name: str, values: Mapping[str, float]) -> Study:
-        """Return a study of the file with changed values; raise a ModelError if there is none of that name."""
+        """Return a study of the file with changed values; raise a ModelError if it has no study of that name."""
         if self.file.suffix == RESULT:
             study = self.base()
             return replace(study, system=study.system.at(dict(values)))
@@ -407,7 +407,7 @@ def _stamp(path: str) -> str:
 
 
 def _ends(entry: Entry) -> str:
-    """Return how the only branch or locus of a result ends, or what a search has covered."""
+    """Return the ends of the only branch or locus of a result, or the coverage of a search."""
     result = entry.result
     if result is None:
         return ""

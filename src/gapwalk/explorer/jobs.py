@@ -24,7 +24,7 @@ from gapwalk.parallel.processes import undisturbed
 
 
 def obey_control(held: Any) -> None:
-    """Pause, resume and end as the control pipe says; to be called in the main thread of the process.
+    """Pause, resume and end as the control pipe requests; call it in the main thread of the process.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ class Jobs:
         self._changed()
 
     def stop(self, entry: Entry) -> None:
-        """Stop a job: a waiting one does not begin, a running one keeps what it has found."""
+        """Stop a job: a waiting one does not begin, and the results of a running one are kept."""
         with self._guard:
             if entry is self._current:
                 self._engine.stop()
@@ -220,7 +220,7 @@ class Jobs:
         self._change(entry, State.PAUSED, State.RUNNING, self._engine.resume)
 
     def close(self) -> None:
-        """Stop all jobs; what has been found is stored."""
+        """Stop all jobs; results so far are stored."""
         self._closing = True
         self._queue.put(None)
         with self._guard:

@@ -89,7 +89,7 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
 
 
 def check_signal(system: System, name: str) -> str:
-    """Return a signal of the system, or its first coordinate if there is none of that name."""
+    """Return a signal of the system, or its first coordinate if the name is unknown."""
     return name if name in signal_names(system) else system.coordinates[0]
 
 
@@ -183,7 +183,7 @@ class Flows:
         self._behind = asyncio.Lock()
 
     def warm(self, system: System) -> None:
-        """Load and compile in advance what the first click on an orbit needs."""
+        """Load and compile in advance the code that the first click on an orbit needs."""
         self._thread.submit(_warm, system)
 
     async def do(self, call: Callable[[], T]) -> T:
@@ -191,7 +191,7 @@ class Flows:
         return await asyncio.get_running_loop().run_in_executor(self._thread, call)
 
     async def do_behind(self, parts: Iterable[Callable[[], object]]) -> None:
-        """Do work of low priority, part by part; a click waits for one part at most."""
+        """Do work of low priority in parts, so that a click waits for one part at most."""
         async with self._behind:
             for part in parts:
                 await self.do(part)

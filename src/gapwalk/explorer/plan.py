@@ -137,7 +137,7 @@ def read_action(plain: object) -> Action:
     Raises
     ------
     ModelError
-        If they are not an action; the message lists what is wrong.
+        If they are not an action; the message lists the errors.
     """
     try:
         return _ACTION.validate_python(plain)

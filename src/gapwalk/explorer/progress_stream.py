@@ -34,9 +34,9 @@ class Progress:
     Parameters
     ----------
     steps
-        Points of the branch or the locus under way, each with the special points before it.
+        Points of the branch or the locus in progress, each with the special points before it.
     kind, second
-        Kind of the locus under way, and its second parameter; None and empty for a branch.
+        Kind of the locus in progress, and its second parameter; None and empty for a branch.
     finished
         Finished branches and loci with their names.
     done, total
@@ -72,7 +72,7 @@ class News:
         self._report, self._progress, self._reported = report, Progress(), 0.0
 
     def point(self, point: BranchPoint | LocusPoint, special_points: list[Any]) -> None:
-        """Add a new point of the branch or locus under way, and the special points before it."""
+        """Add a new point of the branch or locus in progress, and the special points before it."""
         self._progress.steps.append((point, special_points))
         self._report_if_due()
 

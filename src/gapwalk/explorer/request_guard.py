@@ -118,7 +118,7 @@ class TooLargeError(Exception):
 
 
 def _bounded(receive: Receive) -> Receive:
-    """Return the same messages; raise an error once their bodies exceed the limit, whatever the stated length."""
+    """Return the same messages; raise an error once their bodies exceed the limit, whatever length is stated."""
     total = 0
 
     async def bounded() -> MutableMapping[str, Any]:

@@ -215,9 +215,9 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
     measure
         Measure that the diagram shows first.
     title
-        Of the page.
+        Title of the page.
     most
-        Points of branches whose motions are kept, at most, besides special points.
+        Largest number of points, in addition to special points, whose motions are stored.
     blob
         Takes the arrays.
     """

@@ -79,7 +79,7 @@ class _Script:
         return name
 
     def _study(self, entry: Entry, action: plan.Compute) -> str:
-        """Return the study of an entry, from the model as it was then."""
+        """Return the study of an entry, from the model at the time of its computation."""
         source = self._source(entry)
         if source is None:
             return f"gw.load({self._result(entry)!r}).study"
@@ -91,7 +91,7 @@ class _Script:
         return f"gw.read_study({', '.join(arguments)})"
 
     def _source(self, entry: Entry) -> str | None:
-        """Return the model file of an entry as it was then, as an argument; None if its text is not the whole model."""
+        """Return the model file used for an entry, as an argument; None if its text is not the whole model."""
         study = self.exploration.base() if entry.result is None else entry.result.study
         if entry.result is not None and not _is_whole(study.text):
             return None
@@ -189,7 +189,7 @@ class _Script:
         return name
 
     def _base_system(self, entry: Entry) -> str:
-        """Return the system of the opened file, as it was when the entry was computed."""
+        """Return the system of the opened file at the time when the entry was computed."""
         if self.exploration.file.suffix == RESULT:
             return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
@@ -256,5 +256,5 @@ def _literal(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text that can stand in a comment and in a docstring."""
+    """Return a text that is safe in a comment and in a docstring."""
     return "".join(char if char.isprintable() and char not in '"\\' else " " for char in text)

@@ -68,7 +68,7 @@ class _Server(uvicorn.Server):
     Parameters
     ----------
     config
-        As of `uvicorn.Server`.
+        As in `uvicorn.Server`.
     tell
         Function that is called once it listens.
     close
@@ -80,7 +80,7 @@ class _Server(uvicorn.Server):
         self._tell, self._close = tell, close
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to listen, and announce the address."""
+        """Start to listen, and report the address."""
         await super().startup(sockets)
         if self.started:
             self._tell()

@@ -26,7 +26,7 @@ _PARAMETERS = 400  # that a page can choose from
 
 
 class Session:
-    """State that outlives a page.
+    """State of the explorer that is kept when a page is closed or reloaded.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Session:
         }
 
     def about(self, name: str) -> dict[str, Any]:
-        """Return what a page needs to show a file; raise a ModelError if the file cannot be opened."""
+        """Return the data with which a page shows a file; raise a ModelError if the file cannot be opened."""
         exploration = self.reopen(name)
         stamp, study = exploration.stamp(), exploration.described()
         assert study is not None  # without it the file could not have been opened
@@ -147,7 +147,7 @@ class Session:
 
 
 def _study(study: Study) -> dict[str, Any]:
-    """Describe a study of the file for the page; the parameters along which it runs have no value to be chosen."""
+    """Describe a study of the file for the page; a page cannot set the parameters along which it runs."""
     second = getattr(study.options, "second", None)
     walks = [getattr(study.options, "parameter", None), getattr(second, "parameter", None)]
     return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}

@@ -1,8 +1,8 @@
 """Tasks of the process that computes: studies, and work that starts from an orbit (switch, search, locus).
 
 Work that starts from an orbit is stored as a result of an existing kind: a switch and a search as a diagram, a locus as
-a map. After Ctrl-C, what was found is stored. A resumed search keeps its branches; a switch and a locus are followed
-again, which takes seconds and gives the same result as without the interruption.
+a map. After Ctrl-C, the results so far are stored. A resumed search keeps its branches; a switch and a locus are
+followed again, which takes seconds and gives the same result as without the interruption.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Task:
 def do(task: Task, report: Callable[[Progress], object]) -> bool:
     """Do a task and report its progress, at most four times a second; return True if it was completed.
 
-    Ctrl-C stops it; what has been found is stored. Errors as `gapwalk.run`, `gapwalk.follow`, `gapwalk.find_others` and
+    Ctrl-C stops it; the results so far are stored. Errors as `gapwalk.run`, `gapwalk.follow`, `gapwalk.find_others` and
     `gapwalk.follow_locus`.
     """
     news = News(report)

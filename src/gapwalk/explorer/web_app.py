@@ -89,7 +89,7 @@ class _Stream(StreamingResponse):
 
 
 class _Api:
-    """Handlers of the requests."""
+    """Handlers of the requests of the page."""
 
     def __init__(self, session: Session) -> None:
         self.session = session

@@ -178,7 +178,7 @@ def model_file(text: str, name: str, within: str, orbit: Orbit, parameter: str, 
 
 
 def _changes(text: str, name: str, within: str, orbit: Orbit, parameter: str) -> dict[str, float]:
-    """Return the values of the orbit's system that differ from those of the file without its studies."""
+    """Return the values of the orbit's system that differ from those of the model file, without its studies."""
     system = orbit.system
     bare = f'{text}\n[study]\nkind = "response"\nparameter = {_quoted(parameter)}\n'
     bare += f"from = {system[parameter]!r}\nto = {system[parameter] + 1.0!r}\n"

@@ -1,4 +1,4 @@
-"""How it moves: the compiled flow with sensitivities and contact events, and sampled motions."""
+"""Motion of a system: the compiled flow with sensitivities and contact events, and sampled motions."""
 
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of

@@ -157,7 +157,7 @@ class Switchboard:
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
 
     def is_right(self) -> bool:
-        """Return whether no crossing was missed: each event changed its switch, and all are right at the end."""
+        """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
         if not self.count:
@@ -197,7 +197,7 @@ class Switchboard:
         )
 
     def _depths(self, positions: list[float]) -> list[float]:
-        """Return how far the motion is inside each stage (> 0) or outside it (< 0)."""
+        """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
         return [
             sign * (sum([factor * positions[i] for i, factor in row]) - offset)
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)

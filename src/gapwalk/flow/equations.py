@@ -45,7 +45,7 @@ class Equations:
 
     @property
     def text(self) -> str:
-        """Text that distinguishes these equations from others, whatever the names of coordinates and contacts."""
+        """Text that identifies these equations, independent of the names of coordinates and contacts."""
         structure = self.layout.structure
         contacts = [
             (form.law.name, form.reciprocal, *(stage.side.value for stage in form.stages))
@@ -187,7 +187,7 @@ class Equations:
 
     @cached_property
     def _contact_laws(self) -> list[tuple]:
-        """For each contact its force, and the derivatives of that by deflection and by deflection rate."""
+        """Force of each contact, and its derivatives with respect to deflection and deflection rate."""
         laws = []
         for index, contact in enumerate(self.layout.contacts):
             x, rate = hy.make_vars("deflection", "deflection_rate")

@@ -85,7 +85,7 @@ def cache_folder(name: str) -> Path:
 
 
 def is_private(folder: Path) -> bool:
-    """Return whether a folder is the user's own, and writable for nobody else."""
+    """Return True if a folder is the user's own, and writable for nobody else."""
     about = folder.stat()
     is_mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
     return is_mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
@@ -140,7 +140,7 @@ def _name(stem: str, content: bytes) -> str:
 
 
 def _opened(work: Path) -> int | None:
-    """Open heyoka's copy, and return its size; return None, without a database, if there is no room for one."""
+    """Open heyoka's copy of the database and return its size; disable it and return None if there is no space."""
     state = hy.llvm_state
     try:
         state.set_diskcache_path(work)

@@ -1,7 +1,7 @@
 """The unit of length in which a motion is integrated: tolerances of the integrator are absolute below 1.
 
 A gap of 50 micrometres in a model in metres is far below 1, and so are motions of the size 1e-9. Their flow is
-integrated in a power of two of the model's own unit, which rounds nothing.
+integrated in a power of two of the model's own unit, so that scaling causes no rounding.
 """
 
 from __future__ import annotations

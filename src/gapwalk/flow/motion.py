@@ -175,7 +175,7 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """Return the state as an array of 2n finite numbers; raise a ModelError that says what it must be."""
+    """Return the state as an array of 2n finite numbers; raise a ModelError that states what is allowed."""
     try:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):

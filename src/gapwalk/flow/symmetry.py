@@ -97,14 +97,14 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
 
 
 def finds_all(system: System) -> bool:
-    """Return whether `symmetries_of` examines all exchanges and changes of sign for a system."""
+    """Return True if `symmetries_of` examines all exchanges and changes of sign for a system."""
     return system.size <= _ALL
 
 
 def _holds(
     symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
 ) -> bool:
-    """Return whether the accelerations at states that the symmetry maps onto each other are mapped likewise."""
+    """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise."""
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
     for q, v in states:
         here = accelerations(layout, coefficients, theta, q, v)

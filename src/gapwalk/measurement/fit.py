@@ -321,7 +321,7 @@ def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tupl
 
 
 def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:
-    """Report that the fit ended at the end of the branch, if that is not a minimum."""
+    """Return a message if the fit ended at an end of the branch that is not a minimum."""
     free = found.slopes.table[:, ~verdict.held & found.free]
     residual = after.computed - after.measured
     sizes, size = np.linalg.norm(free, axis=0), np.linalg.norm(residual)

@@ -162,7 +162,7 @@ def _read_mat(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np
 def mat_variables(content: bytes) -> dict[str, MatVariable]:
     """Return the variables of a MAT file by name; raise a ModelError if it is not a MAT file."""
     if content[:19] == b"MATLAB 7.3 MAT-file":
-        raise ModelError("it is a MAT file of version 7.3; save it with save(..., '-v7')")
+        raise ModelError("it is a MAT file of version 7.3, which cannot be read; save it with save(..., '-v7')")
     order = {b"IM": "<", b"MI": ">"}.get(content[126:_HEADER])
     if order is None:
         raise ModelError("it is not a MAT file of version 5 to 7; save it with save(..., '-v7')")
@@ -188,7 +188,7 @@ def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         if kind >> 16:  # a small element: its content is in the tag
             length, kind = kind >> 16, kind & 0xFFFF
             if length > 4:
-                raise ValueError(f"a small element is {length} bytes long")
+                raise ValueError(f"a small data element states a length of {length} bytes; the largest is 4")
             yield kind, content[place + 4 : place + 4 + length]
             place += 8
             continue

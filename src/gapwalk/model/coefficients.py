@@ -68,7 +68,7 @@ class CoefficientLayout:
 
     @cached_property
     def structure(self) -> Structure:
-        """The structure whose numbers are those of the equations of motion."""
+        """Structure with the plain parameters of the equations of motion, without an assembly."""
         return self.assembled.equations
 
     @cached_property

@@ -82,7 +82,7 @@ class ModalDamping:
         Raises
         ------
         ModelError
-            If a matrix is not symmetric, the mass is not positive definite, or a mode grows by itself.
+            If a matrix is not symmetric, the mass is not positive definite, or a mode is unstable.
         """
         for name, matrix in (("mass", mass), ("stiffness", stiffness)):
             if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max(initial=0.0)):

@@ -35,7 +35,7 @@ class ContactRest:
     Parameters
     ----------
     name
-        Of the contact.
+        Name of the contact.
     deflection, force
         Its deflection, and the force of its spring.
     side
@@ -74,10 +74,10 @@ class Equilibrium:
     stiffness, damping : shape (n, n)
         The matrices for small motions about it.
     loose
-        In how many ways the system may move from there without any force: it lies free in its gaps. The position is
-        then one of many.
+        Number of independent directions in which the system can move without any force, free in its gaps. The position
+        is then one of many.
     stable
-        Whether small motions stay small.
+        True if the equilibrium is stable.
     """
 
     position: NDArray[np.float64]
@@ -89,7 +89,7 @@ class Equilibrium:
 
     def __str__(self) -> str:
         texts = [str(contact) for contact in self.contacts] or ["there are no contacts"]
-        texts += [f"lies free in {self.loose} way{'s' if self.loose > 1 else ''}"] * bool(self.loose)
+        texts += [f"free to move in {self.loose} direction{'s' if self.loose > 1 else ''}"] * bool(self.loose)
         return ", ".join([*texts, *["unstable"] * (not self.stable)])
 
 
@@ -102,7 +102,7 @@ class Rest:
     equilibria
         The stable ones first. Empty if there is none: the mean load drives the system away.
     complete
-        Whether these are known to be all of them.
+        True if these are known to be all equilibria.
     """
 
     equilibria: tuple[Equilibrium, ...]
@@ -181,7 +181,7 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
 
 @dataclass(frozen=True, eq=False)
 class _Statics:
-    """The static forces of a system: stiffness matrix, mean load, and the springs of its contacts."""
+    """Data for the static forces of a system: stiffness matrix, mean load, and the springs of its contacts."""
 
     stiffness: NDArray[np.float64]
     load: NDArray[np.float64]
@@ -314,7 +314,7 @@ class _Statics:
 
 
 def _curves_upwards(matrix: NDArray[np.float64]) -> bool:
-    """Return whether a matrix is symmetric and has no negative eigenvalue."""
+    """Return True if a matrix is symmetric and has no negative eigenvalue."""
     size = np.abs(matrix).max()
     if np.abs(matrix - matrix.T).max() > 1e-12 * size:
         return False

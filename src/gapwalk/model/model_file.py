@@ -72,7 +72,7 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
 
 
 def has_pace(source: Source) -> bool:
-    """Return whether a file gives the frequency of the excitation, or the speed of a shaft in its place."""
+    """Return True if a file gives the frequency of the excitation, or the speed of a shaft in its place."""
     return "frequency" in source.data or "speed" in source.data
 
 

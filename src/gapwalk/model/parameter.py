@@ -21,7 +21,7 @@ class Parameter:
     words
         Explanation of the parameter, after its name: ``it is half the width of the gap``.
     default
-        Its value where none is given; None if one must be given.
+        Default value; None if the parameter is required.
     least
         Its smallest value; None if it may be negative.
     angle, torque

@@ -75,7 +75,7 @@ class PathAssembly:
 
 
 def on_the_way(system: System, to: Mapping[str, float]) -> System:
-    """Add a parameter ``way`` to a system: at 0 the system is as given, at 1 some parameters have other values.
+    """Add a parameter ``way`` to a system: at 0 it is the given system, at 1 some parameters have other values.
 
     Parameters
     ----------

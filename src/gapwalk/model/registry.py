@@ -17,7 +17,7 @@ class UnknownNameError(ModelError):
 
 
 class Registry(dict[str, T]):
-    """All kinds of one thing by name, in the order of their registration.
+    """Registry of the kinds of one concept by name, in the order of their registration.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Registry(dict[str, T]):
 def extensions() -> dict[str, str]:
     """Return the modules outside of gapwalk that registered kinds, each with one of its kinds in words.
 
-    Other processes must import them before they work: a kind that is not registered there is not looked for.
+    Other processes must import them before they work: a kind that is not registered there is unknown to them.
     """
     return dict(_extensions)
 

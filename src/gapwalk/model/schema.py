@@ -282,7 +282,7 @@ def validate(
     source, at
         The file with the table, and its path in the file.
     context
-        Makes the context of the validators, once for each pass.
+        Function that makes the context of the validators, once for each pass.
 
     Returns
     -------

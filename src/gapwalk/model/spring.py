@@ -128,7 +128,7 @@ class Slope:
         Coefficients of the powers of its penetration: of its static force, and of what the force grows by with the rate
         of the deflection.
     curved
-        Whether they are no more than tangents at the breakpoint.
+        True if they are only tangents at the breakpoint.
     """
 
     stage: str

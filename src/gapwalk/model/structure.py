@@ -171,7 +171,7 @@ class ContactForm:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The names of the parameters of its law: of its stages, then of the contact as a whole."""
+        """Names of the parameters of its law: of its stages, then of the contact as a whole."""
         groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
         groups.append((self.name, self.law.parameters))
         return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
@@ -215,19 +215,19 @@ class Breakpoint(NamedTuple):
 
 
 class Assembly(Protocol):
-    """Computes the equations of motion from other numbers, such as those of the parts of a drive train.
+    """Assembly of the equations of motion from other numbers, such as those of the parts of a drive train.
 
     An assembly is hashable, and equal to one of the same parts.
     """
 
     @property
     def names(self) -> ParameterNames:
-        """The names of its own numbers; the first is the frequency, or a speed proportional to it."""
+        """Names of the numbers from which it computes; the first is the frequency, or a speed proportional to it."""
         ...
 
     @property
     def units(self) -> Units | None:
-        """The units of its own numbers; None if they are plain numbers."""
+        """Units of these numbers; None if they are plain numbers."""
         ...
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -242,7 +242,7 @@ class Assembly(Protocol):
         ...
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
-        """List the errors of its own numbers, one sentence each."""
+        """List the errors of these numbers, one sentence each."""
         ...
 
 
@@ -288,7 +288,7 @@ class Structure:
 
     @cached_property
     def frequency(self) -> float:
-        """The angular frequency W of the excitation at the value 1 of the first parameter."""
+        """The angular frequency W of the excitation if the first parameter has the value 1."""
         return self.units.frequency if self.units else 1.0
 
     @cached_property
@@ -302,7 +302,7 @@ class Structure:
 
     @cached_property
     def equations(self) -> Structure:
-        """The structure whose numbers are those of the equations of motion."""
+        """Structure with the plain parameters of the equations of motion, without an assembly."""
         return Structure(self.coordinates, self.contacts, self.harmonics) if self.assembly else self
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:

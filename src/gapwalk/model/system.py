@@ -162,7 +162,7 @@ class System(Shown):
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
         """Make a system from its structure and its flat vector of values, in the order of `structure.names`.
 
-        It takes the vector as it is, makes it read-only, and checks nothing: for values that are known to be right.
+        It uses the vector without a copy or a check, and makes it read-only: for values that are known to be valid.
         """
         system = object.__new__(cls)
         system._set(structure, np.asarray(values, dtype=float))
@@ -172,7 +172,7 @@ class System(Shown):
     def beside(cls, other: System, place: int, value: float) -> System:
         """Make a system that differs from another one by the value at one place, which is not checked.
 
-        The two share their numbers until somebody asks for all of them: a thousand degrees of freedom have millions.
+        Both share their numbers until all of them are needed: a thousand degrees of freedom have millions.
         """
         system = object.__new__(cls)
         system._set(other.structure, other.values, {place: float(value)})

@@ -36,7 +36,7 @@ class Unit:
     text
         As it is written.
     factor
-        What it is in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
+        Value in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
     """
 
     text: str
@@ -54,7 +54,7 @@ class QuantityKind(Enum):
     Parameters
     ----------
     words
-        What it is called, with its article.
+        Name with its article.
     reference
         The unit in which it is counted inside, as pint writes it.
     unit
@@ -113,7 +113,7 @@ def name_kind(word: str, kind: QuantityKind) -> None:
         If such parameters are of another kind.
     """
     if _BY_WORD.setdefault(word, kind) is not kind:
-        raise ValueError(f"parameters {word!r} are {_BY_WORD[word].words} already; choose another name")
+        raise ValueError(f"parameters named {word!r} are {_BY_WORD[word].words} already; choose another name")
 
 
 def kind_of(parameter: str) -> QuantityKind | None:
@@ -188,11 +188,11 @@ class Quantity:
     number
         The number as it was written.
     unit
-        The unit, written in the way of ``N m/deg``.
+        The unit, in the form ``N m/deg``.
     factor
-        What one such unit is in the reference unit of its kind (SI, with angles in rad).
+        Size of the unit in the reference unit of its kind (SI, with angles in rad).
     kind
-        What it is.
+        Kind of the quantity.
     """
 
     number: float
@@ -212,7 +212,7 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
     value
         A text such as ``"0.14 kg m^2"``; also ``kg*m**2``, ``kg·m²``, ``Nm/deg``. A `Quantity` is taken as it is.
     kind
-        What it must be.
+        Expected kind of the quantity.
     written
         The unit that a text of this kind should have in a hint, if one is known.
 
@@ -247,7 +247,7 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
 
 
 def has_unit(value: object) -> bool:
-    """Return whether a value is a quantity, or a text that begins with a number and continues with other text."""
+    """Return True if a value is a quantity, or a text that begins with a number and continues with other text."""
     if isinstance(value, Quantity):
         return True
     return isinstance(value, str) and re.match(rf"\s*{_NUMBER}\s*[^\s\d.,+-]", value) is not None
@@ -318,9 +318,9 @@ class Units:
     Parameters
     ----------
     chosen
-        A unit for each kind that has one of its own; the others have the usual ones.
+        A unit for each kind with a chosen unit; the others have the default ones.
     turns
-        Where the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None where it is
+        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None if it is
         the frequency of the excitation.
     """
 

@@ -25,7 +25,7 @@ def unheld(system: System) -> NDArray[np.float64]:
 
 
 def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
-    """Return why an orbit is one of a family, and what to change; empty if it is isolated.
+    """Return the reason why an orbit is not isolated, but one of a family, with advice; empty if it is isolated.
 
     Parameters
     ----------

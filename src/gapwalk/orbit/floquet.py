@@ -95,7 +95,7 @@ def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -
 
 
 def is_on_border(values: NDArray[np.complex128]) -> bool:
-    """Return whether a multiplier is so near the unit circle that it may count as stable or unstable."""
+    """Return True if a multiplier is so near the unit circle that it may count as stable or unstable."""
     return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
 
 

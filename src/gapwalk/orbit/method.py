@@ -67,7 +67,7 @@ class Method:
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method that poses one of its orbits in so many unknowns."""
+        """Return the method that poses one of its orbits with a given number of unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
@@ -80,12 +80,12 @@ class Method:
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """Describe the resolution of some of its orbits in a sentence; empty if there is nothing to say."""
+        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report."""
         return ""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """Return the schema of options that hold a method: any method; each itself by its fields."""
+        """Return the schema of options that contain a method: any method, or one class of methods by its fields."""
         from pydantic_core import core_schema  # imported late: walks need no files
 
         return core_schema.is_instance_schema(Method) if cls is Method else handler(source)

@@ -107,7 +107,7 @@ class Orbit(Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """Return the method with the options with which it poses this orbit in so many unknowns."""
+        """Return the method, with the options that pose this orbit with a given number of unknowns."""
         return self.method.resolving(self, count)
 
     @cached_property
@@ -233,7 +233,7 @@ def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]
 
 
 def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
-    """Return whether two orbits of a system are the same motion, possibly with another phase; see `phases`."""
+    """Return True if two orbits of a system are the same motion, possibly with another phase; see `phases`."""
     if a.period != b.period:
         return False
     return bool(np.any(_distances(phases(a), b) <= tolerance))
@@ -250,5 +250,5 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 
 
 def repeats(system: System) -> int:
-    """Return how often the excitation repeats within a forcing period: three times for orders 3 and 6 alone."""
+    """Return how often the excitation repeats within a forcing period: three times for the orders 3 and 6."""
     return math.gcd(*(order for load in system.structure.harmonics for order in load.orders)) or 1

@@ -140,7 +140,7 @@ class OrbitEquation:
         return None
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
+        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is."""
         return ""
 
     def finer(self) -> OrbitEquation | None:
@@ -226,7 +226,7 @@ def solve(
 
 
 def is_solved(equation: OrbitEquation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
-    """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
+    """Return True if the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
         return False

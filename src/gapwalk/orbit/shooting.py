@@ -88,7 +88,7 @@ class ShootingEquation(OrbitEquation):
 
     @property
     def by_touches(self) -> Callable[..., TouchEquation]:
-        """With a segment that begins just before each touch."""
+        """Return the method with a segment that begins just before each touch."""
         from gapwalk.orbit.touch_equation import TouchEquation
 
         return partial(TouchEquation, self)

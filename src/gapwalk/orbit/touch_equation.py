@@ -235,7 +235,7 @@ class TouchEquation:
             if abs(acceleration - touch.acceleration) <= _STEADY * abs(touch.acceleration):
                 return lead
             lead /= 4.0
-        raise ConvergenceError(f"there is too little time before the touch at theta = {touch.theta:.6g}")
+        raise ConvergenceError(f"the segment before the touch is too short at theta = {touch.theta:.6g}")
 
     def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
         """Solve for a prescribed depth of all touches by Newton's method, down to rounding.

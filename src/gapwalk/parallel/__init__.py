@@ -1,4 +1,4 @@
-"""Where work is done: pieces on local cores or on a cluster, and how far it has come.
+"""Parallel work: pieces on local cores or on a cluster, and their progress.
 
 Functions: `batch_flow_of`, `local_workers`, `on_cluster`, `on_cores`, `show_progress`.
 

@@ -28,7 +28,8 @@ class Cluster:
     Parameters
     ----------
     address
-        Of the scheduler, such as ``tcp://node7:8786``; or the name of its scheduler file, which ends with ``.json``.
+        Address of the scheduler, such as ``tcp://node7:8786``; or the name of its scheduler file, which ends with
+        ``.json``.
 
     Raises
     ------
@@ -59,7 +60,7 @@ class Cluster:
 
     @property
     def size(self) -> int:
-        """Number of pieces that should be under way, as the cluster is now."""
+        """Number of pieces that should be in progress, for the present size of the cluster."""
         if time.monotonic() - self._seen > _LOOK:
             self._size, self._seen = self._count(), time.monotonic()
         return self._size
@@ -73,10 +74,10 @@ class Cluster:
         return isinstance(error, self._killed)
 
     def check(self) -> None:
-        """A WorkError if the scheduler has gone."""
+        """Raise a WorkError if the connection to the scheduler is lost."""
         if self._client.status != "running":
             raise WorkError(
-                f"the Dask scheduler at {self.address} has gone; what was done is kept. Start it again and resume"
+                f"the Dask scheduler at {self.address} has stopped; finished work is kept. Start it again and resume"
             )
 
     def close(self, *, at_once: bool) -> None:
@@ -89,7 +90,7 @@ class Cluster:
         return _AHEAD * max(1, len(self._client.nthreads()))
 
     def _check_workers(self) -> None:
-        """See that the workers have this version of gapwalk, one thread each, and that there are any."""
+        """Check that there are workers, with this version of gapwalk and one thread each."""
         try:
             found = self._client.run(versions)
         except Exception as error:  # what goes wrong there comes in many types
@@ -115,13 +116,13 @@ class Cluster:
 
 
 def do_piece(function: Callable[[Any], Any], piece: Any, expected: dict[str, str]) -> Any:
-    """Do a piece on a worker, which may have come later than others; errors as the function, and `check_versions`."""
+    """Do a piece on a worker after a check of its versions, because it may be new; errors as the function."""
     check_versions(expected, versions(), "one of them")
     return function(piece)
 
 
 def check_versions(ours: dict[str, str], theirs: dict[str, str], worker: str) -> None:
-    """Compare what computes here and on a worker.
+    """Compare the versions of the software here and on a worker.
 
     Raises
     ------

@@ -20,7 +20,7 @@ _starting = threading.Lock()  # what a process inherits is changed for this proc
 
 
 def local_cores() -> int:
-    """Number of cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):  # not on macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -29,14 +29,14 @@ def local_cores() -> int:
 class Processes:
     """Some processes on this machine; a `Executor`.
 
-    Each is a pool of its own: in a larger pool the death of one process ends all the others. They are spawned
+    Each is a separate pool, because in a larger pool the death of one process ends all the others. They are spawned
     (not forked), because the compiled flows of a forked process are not its own. They die with this one, however it
     dies.
 
     Parameters
     ----------
     count
-        How many; each is started when it is first needed.
+        Number of processes; each is started when it is first needed.
     """
 
     tries = 3
@@ -53,7 +53,7 @@ class Processes:
         self._last: list[Future[Any] | None] = [None] * count
 
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
-        """Give a piece to an idle process; all are busy only with what was given up before."""
+        """Give a piece to an idle process; if none is idle, all are busy only with abandoned pieces."""
         places = range(self.size)
         place = next((i for i in places if (last := self._last[i]) is None or last.done()), 0)
         try:
@@ -66,14 +66,14 @@ class Processes:
         return future
 
     def is_loss(self, error: BaseException) -> bool:
-        """Return True if an error says that a process died, and nothing of its piece of work."""
+        """Return True if an error reports the death of a process, and not a failure of its piece of work."""
         return isinstance(error, BrokenProcessPool)
 
     def check(self) -> None:
-        """Processes that have died are replaced when they are needed."""
+        """Do nothing, because processes that have died are replaced when needed."""
 
     def close(self, *, at_once: bool) -> None:
-        """End the processes; `at_once` what is being worked on is not waited for."""
+        """End the processes; with `at_once`, without waiting for pieces in progress."""
         if at_once:
             self._control.close()
         for pool in self._pools:
@@ -101,7 +101,7 @@ def end_with_holder(held: Any) -> None:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Processes that are started inside do not see Ctrl-C, which is for this one; nor do they run the user's script.
+    """Start processes inside this block so that they ignore Ctrl-C and do not run the user's script.
 
     Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
     pieces of work need nothing of it.

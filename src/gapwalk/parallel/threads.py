@@ -1,4 +1,4 @@
-"""How many threads linear algebra works in: one, unless the user has said otherwise.
+"""Number of threads of linear algebra: one, unless the user has chosen another number.
 
 The matrices are small. Threads that wait for one another make them slower, twenty times on a busy machine.
 """

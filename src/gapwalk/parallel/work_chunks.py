@@ -24,7 +24,7 @@ class Pace:
     done, total
         Parts of the job that are done, and all of them.
     before
-        Those of them that an earlier run had done.
+        Parts that an earlier run had done; `done` includes them.
     seconds
         Time since this run began.
     """
@@ -42,7 +42,7 @@ class Pace:
 
     @property
     def left(self) -> float | None:
-        """Seconds until the end at this rate; None while there is none."""
+        """Seconds until the end at the present rate; None while the rate is not known."""
         rate = self.rate
         return None if rate is None else (self.total - self.done) / rate
 
@@ -96,24 +96,24 @@ def do_in_chunks(
     keep: Callable[[int, Sequence[Result]], object] | None = None,
     report: Callable[[Pace], object] | None = None,
 ) -> dict[int, Result]:
-    """Do many small items of work, whoever does them, in whatever chunks: the results are the same.
+    """Do many small items of work; the results do not depend on the workers nor on the chunks.
 
-    Ctrl-C ends the work and keeps what there is.
+    Ctrl-C ends the work; finished chunks are kept.
 
     Parameters
     ----------
     function
-        What to do with the items of a chunk.
+        Function of the items of a chunk.
     items
         The items.
     workers
-        Who does the work.
+        Executor of the work.
     seed
-        From which each item has a seed of its own.
+        Seed from which the seed of each item is derived.
     size
-        Items in a chunk; by default as many as take about half a second, which is seen from those before.
+        Items in a chunk; by default as many as take about half a second, estimated from earlier chunks.
     known
-        Results that are there already, by the number of their item; these are not done again.
+        Results that exist already, by the number of their item; these are not computed again.
     keep
         Called with the number of the first item of a chunk and the results when they come: a store writes them here.
     report
@@ -169,7 +169,7 @@ class _Cutter:
         self._wanted, self._least = 1, 1
 
     def learn(self, count: int, seconds: float) -> None:
-        """Take in how long a chunk took."""
+        """Update the estimate of the time per item by the time of a chunk."""
         each = max(seconds, 1e-9) / count
         self._least = min(_GROWTH * count, math.ceil(_LEAST / each))
         self._wanted = min(_GROWTH * count, math.ceil(_AIM / each))

@@ -1,4 +1,4 @@
-"""Where independent pieces of work run: in this process, on all local cores, or on a cluster.
+"""Execution of independent pieces of work: in this process, on all local cores, or on a cluster.
 
 Method: docs/numerics/results.md
 """
@@ -28,7 +28,7 @@ class Executor(Protocol):
 
     @property
     def tries(self) -> int:
-        """How often a piece may be lost by the death of a process before the piece is to blame."""
+        """Number of times that a process may die with a piece before the piece counts as the cause."""
         ...
 
     @property
@@ -38,7 +38,7 @@ class Executor(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of pieces that should be under way at the same time."""
+        """Number of pieces that should be in progress at the same time."""
         ...
 
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
@@ -46,25 +46,25 @@ class Executor(Protocol):
         ...
 
     def is_loss(self, error: BaseException) -> bool:
-        """Return True if an error says that the process died, and nothing of the piece of work."""
+        """Return True if an error reports the death of the process, and not a failure of the piece of work."""
         ...
 
     def check(self) -> None:
-        """A WorkError if no result can come any more."""
+        """Raise a WorkError if no further result can arrive."""
         ...
 
     def close(self, *, at_once: bool) -> None:
-        """Part from the processes; `at_once` without waiting for what they are working on."""
+        """Disconnect from the processes; with `at_once`, without waiting for pieces in progress."""
         ...
 
 
 class Workers:
-    """Does independent pieces of work, several at a time; see `local_workers`.
+    """Executor of independent pieces of work, several at a time; see `local_workers`.
 
     Parameters
     ----------
     executor
-        Who does them; None for this process.
+        Executor of the pieces; None for this process.
     """
 
     def __init__(self, executor: Executor | None = None) -> None:
@@ -90,14 +90,14 @@ class Workers:
         Parameters
         ----------
         function
-            What to do with a piece; importable by name, so that other processes find it.
+            Function of a piece; importable by name, so that other processes find it.
         pieces
             The work.
         is_needed
-            Asked before a piece is begun: what has come by then may have made it superfluous.
+            Called before a piece begins; False to skip it, because earlier results have made it superfluous.
         in_order
-            Whether results come in the order of the pieces, so that nothing depends on the number of workers; otherwise
-            each comes when it is there.
+            True for results in the order of the pieces, so that nothing depends on the number of workers; otherwise
+            in the order of completion.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class _Run:
             raise self._blame(self._given_up)
 
     def _begin(self) -> Iterator[tuple[int, Any]]:
-        """Begin as many pieces as can be under way."""
+        """Begin as many pieces as can be in progress."""
         while len(self._running) < self._executor.size and not self._has_last_try() and self._is_left():
             if self._again:
                 yield from self._begin_one(self._again.popleft())
@@ -206,7 +206,7 @@ class _Run:
         return any(future is not None and future.exception() is not None for future in self._waiting.values())
 
     def _has_last_try(self) -> bool:
-        """Return True if a piece is on its last try: alone, so that no other one is to blame or takes memory."""
+        """Return True if a piece is on its last try. It then runs alone, so that no other piece is to blame."""
         return any(self._losses[index] == self._executor.tries - 1 for index in self._running.values())
 
     def _end(self, index: int, future: Future[Any]) -> Iterator[tuple[int, Any]]:
@@ -259,7 +259,7 @@ _around: ContextVar[Workers | None] = ContextVar("workers", default=None)
 def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
     """Start workers for a while: local processes, or inside of `on_cluster` those of the cluster.
 
-    What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
+    Pieces in progress are abandoned at once if the block ends with an error or by Ctrl-C.
 
     Parameters
     ----------

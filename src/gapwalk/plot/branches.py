@@ -246,7 +246,7 @@ def draw_branches(
 
 
 def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
-    """List lines and symbols that occur, for a legend; a piece between special points may have no point of its own."""
+    """List lines and symbols that occur, for a legend; a piece between special points may contain no point."""
     counts = {count.label for branch in branches for count in branch.instabilities}
     counts |= {special.after.label for branch in branches for special in branch.special_points}
     entries = [look.entry for name, look in style.LINES.items() if name in counts]

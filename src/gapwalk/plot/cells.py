@@ -265,7 +265,7 @@ def draw_sweep(
 
 
 def _check(sweep: Sweep, signal: str | None) -> str:
-    """Return the coordinate to draw; raise a ModelError if there is none, or nothing to draw yet."""
+    """Return the coordinate to draw; raise a ModelError if it is unknown, or there is nothing to draw yet."""
     place = sweep.place(signal)
     if not np.isfinite(sweep.sections[..., place]).any():
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
@@ -319,7 +319,7 @@ def _lane_words(sweep: Sweep, lane: int, shown: int) -> str:
 
 
 def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
-    """Write the regime into each band that is wide enough, so that no information depends on colour alone."""
+    """Write the regime into each band that is wide enough, so that the information does not depend only on colour."""
     width = ax.get_window_extent().width / ax.figure.dpi * 72.0  # known only when the layout is final
     span = sweep.values[-1] - sweep.values[0]
     centered: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": style.points(6.5)}

@@ -271,7 +271,7 @@ def _leads_nowhere(connection: Connection) -> bool:
 
 
 def _turns(connection: Connection) -> bool:
-    """Return True if two special points meet in an event without a symbol of its own."""
+    """Return True if two special points meet in an event that has no symbol."""
     known = connection.event in list(Codim2) and bool(style.CODIM2[Codim2(connection.event)].label)
     return connection.fate is Fate.MET and not known
 

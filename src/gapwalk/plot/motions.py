@@ -102,7 +102,7 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
 
 
 def breakpoints(system: System, signal: str) -> list[float]:
-    """Return the values of a coordinate at which a contact of this coordinate alone opens or closes."""
+    """Return the values of a coordinate at which a contact that depends only on it opens or closes."""
     if signal not in system.coordinates:
         return []
     place = system.coordinates.index(signal)

@@ -68,7 +68,7 @@ class Drawing:
     size
         Size of a sheet, in inches; or a function of the record and the options that returns it.
     shows
-        What it shows instead of a measure, in words.
+        Quantity that it shows instead of a measure, in words.
     alone
         Default options on a separate sheet.
     several
@@ -181,7 +181,7 @@ def draw(
     Parameters
     ----------
     record
-        What to draw.
+        The record to draw.
     *arguments, **options
         Options of its picture: see the list below `gapwalk.plot`, or the `plot` of its type.
     ax
@@ -220,7 +220,7 @@ def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
 
     `draw` draws into its axes and subfigures, and so may matplotlib. The layout is computed once, at the end of the
     block. The labels of special points and branches are placed only then, because panels change their sizes until then
-    and labels would come to lie on the curves.
+    and labels would be placed on the curves.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def save(
     Parameters
     ----------
     record
-        The record, as in `draw`; or a figure of matplotlib, which is laid out and written as it is.
+        The record, as in `draw`; or a figure of matplotlib, which is written without changes to its contents.
     *paths
         The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
     form

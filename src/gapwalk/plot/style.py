@@ -44,7 +44,7 @@ class Size:
     scale
         Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
     tall
-        Height relative to the width, compared with that on a screen.
+        Ratio of height to width, relative to that ratio on a screen.
     """
 
     width: float | None = None
@@ -331,7 +331,7 @@ def locus_style(kind: Kind) -> LineStyle:
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
-    """Return the options of a matplotlib line for a locus of motions of the period with a rank (0: the shortest)."""
+    """Return the options of a matplotlib line for a locus; `rank` is that of its period (0: the shortest)."""
     return locus_style(kind).options((1.0, 0.55, 0.38)[min(rank, 2)])
 
 

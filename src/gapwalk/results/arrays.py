@@ -50,7 +50,7 @@ class Reader:
         dtype = np.dtype(f"<{code}")
         size = math.prod(shape) * dtype.itemsize
         if size > len(self._data) - self._at:
-            raise ValueError(f"an array is said to have the shape {shape}, but its bytes are not there")
+            raise ValueError(f"an array has the stated shape {shape}, but its bytes are missing")
         found = np.frombuffer(self._data, dtype, math.prod(shape), self._at).astype(dtype.newbyteorder("="))
         self._at += size
         if code == "b1" and found.view(np.uint8).max(initial=0) > 1:

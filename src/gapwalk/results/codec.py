@@ -2,10 +2,10 @@
 
 Both sides follow the type hints of the records. Every value is written as a *column* of values of one type, so that a
 branch of a thousand points becomes a few long arrays and not a thousand small objects; a single value is a column of
-one. Long columns of numbers and all arrays are kept aside as bytes, in the order in which they are met; the JSON holds
+one. Long columns of numbers and all arrays are kept aside as bytes, in the order in which they occur; the JSON holds
 the rest. A column of one number or text is written without brackets, so the JSON of a single record reads as usual.
 
-Nothing that is read is trusted: each value must be of the type that its hint names, and memory is asked for only where
+Nothing that is read is trusted: each value must be of the type that its hint names, and memory is allocated only where
 the bytes to fill it are there.
 """
 
@@ -81,7 +81,7 @@ def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
 
 
 def checked(record: T) -> T:
-    """Return a record that was read, or made from what was read; raise a ValueError if its fields do not fit."""
+    """Return a record made from stored values; raise a ValueError if its fields do not fit together."""
     check: Callable[[], object] | None = getattr(record, "_check_read", None)
     if check is not None:
         check()
@@ -111,7 +111,7 @@ class Column(ABC):
 
     @abstractmethod
     def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
-        """Return `count` values from their node; ValueError, TypeError or LookupError if it does not hold them."""
+        """Return `count` values from their node; raise a ValueError, TypeError or LookupError if it is invalid."""
 
 
 class Scalar(Column):
@@ -182,15 +182,15 @@ class Array(Column):
             return list(found)
         shapes, flat = node["shapes"], reader.take(node["numbers"], self._code)
         if not isinstance(shapes, list) or len(shapes) != count or not all(map(is_shape, shapes)) or flat.ndim != 1:
-            raise ValueError("arrays are not of the shapes that they are said to have")
+            raise ValueError("the stated shapes of arrays are invalid")
         stops = list(accumulate(map(math.prod, shapes), initial=0))
         if stops[-1] != len(flat):
-            raise ValueError("arrays have more or less numbers than they are said to have")
+            raise ValueError("the number of values does not agree with the stated shapes")
         return [flat[first:last].reshape(shape) for shape, (first, last) in zip(shapes, pairwise(stops), strict=True)]
 
 
 class Fixed(Column):
-    """Tuples of a fixed length, each place of a type of its own."""
+    """Tuples of a fixed length, with one type for each place."""
 
     def __init__(self, kinds: Sequence[Any]) -> None:
         self.tag, self._columns = "tuple", [column_of(kind) for kind in kinds]
@@ -226,9 +226,9 @@ class Sequential(Column):
         sizes = self._counts.read(node["count"], count, reader)
         stops = list(accumulate(sizes, initial=0))
         if min(sizes, default=0) < 0 or stops[-1] > reader.size or set(node) != {"count", "items"}:
-            raise ValueError(f"{max(sizes, default=0)} items are said to be there, and are not")
+            raise ValueError(f"{max(sizes, default=0)} items are stated, but the file does not have them")
         if not stops[-1] and node["items"] is not None:
-            raise ValueError("there are items, and none are said to be there")
+            raise ValueError("there are items, but their stated number is 0")
         items = self._items.read(node["items"], stops[-1], reader) if stops[-1] else []
         return [tuple(items[first:last]) for first, last in pairwise(stops)]
 
@@ -304,9 +304,9 @@ class OneOf(Column):
     tag_of
         The tag of a value; None if it is of none of the types.
     column_of_tag
-        The column of a tag; a LookupError if there is none.
+        The column of a tag; raise a LookupError if there is none.
     optional
-        Whether a value may be None.
+        True if a value may be None.
     """
 
     tag = "union"
@@ -359,7 +359,7 @@ class OneOf(Column):
 
 
 class Free(Column):
-    """Whatever JSON can write, as a hint `object` allows it: numbers, texts, lists and tables."""
+    """Any JSON value, for the hint `object`: numbers, texts, lists and tables."""
 
     tag = "object"
 
@@ -422,7 +422,7 @@ _COLUMNS: dict[Any, Column] = {object: Free(), **{kind: Scalar(kind) for kind in
 
 
 def register(kind: Any, column: Column) -> None:
-    """Write a type in a way of its own."""
+    """Register a column for a type."""
     _COLUMNS[kind] = column
     column_of.cache_clear()
 

@@ -25,7 +25,7 @@ def check_same(name: str, now: Any, then: Any, otherwise: str = "choose another 
     now, then
         The request, and that of the file. Fields that are not compared change nothing of the result.
     otherwise
-        What to do, in words.
+        The advice, in words.
 
     Raises
     ------

@@ -15,7 +15,7 @@ _LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
 
 @contextmanager
 def explained(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn what SQLite and the system say about a file into a StoreError."""
+    """Convert errors of SQLite and of the system into a StoreError."""
     try:
         yield
     except (sqlite3.Error, OSError, UnicodeError) as error:
@@ -24,7 +24,7 @@ def explained(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def undamaged(path: str | os.PathLike[str], where: str = "") -> Iterator[None]:
-    """Turn what goes wrong when the content of a file is taken apart into a StoreError."""
+    """Convert errors while the content of a file is decoded into a StoreError."""
     try:
         yield
     except StoreError:

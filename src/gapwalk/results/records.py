@@ -46,9 +46,9 @@ class WholeSystem(NamedTuple):
 
 
 class Systems(Column):
-    """Systems of one structure, by the parameters in which they differ from the base of what is written.
+    """Systems of one structure, stored by the parameters in which they differ from a base system.
 
-    Where there is no base, or it has another structure, the first of them is written whole in its place.
+    If there is no base, or it has another structure, the first of them is written completely and is the base.
     """
 
     tag = "System"
@@ -79,7 +79,7 @@ class Systems(Column):
             base = system_of(whole)
         numbers = reader.take(node["values"], "f8")
         if numbers.shape != (count, len(names)) or not np.isfinite(numbers).all():
-            raise ValueError("the parameters of some systems are not there")
+            raise ValueError("the parameters of some systems are missing")
         if base is None:
             if count:
                 raise ValueError("there is no system from which others differ")
@@ -98,7 +98,7 @@ def parameters_of(system: System) -> dict[str, float]:
 
 
 def system_of(whole: WholeSystem) -> System:
-    """Return the system; raise a ValueError (a ModelError is one) if there is none of this kind."""
+    """Return the system; raise a ValueError (such as a ModelError) if the stored values do not describe one."""
     structure, parameters = whole
     if len(structure.coordinates) > min(_COORDINATES, len(parameters)):  # before room is made for their matrices
         raise ValueError("a system has more parameters than are given")
@@ -150,7 +150,7 @@ def _structure_of(plain: Any) -> Structure:
         prefixes = [block.prefix for block in each.names.blocks]
         words = [*each.coordinates, *(word for prefix in prefixes for word in prefix.split("."))]
         if not all(word.isidentifier() for word in words) or len(set(prefixes)) < len(prefixes):
-            raise ValueError("a part of the system has no name, or that of another one")
+            raise ValueError("a part of the system has no name, or the name of another part")
         if len(set(each.coordinates)) < len(each.coordinates):
             raise ValueError("two coordinates have one name")
     return structure
@@ -168,7 +168,7 @@ def _orbits_of(name: str) -> Column:
 
 
 class Registered(Converted):
-    """Members of a registry, by their names; what is not registered could not be read again.
+    """Members of a registry, by their names; an unregistered object is refused, because it could not be read again.
 
     Parameters
     ----------

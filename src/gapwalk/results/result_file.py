@@ -1,10 +1,11 @@
 """The one file format of gapwalk: named parts in a SQLite database, each with a checksum, and one of all of them.
 
 While a job writes its file, SQLite's log is next to it (``-wal``, ``-shm``); a job that ends, even by Ctrl-C, leaves
-one file. Killed at any moment, the file holds all parts up to some moment, so what was reported is never lost.
+one file. If the process is killed at any time, the file contains all parts up to some moment: reported parts are never
+lost.
 
 The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
-Nothing in it is secret: it finds what was changed by something else than gapwalk, but not a change with a new seal.
+Nothing in it is secret: it detects changes by other programs, but not a change with a new seal.
 
 Method: docs/numerics/results.md
 """
@@ -62,9 +63,9 @@ class Part:
     name
         Its name in a file.
     type
-        The type hint of what it holds.
+        The type hint of its contents.
     numbered
-        Whether a file may have several: each has a number and is written once. Otherwise there is one at most, and a
+        True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a
         new one replaces it.
     """
 
@@ -73,7 +74,7 @@ class Part:
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
-        """Return a value to write as such a part."""
+        """Return a value as an entry to write for this part."""
         return Entry(self, number, value)
 
 
@@ -134,9 +135,9 @@ class ResultFile:
         The file.
     head
         Its first parts, of which the first is the request: the systems of all others are written as they differ from
-        its `system`. They are written over those of an earlier run.
+        its `system`. They replace those of an earlier run.
     exists
-        Whether to go on with the file that is there; otherwise a new one is made over it.
+        True to continue an existing file; otherwise a new one replaces it.
 
     Raises
     ------
@@ -174,7 +175,7 @@ class ResultFile:
         return count
 
     def write(self, *entries: Entry) -> None:
-        """Write some parts, all or none of them; once this returns they are safe. Ctrl-C waits until it does.
+        """Write some parts, all or none; they are stored safely when this returns. Ctrl-C is delayed until then.
 
         Raises
         ------
@@ -219,7 +220,7 @@ def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Pa
     path
         The file.
     sealed
-        Whether it is refused if one of its checksums does not hold.
+        True to refuse a file with a wrong checksum.
 
     Raises
     ------
@@ -243,7 +244,7 @@ def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Pa
 
 
 def seal_fault(path: str | os.PathLike[str]) -> str:
-    """Describe in a clause what is wrong with the checksums of a file; empty if they hold. Errors as `reading`."""
+    """Describe the fault of the checksums of a file in a clause; empty if they are correct. Errors as `reading`."""
     with reading(path, sealed=False) as parts, undamaged(path):
         return _seal_fault(parts._connection)
 
@@ -288,7 +289,7 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def check_place(path: str | os.PathLike[str]) -> None:
-    """Raise a StoreError if the name, or one that SQLite uses next to it, is that of something else than a file."""
+    """Raise a StoreError if the name, or one that SQLite derives from it, belongs to something other than a file."""
     for suffix in ("", *_SIDE_FILES, "-lock"):
         if why := why_no_file(name := f"{os.fspath(path)}{suffix}"):
             raise StoreError(f"{name} {why}")
@@ -302,7 +303,7 @@ def looks_like_result(path: str | os.PathLike[str]) -> bool:
 
 
 def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple[Entry, ...]) -> None:
-    """Make a file with its first parts; what was there before is lost.
+    """Create a file with its first parts; it replaces an existing one.
 
     A file of that name is at any moment either whole or not there.
     """
@@ -357,7 +358,7 @@ def _checksum(name: str, number: int, head: str, arrays: bytes) -> str:
 
 
 def _check_format(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """Refuse what is no file of this version of the format.
+    """Refuse a file that does not have this version of the format.
 
     Nothing in a stranger's file may run, so its table is compared as a text before anything is asked of it.
     """
@@ -396,7 +397,7 @@ def _rows(connection: sqlite3.Connection, where: str = "", *values: str) -> Iter
 
 
 def _seal_fault(connection: sqlite3.Connection) -> str:
-    """Describe in a clause what is wrong with the checksums; empty if they hold."""
+    """Describe the fault of the checksums in a clause; empty if they are correct."""
     total, seal = 0, None
     for name, number, head, arrays, checksum in _rows(connection):
         if name == _SEAL:
@@ -416,7 +417,7 @@ def _seal_fault(connection: sqlite3.Connection) -> str:
 
 
 def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
-    """Open an existing file such that what is committed survives the death of this process at any moment."""
+    """Open an existing file so that committed parts survive the death of this process at any time."""
     with explained(path), ExitStack() as on_error:
         connection = on_error.enter_context(closing(sqlite3.connect(path, isolation_level=None)))
         _check_format(path, connection)
@@ -429,7 +430,7 @@ def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
 
 
 def _close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """Close a file such that it is one file again; while somebody reads it, that is left to the reader."""
+    """Close a file so that it is a single file again; if somebody reads it, the reader does that."""
     with explained(path):
         try:
             with suppress(sqlite3.OperationalError):
@@ -440,7 +441,7 @@ def _close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -
 
 
 def _remove(path: str | os.PathLike[str]) -> None:
-    """Remove a file with what a killed run left next to it."""
+    """Remove a file, and the files that a killed run has left next to it."""
     for suffix in ("", *_SIDE_FILES):
         with suppress(FileNotFoundError):
             os.unlink(f"{os.fspath(path)}{suffix}")
@@ -448,7 +449,7 @@ def _remove(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def _transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
-    """All or nothing of what is written inside."""
+    """Write everything inside the block, or nothing."""
     with explained(path):
         connection.execute("BEGIN IMMEDIATE")
         try:

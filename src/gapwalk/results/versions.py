@@ -23,7 +23,7 @@ def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
 
 
 def versions(before: dict[str, str] | None = None) -> dict[str, str]:
-    """Return the versions of what computes a result, after those of `before` from which they differ."""
+    """Return the versions of the software that computes a result, after those of `before` that differ from them."""
     now = {
         "gapwalk": __version__,
         "heyoka": heyoka.__version__,

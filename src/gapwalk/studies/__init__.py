@@ -1,4 +1,4 @@
-"""Whole jobs: what a model file asks to be studied, and its execution.
+"""Studies: complete jobs that a model file requests, and their execution.
 
 Functions: `add_kind`, `check_signal`, `check_study`, `compare_results`, `read_studies`.
 

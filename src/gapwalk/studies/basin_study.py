@@ -35,7 +35,7 @@ class BasinFinding(CellFinding):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return the share of cells of each attractor, and how far the labels hold."""
+        """Return the share of cells of each attractor, and how reliable the labels are."""
         found = self.map
         assert found is not None
         (columns, rows), total = found.resolution, found.labels.size
@@ -52,7 +52,7 @@ class BasinFinding(CellFinding):
         yield found.check.text
 
     def map_document(self, points: bool) -> dict[str, Any]:
-        """The attractors with their cells, and how far the labels hold; with the label of each cell if wanted."""
+        """Return attractors with their cells, and the reliability of the labels; with each cell's label if wanted."""
         found = self.map
         assert found is not None
         window = found.window
@@ -80,7 +80,7 @@ class BasinFinding(CellFinding):
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Where each cell leads, and the attractors."""
+        """Return the tables of the cells, each with its attractor, and of the attractors."""
         if (found := self.map) is None:
             return {}
         return {"cells": lambda: _cell_rows(found), "attractors": lambda: _attractor_rows(found)}
@@ -128,7 +128,7 @@ class BasinStudy(BasinOptions, StudyKind):
     Parameters
     ----------
     longest, max_period, tries, exact_borders, check, seed, workers
-        How the basins are found, as `gapwalk.BasinOptions`.
+        Options for the computation; as `gapwalk.BasinOptions`.
     plane
         The two axes and their ranges, the horizontal one first.
     fixed
@@ -146,7 +146,7 @@ class BasinStudy(BasinOptions, StudyKind):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         columns, rows = self.resolution
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in self.plane.items()]
         return f"basins over {' and '.join(ranges)}, {columns} x {rows} cells"
@@ -168,7 +168,7 @@ class PlaneBasins(BasinWork):
         super().__init__(system, states, beside_cells(rows, columns), asked.resolution, asked)
 
     def found(self, *, complete: bool) -> Basins | None:
-        """Return the basins; None before the attractors are known, without which the labels of chunks mean nothing."""
+        """Return the basins; None before the attractors are known, because the labels of chunks refer to them."""
         if not (complete or self.is_begun):
             return None
         attractors, labels = in_order(self.catalogue.attractors, self.labels)
@@ -206,26 +206,26 @@ def basins(
     fixed
         The other components of the state at theta = 0; those that are not named are 0.
     options
-        How the basins are found.
+        Options for the computation of basins.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.
     report
-        Called with each chunk of cells when it is done, and is in the file.
+        Called with each chunk of cells once it is done and written to the file.
     output
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
-        continued, and comes to the same result.
+        continued to the same result.
 
     Raises
     ------
     ModelError
-        For a plane that makes no sense.
+        If the plane is invalid.
     StoreError
         If the file is of something else, is being written by another run, or cannot be written.
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
     """
     check_system(system, "basins")
     options = options or BasinOptions()

@@ -1,4 +1,4 @@
-"""The job behind basins of attraction: to which attractor each of many states leads; and shares of a box of states."""
+"""Computation of the attractor to which each of many states leads, and of the shares of a box of states."""
 
 from __future__ import annotations
 
@@ -39,26 +39,26 @@ _PILOT = 64  # states that are looked at first: most attractors are found by the
 
 @dataclass(frozen=True, slots=True)
 class BasinOptions:
-    """How basins are found.
+    """Options for the computation of basins.
 
     Parameters
     ----------
     longest
-        The most forcing periods that a motion is followed before it is settled and classified by itself.
+        Largest number of forcing periods of the common run; motions still undecided are classified one by one.
     max_period
-        The longest period m of an orbit that is looked for.
+        Longest period m of the orbits to be found.
     tries
-        The most motions that are settled and classified one by one, with the exact flow.
+        Largest number of motions that are settled and classified one by one, with the exact flow.
     exact_borders
-        Whether the label of every cell at a border between basins is found with the exact flow, and of those within two
+        True to find the label of every cell at a border between basins with the exact flow, and of those within two
         cells of a label that was wrong; otherwise those of `check` cells at borders are.
     check
         Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
         many again, until none of the last ones is wrong.
     seed
-        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
+        Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     """
 
     longest: int = 3000
@@ -74,22 +74,22 @@ class BasinOptions:
 
     @property
     def borders(self) -> int | None:
-        """How many labels at borders are found with the exact flow; None for all."""
+        """Number of labels at borders that are found with the exact flow; None for all."""
         return None if self.exact_borders else self.check
 
 
 @dataclass(frozen=True)
 class BasinChunk:
-    """Where the states of one chunk lead, by the fast flow.
+    """Attractors to which the states of one chunk lead, by the fast flow.
 
     Attributes
     ----------
     number
-        Which chunk.
+        Number of the chunk.
     sorted
         Labels in the order in which the attractors were found.
     error
-        Of the fast flow, see `gapwalk.attractors.many_motions.ManyMotions`.
+        Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
     """
 
     number: int
@@ -98,7 +98,7 @@ class BasinChunk:
 
 
 class BasinWork(CellWork):
-    """Finds where many states lead.
+    """Computation of the attractors to which many states lead.
 
     Parameters
     ----------
@@ -107,11 +107,11 @@ class BasinWork(CellWork):
     states : shape (count, 2n)
         The states.
     neighbours : shape (count, any number)
-        Which states are next to each one.
+        Indices of the neighbours of each state.
     resolution
         Columns and rows of the states.
     options
-        How the basins are found.
+        Options for the computation of basins.
     """
 
     chunk_part = Part("cells", BasinChunk, numbered=True)
@@ -166,7 +166,7 @@ class BasinWork(CellWork):
         return (f"{left} states lead to no attractor that was found; raise longest or tries",) if left else ()
 
     def check(self, workers: Workers) -> None:
-        """Look for the attractors of states that are left over; then check labels."""
+        """Find the attractors of the states that are still undecided; then check labels."""
         left = np.flatnonzero(self.labels == UNRESOLVED)
         self._explore(left, self._ends[left])
         self.check_labels(workers)
@@ -174,10 +174,11 @@ class BasinWork(CellWork):
     def check_labels(self, workers: Workers) -> None:
         """Find labels at borders, and some others, again with the exact flow, and correct wrong ones.
 
-        Wrong labels are not alone: where one was found, those around it are found again too. And where a sample holds
-        one, there are more; so further samples are drawn, until one holds none. With `BasinOptions.exact_borders` off
-        there is one sample at borders, and one elsewhere. In the end some states are followed once more after a shift
-        by their rounding: where basins are as fine as that, no computation can tell their labels.
+        Wrong labels occur in groups: the labels around a wrong one are found again too. If a sample contains a
+        wrong label, there are probably more, so further samples are drawn until one contains none. With
+        `BasinOptions.exact_borders` off there is one sample at borders, and one elsewhere. In the end some states are
+        followed once more after a shift by their rounding: where basins are as fine as that, no computation can tell
+        their labels.
         """
         neighbours, at_borders, elsewhere = self.neighbours, self.options.borders, self.options.check
         checked, changed, sampled = (np.zeros(len(self.states), dtype=bool) for _ in range(3))
@@ -209,12 +210,12 @@ class BasinWork(CellWork):
         )
 
     def _choose(self, group: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
-        """Random ones of a group of cells, in order."""
+        """Choose random cells of a group; return them in order."""
         random = np.random.default_rng(self.options.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
     def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
-        """Find labels again with the exact flow, and note in `changed` which differ now; how many were wrong."""
+        """Find labels again with the exact flow, and mark those that differ in `changed`; return their number."""
         exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong
@@ -224,7 +225,7 @@ class BasinWork(CellWork):
         return wrong
 
     def _exact(self, workers: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
-        """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
+        """Return labels by the exact flow, from states shifted by a given fraction of their largest component."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array(
             [signature.wide for signature in self.catalogue.signatures] + [False, False]
@@ -244,7 +245,7 @@ class BasinWork(CellWork):
         return exact[which]
 
     def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:
-        """Find the attractors of some states one by one, from where their motions have come to."""
+        """Find the attractors of some states one by one, starting from the states that their motions have reached."""
         if len(which):
             motions = motions_of(self.catalogue.system, self.states[which])
             limits = {name: getattr(self.options, name) for name in ("longest", "max_period", "tries")}
@@ -299,18 +300,19 @@ def basin_shares(
     confidence
         Probability with which the limits of a share hold.
     options
-        How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
+        Options for the computation of basins. A start is at a border if its label differs from that of one of those
+        nearest to it.
     workers, report
         As in `gapwalk.basins`.
 
     Raises
     ------
     ModelError
-        For a box that makes no sense.
+        If the box is invalid.
     WorkError
         If other processes cannot do the work.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
     """
     options = options or BasinOptions()
     room = Box.of(system, box)

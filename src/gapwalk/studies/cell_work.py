@@ -23,7 +23,7 @@ class CellWork(Work):
     chunk_part, whole_part
         The parts of a file that hold a chunk, and the whole record.
     found_as
-        The class of what a study has found.
+        Class of the study's `Finding`.
     resolution
         Columns and rows of a map.
     """
@@ -38,7 +38,7 @@ class CellWork(Work):
         self._whole: Any = None
 
     def begin(self) -> None:
-        """Do what all chunks need."""
+        """Do the work that all chunks depend on."""
         return
 
     @abstractmethod
@@ -51,11 +51,11 @@ class CellWork(Work):
 
     @abstractmethod
     def check(self, workers: Workers) -> None:
-        """Compare what is found with the exact flow, when all chunks are done."""
+        """Compare the results with the exact flow, when all chunks are done."""
 
     @abstractmethod
     def found(self, *, complete: bool) -> Any:
-        """Return the record of what is found so far; None as long as there can be none."""
+        """Return the record of the results so far; None if there are none yet."""
 
     @property
     def error(self) -> float:
@@ -63,7 +63,7 @@ class CellWork(Work):
         return max((chunk.error for chunk in self.chunks.values()), default=0.0)
 
     def take(self, known: Parts) -> None:
-        """Take over the record, or the chunks of one that is not complete; a ValueError if it is of other cells."""
+        """Read the record of a file, or its chunks if it is incomplete; raise a ValueError if it has other cells."""
         self._whole = known.get(self.whole_part)
         if self._whole is None:
             for _, chunk in known.all(self.chunk_part):
@@ -72,7 +72,7 @@ class CellWork(Work):
             raise ValueError(f"its resolution is {self._whole.resolution}")
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the chunks that are left; then check what is found with the exact flow."""
+        """Do the remaining chunks; then check the results with the exact flow."""
         self.begin()
         for _, chunk in self.follow(workers, [number for number in range(self.total) if number not in self.chunks]):
             self._add(chunk)
@@ -100,17 +100,17 @@ class CellWork(Work):
 
     @property
     def record(self) -> Any:
-        """The record, as far as it has come; None as long as there can be none."""
+        """The record so far; None if there is none yet."""
         return self._whole or self.found(complete=False)
 
     def finding(self) -> CellFinding:
-        """Return the record as what a study has found."""
+        """Return the record as the finding of a study."""
         return self.found_as(self.record, self.done, self.total)
 
 
 @dataclass(frozen=True)
 class CellFinding(Finding):
-    """A map, as far as it has come, and how many of its chunks of cells are done."""
+    """A map so far, and how many of its chunks of cells are done."""
 
     map: Any
     done: int
@@ -123,11 +123,11 @@ class CellFinding(Finding):
 
     @property
     def stored(self) -> str:
-        """How many chunks have been done."""
+        """Describe how many chunks are stored."""
         return f"{self.done} of {self.total} chunks of cells are stored"
 
     def document(self, points: bool) -> dict[str, Any]:
-        """The map as JSON values, and how far it has come; with all values cell by cell if wanted."""
+        """Return the map as JSON values with its progress; with all values cell by cell if wanted."""
         document: dict[str, Any] = {"chunks": {"done": self.done, "total": self.total}}
         return document if self.map is None else document | self.map_document(points)
 

@@ -1,4 +1,4 @@
-"""Other values than those of a model: the ``set`` of a study, and the ``--set name=value`` of the command line."""
+"""Changes of the values of a model: ``set`` in a study, and ``--set name=value`` on the command line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def parse_changes(texts: Iterable[str]) -> dict[str, object]:
 
 
 def parse_change(text: str) -> tuple[str, object]:
-    """Split ``name=value``; the value is written as in TOML, but a word needs no quotes, and .5 no zero before it.
+    """Split ``name=value``; the value is TOML, except that a word needs no quotes and .5 needs no leading zero.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def parse_change(text: str) -> tuple[str, object]:
 
 
 def study_tables(source: Source) -> dict[Path, Mapping[str, object]]:
-    """The table ``[study]`` of a file, or its tables ``[[study]]``, by their paths; none where there are too many."""
+    """Return the table ``[study]`` of a file, or its tables ``[[study]]``, by path; nothing if there are too many."""
     study = source.data.get("study")
     if isinstance(study, list) and len(study) > MAX_STUDIES:
         return {}
@@ -49,7 +49,7 @@ def study_tables(source: Source) -> dict[Path, Mapping[str, object]]:
 
 
 def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source, dict[str, object], list[Problem]]:
-    """Put the changes that concern the text of the file into it.
+    """Apply those changes that concern the text of the file.
 
     ``study.to`` concerns all studies of the file, ``study.light.to`` the one that is named light.
 
@@ -60,7 +60,7 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
     rest : dict
         The other changes; they concern parameters of the system.
     problems : list of Problem
-        What cannot be changed.
+        Changes that are not possible.
     """
     rest, problems = {}, []
     tables = study_tables(source).values()
@@ -105,7 +105,7 @@ def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict
             if name in varied_parameters(table):
                 raise ModelError("cannot be set here: it has a value for each member in over")
             if _walks(table, name, {}):
-                raise ModelError("cannot be set here: the study walks it from the value of from on")
+                raise ModelError("cannot be set here: the study walks this parameter, starting at its key from")
             found[name] = change
         except ModelError as error:
             problems.append(source.problem(str(error), change.path))
@@ -115,7 +115,7 @@ def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict
 def change_system(
     system: System, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
 ) -> tuple[System, list[Problem]]:
-    """Change parameters of the system, as far as that is possible: by a study of the file, then from outside of it."""
+    """Change parameters of the system where possible: first by the study in the file, then by the command line."""
     values: dict[str, Any] = {name: change.value for name, change in own.items()}
     try:
         _check_units(system, values)
@@ -149,7 +149,7 @@ def unknown_names(system: System, source: Source, changes: Mapping[str, object])
 
 
 def _check_units(system: System, values: Mapping[str, Any]) -> None:
-    """A ModelError for plain numbers and wrong units where the system has units; nothing is zero in any unit."""
+    """Raise a ModelError for plain numbers and wrong units if the system has units; 0 needs no unit."""
     lines = []
     for name, value in values.items():
         if system.units and kind_of(name) and isinstance(value, int | float | str) and value != 0:
@@ -162,7 +162,7 @@ def _check_units(system: System, values: Mapping[str, Any]) -> None:
 
 
 def _study_paths(source: Source, name: str) -> Iterator[Path]:
-    """Yield the keys of studies that the name of a change means."""
+    """Yield the keys of the studies to which the name of a change refers."""
     first, *keys = name.split(".")
     if first != "study" or not keys:
         return
@@ -175,7 +175,7 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
 
 
 def walked_parameters(table: Mapping[str, object]) -> list[str]:
-    """Return the parameters that a study walks or varies, as far as they are written down as texts."""
+    """Return the parameters that a study walks or varies, if they are given as strings."""
     second = table.get("second")
     found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
     return [*(name for name in found if isinstance(name, str)), *varied_parameters(table)]
@@ -189,7 +189,7 @@ def varied_parameters(table: Mapping[str, object]) -> list[str]:
 
 
 def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
-    """Why a parameter cannot be set that all studies of a file walk, and what can be set instead."""
+    """Explain that a parameter cannot be set because all studies of a file walk it, and what to set instead."""
     if all(name in varied_parameters(table) for table in tables):
         return "study.over gives it a value for each member; change those in the file"
     key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
@@ -204,7 +204,7 @@ def _walks_second(table: Mapping[str, object], name: str) -> bool:
 
 
 def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]) -> bool:
-    """Return True if a study walks a parameter and says from where."""
+    """Return True if a study walks a parameter and gives the value at which it starts."""
     if _walks_second(table, name):
         return True
     parameter = changes.get("study.parameter", table.get("parameter"))

@@ -19,32 +19,32 @@ from gapwalk.summary import Rows, row_of, rows_of
 
 
 def measure_names(coordinates: Sequence[str]) -> list[str]:
-    """The headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
+    """Return the headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
     return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
 
 
 def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
-    """The measures of a point, in the order of `measure_names`."""
+    """Return the measures of a point, in the order of `measure_names`."""
     return [point.measure(name) for name in measure_names(point.orbit.system.coordinates)]
 
 
 def method_names(options: BranchOptions) -> list[str]:
-    """The headings of what a method has to say of each orbit: of harmonic balance its harmonics and what they lack."""
+    """Return the headings of method-specific columns: for harmonic balance, harmonics and truncation error."""
     return list(options.method.columns)
 
 
 def method_values(orbit: Orbit) -> list[float]:
-    """The values under those headings: nothing of an orbit that was found by shooting."""
+    """Return the values under these headings; they are empty for an orbit that was found by shooting."""
     return [getattr(orbit, name) for name in orbit.method.columns]
 
 
 def method_document(orbit: Orbit) -> dict[str, float]:
-    """The same as JSON values."""
+    """Return the method-specific values as JSON values."""
     return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
 
 
 def point_row(point: BranchPoint | SpecialPoint) -> dict[str, Any]:
-    """Return the row of a point in every table of points: its figures, its measures, and what the method has to say."""
+    """Return the row of a point in a table of points: its numbers, its measures, and the values of its method."""
     orbit, names = point.orbit, measure_names(point.orbit.system.coordinates)
     measures = {name: orbit.measure(name) for name in names}
     return {**row_of(point), "measures": measures, **method_document(orbit)}
@@ -62,7 +62,7 @@ def special_rows(branches: Iterable[tuple[str, Branch]], diagram: Diagram | None
 
 
 def table_rows(rows: Iterable[Mapping[str, Any]], *parameters: str, system: System) -> Rows:
-    """Yield the rows of a table of points under their headings, in which the parameters have their names."""
+    """Yield the headings and the rows of a table of points; headings of parameters are their names."""
     names = parameter_headings(parameters, system.coordinates)
     known = {"leads_to": "leads.to", **dict(zip(("parameter", "second"), names, strict=False))}
     return rows_of(({known.get(name, name): value for name, value in row.items()} for row in rows), _EMPTY)
@@ -72,9 +72,9 @@ _EMPTY = ("branch", "name", "period", "kind")  # headings of a table without any
 
 
 def with_units(headings: Iterable[str], system: System) -> list[str]:
-    """The headings of columns with their units, as in ``speed [rpm]``; as they are where the system has none.
+    """Add units to the headings of columns, as in ``speed [rpm]``; leave them unchanged if the system has no units.
 
-    Known are the names of parameters, of measures of coordinates, and of states.
+    Units are known for parameters, measures of coordinates, and states.
     """
     return [f"{heading} [{unit}]" if (unit := _unit(heading, system)) else heading for heading in headings]
 
@@ -93,7 +93,7 @@ def _unit(heading: str, system: System) -> str:
 
 
 def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
-    """The headings of parameters: their names, but ``parameter mean.q1`` where a measure is called ``mean.q1``."""
+    """Return headings of parameters: their names, but ``parameter mean.q1`` if a measure is called ``mean.q1``."""
     taken = measure_names(coordinates)
     return [f"parameter {name}" if name in taken else name for name in parameters]
 
@@ -103,10 +103,10 @@ COVERAGE = ("value", "starts", "settled", "not_periodic", "ran_away", "newton_st
 
 
 def coverage_rows(result: SearchResult) -> list[list[float]]:
-    """What was tried at each value of the parameter, what was met there, and what may have been missed.
+    """Return the coverage of a search at each value of the parameter: starts, orbits found, and what may be missing.
 
-    `orbits` counts those that were met, `new` those on no branch that was known before. With 95 % confidence, a
-    periodic attractor that was never met attracts no more than `unseen_share` of the box of starts.
+    `orbits` counts the orbits found, `new` those that are not on a branch known before. With 95 % confidence, a
+    periodic attractor that was never found attracts no more than `unseen_share` of the box of starts.
     """
     return [
         [

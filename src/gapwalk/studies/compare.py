@@ -1,4 +1,4 @@
-"""Compare two results: which branches and loci both have, how far apart they are, and what only one of them has.
+"""Comparison of two results: common branches and loci, their distances, and what is in one result only.
 
 Method: docs/numerics/results.md
 """
@@ -36,9 +36,9 @@ class Shift(NamedTuple):
     Attributes
     ----------
     label
-        What happens there, and which contact grazes.
+        Kind of the special point, and the contact that grazes.
     first, second
-        The value of the parameter in either result; on a locus, of both.
+        The value of the parameter in each result; on a locus, of both parameters.
     share
         The largest of the differences, as a share of the parameter's range.
     """
@@ -50,12 +50,12 @@ class Shift(NamedTuple):
 
     @property
     def differences(self) -> tuple[float, ...]:
-        """Second less first, in units of the parameters."""
+        """Second minus first, in units of the parameters."""
         return tuple(b - a for a, b in zip(self.first, self.second, strict=True))
 
 
 class Lone(NamedTuple):
-    """A special point that one result has alone: what happens there, and where."""
+    """A special point that is in one result only: its kind, and its place."""
 
     label: str
     values: tuple[float, ...]
@@ -68,7 +68,7 @@ class Pair:
     Attributes
     ----------
     names
-        What either result calls it.
+        Its name in each result.
     places, distances : shape (points, 1 or 2), (points,)
         Parameters of the points of both, and how far each is from the other curve, as a share of the ranges.
     resolution
@@ -76,9 +76,9 @@ class Pair:
     shifts
         Special points that both have.
     only
-        Those that the first has alone, and those that the second has alone, where both have points.
+        Special points in the first result only, and in the second only, where both curves have points.
     covered
-        The range of the parameter, or of the first of two, that either covers.
+        The range of the parameter, or of the first of two, that each curve covers.
     missing
         The largest part of a range that one covers and the other does not, as a share of the parameter's range.
     """
@@ -99,7 +99,7 @@ class Pair:
 
     @property
     def worst(self) -> tuple[float, ...]:
-        """The parameters where it is."""
+        """The parameters at the largest distance."""
         return tuple(self.places[int(np.argmax(self.distances))].tolist()) if len(self.distances) else ()
 
     @property
@@ -108,7 +108,7 @@ class Pair:
         return max((shift.share for shift in self.shifts), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if the curves agree: distances, locations and ranges, and no special point is on one alone."""
+        """Return True if the curves agree in distances, locations and ranges, and have the same special points."""
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
 
@@ -125,15 +125,15 @@ class ResultComparison(Shown):
     parameters
         The parameter of the branches; of the loci of a map both.
     ranges
-        The range of each, in its units: what a share is a share of.
+        The range of each, in its units; shares refer to it.
     measures
         Measures that distinguish motions, as well as the parameters; none on loci, which are curves in the plane.
     pairs
         The branches, and the loci of maps, that both have.
     only
-        Names of those that the first has alone, and of those that the second has alone.
+        Names of the curves in the first result only, and in the second only.
     notes
-        In what the studies differ, in sentences.
+        Differences of the studies, in sentences.
     """
 
     results: tuple[Result, Result]
@@ -155,7 +155,7 @@ class ResultComparison(Shown):
         return max((pair.largest_shift for pair in self.pairs), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if each has all that the other has, within a tolerance (a share of the ranges)."""
+        """Return True if both results contain the same, within a tolerance (a share of the ranges)."""
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 
     def __str__(self) -> str:
@@ -166,7 +166,7 @@ class ResultComparison(Shown):
 
 
 def place_words(parameters: Sequence[str], values: Sequence[float]) -> str:
-    """Where something is: ``frequency = 0.61909789``."""
+    """Write the values of parameters: ``frequency = 0.61909789``."""
     return ", ".join(f"{name} = {value:.8g}" for name, value in zip(parameters, values, strict=False))
 
 
@@ -190,7 +190,7 @@ _FAR = 1e3
 
 
 def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> ResultComparison:
-    """Compare two results of studies of branches, of a system over the same parameters, found in two ways perhaps.
+    """Compare two results of studies of branches of one system over the same parameters, e.g. by two methods.
 
     Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
     sections of maps, and their loci, are compared in the same way.
@@ -231,7 +231,7 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
 
 
 class _Named(NamedTuple):
-    """A branch or a locus, its name, and what must be equal in one that may be the same."""
+    """A branch or a locus with its name, and the properties that a matching curve must share."""
 
     name: str
     label: object
@@ -255,7 +255,7 @@ def _loci(chart: Map) -> list[_Named]:
 def _paired(
     first: list[_Named], second: list[_Named], compare: Callable[[_Named, _Named], Pair | None]
 ) -> tuple[tuple[Pair, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
-    """Return the pairs of curves that are the same ones, and the names of those that are left over."""
+    """Return the pairs of matching curves, and the names of curves without a match."""
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
     costs = np.full((len(first), len(second)), _FAR)
@@ -282,7 +282,7 @@ def _is_near(pair: Pair) -> bool:
 def _compare_branches(
     first: _Named, second: _Named, names: tuple[str, ...], ranges: NDArray[np.float64]
 ) -> Pair | None:
-    """Two branches of one period; None if they have no range in common."""
+    """Compare two branches of one period; return None if their ranges do not overlap."""
     a, b = first.curve, second.curve
     assert isinstance(a, Branch)
     assert isinstance(b, Branch)
@@ -307,7 +307,7 @@ def _compare_branches(
 
 
 def _compare_loci(first: _Named, second: _Named, plane: NDArray[np.float64]) -> Pair | None:
-    """Two loci of one kind, period and contact, as curves in the plane."""
+    """Compare two loci of one kind, period and contact, as curves in the plane."""
     a, b = first.curve, second.curve
     assert isinstance(a, Locus)
     assert isinstance(b, Locus)
@@ -364,7 +364,7 @@ def _what(special: SpecialPoint) -> str:
 
 
 def _check_comparable(first: Result, second: Result) -> None:
-    """A ModelError unless both results have branches over the same parameters."""
+    """Raise a ModelError unless both results have branches over the same parameters."""
     for which, result in (("first", first), ("second", second)):
         if not result.branches:
             raise ModelError(
@@ -386,7 +386,7 @@ def _check_comparable(first: Result, second: Result) -> None:
 
 
 def _notes(first: Result, second: Result) -> tuple[str, ...]:
-    """Return the differences of two studies except for their methods: parameters, and if they are complete."""
+    """Return the differences of two studies other than their methods: values of parameters, completeness."""
     notes = []
     walked = {first.walked.parameter, *([] if first.map is None else [first.map.second])}
     then, now = first.system.parameters, second.system.parameters

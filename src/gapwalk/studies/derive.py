@@ -1,8 +1,8 @@
 """The schema of a table of a model file, derived from the frozen dataclass that the table describes.
 
-It works along type hints, as the codec of result files does, so that an option is written down once. Numbers are
+It works along type hints, as the codec of result files does, so that an option is declared once. Numbers are
 strict; a tuple is a list; an enumeration has its values; a dataclass is a table of its own, or is written into the
-table around it where its field is marked as `INLINE`. Validators of pydantic in ``Annotated`` come on top. What a
+table around it where its field is marked as `INLINE`. Validators of pydantic in ``Annotated`` are added. What a
 dataclass refuses when it is made is a problem at the key with which its message begins.
 """
 
@@ -38,13 +38,13 @@ class DerivedPart(StudyPart):
     """The table of a study whose keys are the fields of its kind."""
 
     def options(self, system: System) -> StudyKind:
-        """Return the study that it asks for; a ModelError if that makes no sense."""
+        """Return the study that the table requests; raise a ModelError if it is invalid."""
         kind = _KINDS[type(self)]
         return kind.of_table(given_of(kind, self), system)
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Names of tables in it that change nothing."""
+        """Names of tables in it that have no effect."""
         return _KINDS[type(self)].unused({name: getattr(self, name) for name in self.model_fields_set})
 
 
@@ -77,7 +77,7 @@ def table_schema(record: type) -> type[Part]:
 
 
 def given_of(record: type, part: Part) -> dict[str, Any]:
-    """Return the fields of a dataclass that a table gives, by their names."""
+    """Return the values that a table gives to the fields of a dataclass, by name."""
     names = {field.name for field, _ in _hints(record)}
     own = (getattr(record, "table_types", {}).keys() & type(part).model_fields.keys()) - names
     found = {name: getattr(part, name) for name in own}
@@ -140,7 +140,7 @@ def key_type(hint: Any) -> Any:
 
 
 def _list(arguments: tuple[Any, ...]) -> Any:
-    """A tuple, which a file writes as a list."""
+    """Return the type of a tuple, which a file writes as a list."""
     if arguments[1:] == (...,):
         return Annotated[list[key_type(arguments[0])], AfterValidator(tuple)]
     size = len(arguments)
@@ -148,7 +148,7 @@ def _list(arguments: tuple[Any, ...]) -> Any:
 
 
 def _union(arguments: tuple[Any, ...]) -> Any:
-    """Tell lists from other values by their shape; None is left out."""
+    """Return the type of a union: lists are distinguished from other values by their shape; None is omitted."""
     rest = [each for each in arguments if each is not type(None)]
     found = key_type(rest[0])
     if len(rest) == 2 and get_origin(_bare(rest[1])) is tuple:
@@ -162,7 +162,7 @@ def _union(arguments: tuple[Any, ...]) -> Any:
 
 
 def _keys(record: type) -> Iterator[tuple[Field[Any], Any]]:
-    """The fields that are keys, with their type hints: those of kinds of studies first, for others look at them."""
+    """Return the fields that are keys, with their type hints; those of studies first, since other checks use them."""
     rest = []
     plain = {field.name for options in _parts_of(record) if options is not record for field in fields(options)}
     for field, hint in _hints(record):

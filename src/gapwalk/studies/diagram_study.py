@@ -44,21 +44,21 @@ Report = Callable[[Diagram, DiagramBranch], None]
 
 @dataclass(frozen=True, slots=True)
 class DiagramOptions:
-    """How far a diagram goes.
+    """Options of a diagram: its extent, and the search for isolated branches.
 
     Parameters
     ----------
     max_period
         Longest period, in forcing periods, of branches to switch to.
     max_branches
-        Branches after which it stops, and says so.
+        Number of branches after which it stops and reports that limit.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     search_values
         Values of the parameter at which branches not connected to others are sought. A number of them is
         spread evenly over the range; 0 for no search.
     search
-        How thoroughly to search there.
+        Options of the search.
     """
 
     max_period: int = 8
@@ -81,7 +81,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
     parameter, begin, end, measure, period, start, walk, method
         As `BranchOptions`, for the first branch; the range is that of all.
     max_period, max_branches, workers, search_values, search
-        How far it goes, in how many processes, and the search for branches that are attached to no other; as
+        Its extent, the number of processes, and the search for isolated branches; as
         `DiagramOptions`.
     """
 
@@ -96,7 +96,7 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         return (
             f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
@@ -113,13 +113,13 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
     def search_work(
         self, system: System, apart: Sequence[Branch], searching: Callable[[Progress], None] | None = None
     ) -> DiagramWork:
-        """The work on the branches that are connected to none of those that are known; see `gapwalk.find_others`."""
+        """Return the work on branches that are not connected to known ones; see `gapwalk.find_others`."""
         known = empty_diagram(self.parameter, self.ends)
         return DiagramWork(system, known, self, self.walk, self.method, apart=apart, searching=searching)
 
 
 class DiagramState(NamedTuple):
-    """A diagram without its branches and its search; and True if nothing is left to do."""
+    """State of a diagram, without its branches and its search, and whether no work is left."""
 
     diagram: Diagram
     finished: bool
@@ -131,22 +131,22 @@ SEARCH = Part("search", SearchResult)
 
 
 class DiagramWork(Work):
-    """The branches of a diagram, generation by generation, each kept when it is accepted, whole.
+    """Computation of a diagram, generation by generation; each branch is stored as a whole when it is accepted.
 
-    What is reported is the diagram so far, and the branch that was added to it last.
+    It reports the diagram so far, and the branch that was added last.
 
     Parameters
     ----------
     system
-        The system of a search.
+        The system for a search.
     known
-        What there is of the diagram already.
+        The part of the diagram that is known already.
     options, walk, method
         As in `diagram`.
     first
         Finds the orbit from which the first branch starts; None: all branches come from a search.
     apart
-        Branches that are known and do not belong to it: what lies on one of them is not added.
+        Known branches that do not belong to the diagram: orbits on one of them are not added.
     searching
         Called with the progress of a search.
     """
@@ -171,7 +171,7 @@ class DiagramWork(Work):
         self._curves: list[Curve] = []
 
     def take(self, known: Parts) -> None:
-        """Take over the diagram of a file; a ValueError if it is of another study."""
+        """Read the diagram of a file; raise a ValueError if it belongs to another study."""
         before = self.diagram
         self.diagram, self._finished = stored_diagram(known)
         self._kept = self.diagram.search
@@ -197,18 +197,18 @@ class DiagramWork(Work):
             yield from self._state(finished=finished)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the branches, each with the diagram as it was when it was added."""
+        """Yield the branches, each with the diagram at the time when it was added."""
         for count, member in enumerate(self.diagram.members, start=1):
             yield replace(self.diagram, members=self.diagram.members[:count]), member
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do, because all is found or at a limit."""
+        """True if no work is left, because everything was found or a limit was reached."""
         return self._finished
 
     @property
     def record(self) -> Diagram:
-        """The diagram, as far as it has come."""
+        """The diagram so far."""
         return self.diagram
 
     @property
@@ -217,21 +217,21 @@ class DiagramWork(Work):
         return len(self.diagram.members)
 
     def _state(self, *, finished: bool) -> Iterator[Entry]:
-        """Yield the diagram as a whole; its search only when it is new, for it may be long."""
+        """Yield the whole diagram; include its search only if it is new, because it may be large."""
         yield STATE.entry(DiagramState(replace(self.diagram, members=(), search=None), finished))
         if self.diagram.search is not None and self.diagram.search is not self._kept:
             yield SEARCH.entry(self.diagram.search)
 
     @property
     def _known(self) -> tuple[Branch, ...]:
-        """All branches that are known, those apart first."""
+        """All known branches; those that do not belong to the diagram come first."""
         return (*self.apart, *self.diagram.branches)
 
     def _members(self, workers: Workers) -> Iterator[DiagramBranch]:
         """The branches, each when it has been added: those attached to the first one, and those that a search finds.
 
-        If branches are known that a search has found, then those attached to the first one were found before them; what
-        was left out there, such as a branch that could not be walked, must not depend on them.
+        If branches from a search are known already, then those attached to the first branch were found before them.
+        What was omitted then, such as a branch that could not be walked, must not depend on them.
         """
         if self.first is None:
             yield from self._searched(self.system, workers)
@@ -245,10 +245,10 @@ class DiagramWork(Work):
             yield from self._searched(orbit.system, workers)
 
     def _searched(self, system: System, workers: Workers) -> Iterator[DiagramBranch]:
-        """Add the branches connected to no other, with all that grows from them.
+        """Add the isolated branches, and all branches that begin on them.
 
         The search knows the branches that were found without it. Its result is kept with the first branch that it
-        leads to, so that a diagram that is resumed plants the same orbits in the same order.
+        leads to, so that a resumed diagram starts from the same orbits in the same order.
         """
         result = self.diagram.search
         if result is None or not result.complete:
@@ -278,7 +278,7 @@ class DiagramWork(Work):
         return low + (high - low) * (np.arange(values) + 0.5) / values
 
     def _plant(self, orbits: Sequence[Orbit], workers: Workers) -> Iterator[DiagramBranch]:
-        """Add the branches through orbits that were found by themselves."""
+        """Add the branches through orbits that the search has found."""
 
         def is_new(index: int) -> bool:
             self._curves += [Curve(branch) for branch in self._known[len(self._curves) :]]  # each is made once
@@ -288,7 +288,7 @@ class DiagramWork(Work):
             yield from self._accepted(branch, None)
 
     def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
-        """Add all that grows from some branches, generation by generation."""
+        """Add all branches that begin on given ones, generation by generation."""
         generation = list(roots)
         while generation:
             yield from self._branch_off(generation, workers)
@@ -324,7 +324,7 @@ class DiagramWork(Work):
         return partial(_walk_branch, self.diagram.parameter, self.diagram.within, self.walk, self.method)
 
     def _accepted(self, branch: Branch | str, origin: Origin | None) -> Iterator[DiagramBranch]:
-        """Yield the branch when it has been added; nothing where there is none, which is noted."""
+        """Add a branch and yield it; if there is none, note the reason."""
         if isinstance(branch, str):
             self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
             return
@@ -348,7 +348,7 @@ def _walk_branch(
     method: Method | None,
     piece: tuple[Orbit | SpecialPoint, int],
 ) -> Branch | str:
-    """Walk one branch, from an orbit both ways or from a special point one way; a sentence if that cannot be done."""
+    """Walk one branch, in both directions from an orbit or in one from a special point; return a message on failure."""
     start, way = piece
     value = start.system[parameter] if isinstance(start, Orbit) else start.value
     try:
@@ -372,7 +372,7 @@ def _branches(diagram: Diagram) -> Iterator[Entry]:
 
 
 def stored_diagram(parts: Parts) -> DiagramState:
-    """Return the diagram of a file; a ValueError if it makes no sense."""
+    """Return the diagram of a file; raise a ValueError if it is inconsistent."""
     members: list[DiagramBranch] = []
     for number, member in parts.all(BRANCH):
         known = {each.name: len(each.branch.special_points) for each in members}
@@ -391,7 +391,7 @@ def stored_diagram(parts: Parts) -> DiagramState:
 
 
 def empty_diagram(parameter: str, to: tuple[float, float]) -> Diagram:
-    """A diagram without branches yet; the range may be given either way round."""
+    """Return a diagram without branches; the ends of the range may be given in either order."""
     low, high = sorted((float(to[0]), float(to[1])))
     return Diagram(parameter, (low, high))
 
@@ -413,8 +413,8 @@ def diagram(
 ) -> Diagram:
     """Return the tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
 
-    Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
-    shift of whole forcing periods are the same orbit.
+    Each branch is included once: if it is found from both of its ends, it is walked from the first. Orbits that differ
+    by a shift of whole forcing periods are the same orbit.
 
     Parameters
     ----------
@@ -423,25 +423,25 @@ def diagram(
     parameter, to
         Name of the parameter, and the range.
     start, period
-        Where the first branch starts: an orbit, or as in `find_orbit`.
+        Start of the first branch: an orbit, or as in `find_orbit`.
     options, walk, method
-        How far the diagram goes; options of the walk and of the method.
+        Options of the diagram, of the walk and of the method.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.
     report
         Called with each branch as it is accepted.
     resume
-        A diagram of the same request that was stopped: its branches are kept, and the rest is added.
+        A stopped diagram of the same request: its branches are kept, and the others are added.
 
     Raises
     ------
     ModelError
-        For an unknown parameter or a range that does not hold the start.
+        For an unknown parameter or a range that does not contain the start.
     NumericalError
         If no first orbit is found, or no branch can be walked from it.
     Interrupted
-        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
+        After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
     """
     orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
     work = DiagramWork(
@@ -465,7 +465,7 @@ def find_others(
 ) -> Diagram:
     """Search for motions connected to no known branch, and follow all that is found.
 
-    What the search has covered, and what it may have missed, is in the `notes` of the diagram.
+    The `notes` of the diagram state what the search has covered and what it may have missed.
 
     Parameters
     ----------
@@ -476,7 +476,7 @@ def find_others(
     known
         Branches along this parameter that have been followed already. They do not become part of the diagram.
     options
-        How far it goes; `search_values` are where it searches, by default 60 values.
+        Options of the diagram; `search_values` are the values at which it searches, by default 60.
     walk, method, workers, report, resume
         As in `diagram`.
 
@@ -485,7 +485,7 @@ def find_others(
     ModelError
         For an unknown parameter, a value that is not allowed, or no value at which to search.
     Interrupted
-        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
+        After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
     """
     options = options or DiagramOptions(search_values=_VALUES)
     if not options.search_values:

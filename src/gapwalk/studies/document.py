@@ -18,9 +18,9 @@ from gapwalk.studies.result import Result
 
 
 def result_document(result: Result, points: bool = True) -> dict[str, Any]:
-    """A result: branches, their points (if wanted), ends, and the special points of all branches.
+    """Return a result: branches, their points (if wanted), ends, and the special points of all branches.
 
-    What a study without branches has found comes in the words of its kind.
+    The finding of a study without branches has a document of its own kind.
     """
     head: dict[str, Any] = {
         "title": result.title,
@@ -59,7 +59,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
 
 
 def branch_document(branch: Branch, number: int, points: bool = True) -> dict[str, Any]:
-    """One branch, numbered from 1; a special point refers to it by that number."""
+    """Return one branch, numbered from 1; a special point refers to it by that number."""
     document: dict[str, Any] = {
         "id": number,
         "period": branch.period,
@@ -74,7 +74,7 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
 
 
 def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str, Any]:
-    """What the document of a diagram has besides: where branches are attached to others, cascades, and the search."""
+    """Return the additional parts of the document of a diagram: connections of branches, cascades, and the search."""
     for member, document in zip(diagram.members, branches, strict=True):
         document["begins"], document["joins"] = _origin(member.begins), _origin(member.joins)
     return {
@@ -90,7 +90,7 @@ def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str
 
 
 def search_document(result: SearchResult) -> dict[str, Any]:
-    """What a search has covered: numbers for each value of the parameter, and sentences."""
+    """Return the coverage of a search: numbers for each value of the parameter, and sentences."""
     return {
         "complete": result.complete,
         "values": [dict(zip(COVERAGE, row, strict=True)) for row in coverage_rows(result)],
@@ -99,15 +99,15 @@ def search_document(result: SearchResult) -> dict[str, Any]:
 
 
 def _origin(origin: Origin | None) -> dict[str, Any] | None:
-    """Where a branch begins or ends: the name of another one, and which of its special points, from 0."""
+    """Return where a branch begins or ends: the name of another branch, and the index of its special point, from 0."""
     return None if origin is None else {"branch": origin.parent, "special_point": origin.special}
 
 
 def special_documents(branches: Iterable[tuple[str, Branch]], diagram: Diagram | None = None) -> list[dict[str, Any]]:
-    """The special points of named branches, in the order of the walks. A value that does not exist is null."""
+    """Return the special points of named branches, in the order of the walks. A value that does not exist is null."""
     return [plain(row) for row in special_rows(branches, diagram)]
 
 
 def end_document(end: End) -> dict[str, Any]:
-    """One end of a branch; `reason` is a word for programs, `text` the sentence for people."""
+    """Return one end of a branch; `reason` is a word for programs, `text` the sentence for people."""
     return {"reason": end.reason.name.lower().replace("_", "-"), "parameter": end.value, "text": str(end)}

@@ -1,4 +1,4 @@
-"""Records as tables of comma-separated values, and files that are written whole or not at all."""
+"""Records as CSV tables, and files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gapwalk.summary import Described
 def save_tables(record: Described, stem: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Write all tables of a record as CSV files: of a result points, special points, and others of its kind of study.
 
-    Numbers have all digits: they read back as the same numbers.
+    Numbers have all digits, so that reading restores them exactly.
 
     Parameters
     ----------
     record
         The result of a study, or another record with tables, such as a branch.
     stem
-        How the file names begin; a hyphen, the name of the table and ``.csv`` follow.
+        Beginning of the file names; a hyphen, the name of the table and ``.csv`` follow.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def table_of(record: Described, name: str) -> str:
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file such that under its name there is the old content, or the new, but never a part of it.
+    """Write a file atomically: it always has either the old or the new content, never a part of it.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def table_csv(header: Iterable[object], rows: Iterable[Sequence[object]]) -> str:
-    """One table as comma-separated values."""
+    """Return one table as comma-separated values."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

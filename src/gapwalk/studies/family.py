@@ -20,7 +20,7 @@ from gapwalk.notebook import Shown
 
 
 class Place(NamedTuple):
-    """Which special point: the number of its member, of the branch there, and its own on the branch, all from 0."""
+    """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0."""
 
     member: int
     branch: int
@@ -29,18 +29,18 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Member:
-    """The branches at one value of what differs.
+    """A member of a family: the branches at one value of the parameter in which members differ.
 
     Attributes
     ----------
     number
-        Of the member, from 0.
+        Index of the member, from 0.
     value
-        Of what the family is over.
+        Value of the parameter that differs.
     branches
         The branches; none if no first orbit was found.
     notes, failures
-        What else there is to say, and what could not be walked, in sentences.
+        Remarks, and failures to walk a branch, in sentences.
     """
 
     number: int
@@ -59,7 +59,7 @@ class Member:
 
     @property
     def special_points(self) -> Iterator[tuple[Place, SpecialPoint]]:
-        """All special points with their places."""
+        """Return all special points with their places."""
         for index, branch in enumerate(self.branches):
             for special_index, special in enumerate(branch.special_points):
                 yield Place(self.number, index, special_index), special
@@ -81,8 +81,8 @@ class MemberParameter:
         Each parameter with its values, one for each member: what an engineer calls one quantity may change several
         coefficients.
     called
-        What the family is over, where that is none of the parameters (or a function of them), such as ``"Kb"``; by
-        default the first of them.
+        Name of the quantity that differs, if it is not one of the parameters (or a function of them), such as ``"Kb"``;
+        by default the first of them.
     values
         Its values; by default those of the first parameter. They rise or fall.
 
@@ -145,12 +145,12 @@ class MemberParameter:
 
     @property
     def axis(self) -> tuple[float, ...]:
-        """Its value at each member."""
+        """Value of that quantity at each member."""
         return self.values or self.moved[0][1]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters that differ."""
+        """Names of the parameters that differ."""
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
@@ -158,7 +158,7 @@ class MemberParameter:
         return {name: values[number] for name, values in self.moved}
 
     def check(self, system: System, parameter: str, *, names_only: bool = False) -> None:
-        """A ModelError if the members of a family of a system along a parameter cannot have these values."""
+        """Raise a ModelError if the members of a family along a parameter cannot have these values."""
         for name in self.names:
             try:
                 system.structure.place(name)
@@ -169,7 +169,7 @@ class MemberParameter:
         pace = system.structure.pace
         if pace in self.names and len(self.moved) > 1:
             raise ModelError(
-                f"over has {pace} beside other parameters; it can stand there alone: everything is scaled by it"
+                f"over has {pace} beside other parameters; it must be alone there, because everything is scaled by it"
             )
         for number in () if names_only else range(len(self.axis)):
             try:
@@ -213,11 +213,11 @@ class Passage:
     Attributes
     ----------
     kind
-        What happens there, a value of `gapwalk.bifurcation.loci.Codim2`.
+        Kind of the point, a value of `gapwalk.bifurcation.loci.Codim2`.
     first, value
-        The parameter of the members there, and the value of what the family is over.
+        The parameter of the members there, and the quantity that differs.
     contact
-        What grazes there, if anything does.
+        Contact that grazes there, if any.
     """
 
     kind: str
@@ -228,29 +228,30 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """Way of a special point between two neighbouring members.
+    """Path of a special point between two neighbouring members.
 
     Attributes
     ----------
     kind, contact, period
-        Of the special point.
+        Properties of the special point.
     fate
-        What becomes of it.
+        Its fate.
     begin
         The special point.
     end
-        Where its way ends: a special point of the other member, or of the same one if the two meet; None for none.
+        The special point at the end of the path: in the other member, or in the same one if two meet; None if there is
+        none.
     at
         The parameter of the members, and the value of what the family is over, where two meet, or where the way ends
         otherwise; None if it leads to the other member.
     event
-        What happens there: a value of `gapwalk.bifurcation.loci.Codim2`, or ``"turn"``; empty for nothing.
+        Event at that place: a value of `gapwalk.bifurcation.loci.Codim2`, or ``"turn"``; empty for nothing.
     curve
-        The way: the parameter and the value at points of the locus.
+        The path: the parameter and the value at points of the locus.
     passages
         Points of codimension two on it.
     detail
-        What could not be done.
+        Reason for a failure.
     """
 
     kind: Kind
@@ -267,7 +268,7 @@ class Connection:
 
     @property
     def leads_on(self) -> bool:
-        """True if it joins a special point to one of the other member."""
+        """True if it connects special points of different members."""
         return self.fate in (Fate.JOINED, Fate.NEAR)
 
     @property
@@ -295,20 +296,20 @@ class Connection:
 
 @dataclass(frozen=True)
 class SpecialPointPath:
-    """One special point through all members that have it.
+    """Path of one special point through all members that have it.
 
     Attributes
     ----------
     name
         Such as ``fold-3``: the third path of folds.
     kind, contact, period
-        What happens at it: to motions of which period; what grazes, if anything does.
+        Kind of the special point, period of the motions, and the contact that grazes, if any.
     places
         The special points, from member to member.
     connections
-        What leads from each to the next.
+        The connections of neighbouring places.
     before, after
-        What becomes of it before its first and after its last special point; None at the first and the last member, and
+        Its fate before its first and after its last special point; None at the first and the last member, and
         where that is not known yet.
     """
 
@@ -340,11 +341,11 @@ class Family(Shown):
     within
         Its range, the smaller value first.
     over
-        What differs from member to member.
+        The parameters in which the members differ.
     members
         The members that have been done, in the order of their values.
     connections
-        What becomes of special points between members, by the number of the member before the gap.
+        Connections of special points between members, by the number of the member before the gap.
     """
 
     system: System
@@ -356,7 +357,7 @@ class Family(Shown):
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
         return len(self.members) == len(self.over.axis) and len(self.connections or {}) == len(self.gaps)
 
     @property
@@ -460,7 +461,7 @@ class Family(Shown):
             yield from connections
 
     def _ends(self) -> tuple[dict[Place, Connection], dict[Place, Connection]]:
-        """Return the ways that end in the gap before the member of a special point, and in the one after it."""
+        """Return the connections of a special point to the member before, and to the member after."""
         before: dict[Place, Connection] = {}
         after: dict[Place, Connection] = {}
         for number, connections in (self.connections or {}).items():
@@ -473,7 +474,7 @@ class Family(Shown):
         return before, after
 
     def _told(self, connection: Connection) -> str:
-        """Which special point a connection begins at."""
+        """Describe the special point at which a connection begins."""
         member = self._by_number[connection.begin.member]
         return f"{self._where(member)}: the {connection.kind.value} at {self.special(connection.begin).value:.10g}"
 

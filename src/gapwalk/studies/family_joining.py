@@ -47,10 +47,10 @@ _FORBIDDEN = 1e6
 def nearest_pairs(
     left: Mapping[Place, SpecialPoint], right: Mapping[Place, SpecialPoint], within: tuple[float, float]
 ) -> list[tuple[Place, Place]]:
-    """Return the pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
+    """Return the pairs with the least sum of distances, each within `LIMIT`; the other points stay single.
 
-    To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
-    what continues.
+    A single point costs half of the limit, so that a point that appears or vanishes between the members is not paired
+    with one that continues.
     """
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
@@ -70,7 +70,7 @@ def nearest_pairs(
 
 
 def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, float]) -> float:
-    """How far two special points are apart: in widths of the range, and of their motions; infinite for other kinds.
+    """Return the distance of two special points, relative to the range and their motions; inf if their kinds differ.
 
     The motions may begin at different forcing periods.
     """
@@ -83,20 +83,20 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
 
 @dataclass(frozen=True, slots=True)
 class FamilyOptions:
-    """How far the members of a family go, and how their special points are joined.
+    """Options of a family: the extent of its members, and how their special points are joined.
 
     Parameters
     ----------
     max_period
-        Follow what branches off too, up to this period in forcing periods, as in a diagram; None: the first branch
-        alone.
+        Longest period, in forcing periods, of further branches that are followed, as in a diagram; None: only the first
+        branch.
     kinds
         Kinds of special points that are joined.
     exact
-        Whether special points are joined by the exact loci that lead from member to member; otherwise each to the
+        True to join special points by the exact loci that lead from member to member; otherwise each to the
         nearest of its kind, which is a guess.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     """
 
     max_period: Counted | None = None
@@ -117,12 +117,12 @@ JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
 
 
 class FamilyWork(Work):
-    """The work on one family: its members, then what becomes of special points between them.
+    """The work on one family: its members, then the connections of special points between them.
 
     Parameters
     ----------
     finding
-        Makes of a family what a study finds.
+        Function that makes the finding of a study from a family.
     """
 
     def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
@@ -132,16 +132,16 @@ class FamilyWork(Work):
         self.connections: dict[int, tuple[Connection, ...]] = {}
 
     def take(self, known: Parts) -> None:
-        """Take over members and connections; a ValueError if they are not those of this family."""
+        """Read members and connections; raise a ValueError if they belong to another family."""
         self.members, self.connections = dict(known.all(MEMBER)), dict(known.all(JOINTS))
         for number, member in self.members.items():
             if member.number != number or not 0 <= number < self.count:
                 raise ValueError(f"member {number} calls itself {member.number}")
         if any(not 0 <= number < self.count - 1 for number in self.connections):
-            raise ValueError("there are connections between members that are not there")
+            raise ValueError("the file has connections of members that it does not contain")
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Walk the members that are left; then join special points where that is left."""
+        """Walk the remaining members; then join the remaining special points."""
         numbers = [number for number in range(self.count) if number not in self.members]
         walk = partial(_walk_member, self._family.system, self.asked)
         for index, member in workers.each(walk, numbers, in_order=False):
@@ -155,28 +155,28 @@ class FamilyWork(Work):
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
         return self.record.complete
 
     @property
     def done(self) -> int:
-        """Members that are walked, and gaps between two of them that are closed."""
+        """Number of members that are walked, and of gaps in which special points are joined."""
         return len(self.members) + len(self.connections)
 
     @property
     def total(self) -> int:
-        """Members, and gaps between them, of which there are fewer where a member has no branch."""
+        """Number of members, and of gaps between members that have branches."""
         gaps = len(self.record.gaps) if len(self.members) == self.count else self.count - 1
         return self.count + gaps
 
     @property
     def record(self) -> Family:
-        """The family, as far as it has come."""
+        """The family so far."""
         members = tuple(member for _, member in sorted(self.members.items()))
         return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
     def finding(self) -> Finding:
-        """Return the family as what a study has found."""
+        """Return the family as the finding of a study."""
         return self._finding(self.record)
 
     @property
@@ -186,7 +186,7 @@ class FamilyWork(Work):
 
 
 def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
-    """Walk the branches of one member; what goes wrong costs no other one."""
+    """Walk the branches of one member; a failure does not affect the others."""
     value, parameter, ends = asked.over.axis[number], asked.parameter, (asked.begin, asked.end)
     how: Any = {"walk": asked.walk, "method": asked.method}
     try:
@@ -204,8 +204,8 @@ def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
 def _join(asked: FamilyStudy, members: tuple[Member, Member]) -> tuple[Connection, ...]:
     """Join the special points of two neighbouring members.
 
-    Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
-    the way back.
+    Points of the first member are followed towards the second; then those of the second that were not reached are
+    followed back.
     """
     return _Joiner(asked, members).join()
 
@@ -225,17 +225,17 @@ _TRUNCATED = 30.0  # the same in the share of the motion that is neglected: cont
 
 
 class _Joiner:
-    """Joins the special points of two neighbouring members.
+    """Connection of the special points of two neighbouring members.
 
-    One parameter is followed by its own name; several that move together are one parameter, the way from the one member
-    to the other.
+    A single parameter keeps its name; several parameters that change together are replaced by one, the path from the
+    first member to the second.
 
     Parameters
     ----------
     asked
-        What is asked of the family.
+        The request for the family.
     members
-        The two.
+        The two neighbouring members.
 
     Attributes
     ----------
@@ -257,7 +257,7 @@ class _Joiner:
         self.connections: list[Connection] = []
 
     def join(self) -> tuple[Connection, ...]:
-        """Join them by their loci, then by nearness; what is left stays alone."""
+        """Join special points by their loci, then by nearness; the others stay single."""
         if self.asked.exact:
             for side in (0, 1):
                 for place in list(self.left[side]):
@@ -286,19 +286,19 @@ class _Joiner:
         }
 
     def _lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
-        """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
+        """Return a special point of the first (side 0) or second (1) member, in a system with the second parameter."""
         system = special.orbit.system
         if self.plane[1] == WAY:
             system = on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
         return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
 
     def _share(self, second: float) -> float:
-        """How far a value of the second parameter is on the way from the one member (0) to the other (1)."""
+        """Return the position of a value of the second parameter between the two members, from 0 to 1."""
         begin, end = self.bounds
         return (second - begin) / (end - begin)
 
     def _value(self, second: float) -> float:
-        """Return the quantity that the family is over, at a value of the second parameter."""
+        """Return the quantity in which members differ, at a value of the second parameter."""
         one, other = (member.value for member in self.members)
         share = self._share(second)
         return (1.0 - share) * one + share * other
@@ -308,7 +308,7 @@ class _Joiner:
         self.connections.append(Connection(*about, fate, begin, end, **more))
 
     def _join_exactly(self, place: Place, special: SpecialPoint, side: int) -> None:
-        """Add the connection of a special point by its locus; note why, if that cannot be followed."""
+        """Add the connection of a special point by its locus; if it cannot be followed, note the reason."""
         lifted = self._lifted(special, side)
         try:
             locus = _inwards(follow_locus(lifted, *self.plane, walk=_WALK))
@@ -361,7 +361,7 @@ class _Joiner:
         return min(near)[1] if near else None
 
     def _farthest(self, locus: Locus, lifted: SpecialPoint, side: int) -> tuple[tuple[float, float], str]:
-        """Where a locus that returns to the member from which it started is farthest from it, and what happens there.
+        """Find the farthest point of a locus that returns to the member from which it started, and the event there.
 
         Unless it turns in a corner, it turns where the second parameter does not change along it.
         """
@@ -382,7 +382,7 @@ class _Joiner:
 
 
 def _inwards(locus: Locus) -> Locus:
-    """Return the locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
+    """Return the half of the locus that leads into the gap; the other half leaves it at the start and ends at once."""
     begin, end = locus.ends
     if begin.reason is LocusEndReason.START:
         return locus

@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FamilyFinding(Finding):
-    """A family, as far as it has been worked on.
+    """Finding of a family, complete or not.
 
     Attributes
     ----------
     options
-        What was asked.
+        The request.
     family
         The family.
     """
@@ -61,13 +61,13 @@ class FamilyFinding(Finding):
 
     @property
     def stored(self) -> str:
-        """How many members have been done, and between how many of them special points are joined."""
+        """Describe how many members are done, and between how many of them special points are joined."""
         found, connections = self.family, self.family.connections or {}
         return f"{len(found.members)} of {len(found.over.axis)} members are stored, joined at {len(connections)} places"
 
     @property
     def can_be_drawn(self) -> bool:
-        """True if there is any branch."""
+        """True if a member has a branch."""
         return bool(self.family.branches)
 
     @summarizes
@@ -100,7 +100,7 @@ class FamilyFinding(Finding):
         return [point_path.name, str(point_path.period), str(len(places)), *numbers, joined, point_path.contact]
 
     def document(self, points: bool) -> dict[str, Any]:
-        """Members with their branches, and point_paths; with all points, and the ways between members, if wanted."""
+        """Return members with branches, and paths of special points; with all points and connections if wanted."""
         found = self.family
         return {
             "parameter": found.parameter,
@@ -114,7 +114,7 @@ class FamilyFinding(Finding):
         }
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The special points, path by path; what becomes of them between members; the points of all branches."""
+        """Return the tables of special points, path by path, of their connections, and of all points."""
         return {"special-points": self._special_rows, "connections": self._connection_rows, "points": self._point_rows}
 
     def _path_document(self, point_path: SpecialPointPath, points: bool) -> dict[str, Any]:
@@ -154,7 +154,7 @@ class FamilyFinding(Finding):
         return table_rows(rows, found.parameter, found.over.name, system=found.system)
 
     def _connection_rows(self) -> Iterator[list[object]]:
-        """Yield the ways of special points between members that do not just continue: births, meetings, ends."""
+        """Yield the connections of special points that do not simply continue: births, meetings, ends."""
         found = self.family
         yield ["point_path", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
         point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
@@ -195,7 +195,7 @@ class FamilyFinding(Finding):
 
     @property
     def _headings(self) -> list[str]:
-        """The headings of the parameter of the members, and of what differs."""
+        """Return the headings of the parameter of the members, and of the quantity that differs."""
         return parameter_headings([self.family.parameter, self.family.over.name], self.family.system.coordinates)
 
 
@@ -227,7 +227,7 @@ def _connection_document(connection: Connection) -> dict[str, Any]:
 
 
 def _path_lines(point_path: SpecialPointPath) -> Iterator[str]:
-    """Return, as far as known, what happens to a special point before its first and after its last member."""
+    """Describe, if known, what happens to a special point before its first and after its last member."""
     if point_path.before is not None:
         yield f"before: {point_path.before.text}"
     for connection in point_path.connections:
@@ -241,7 +241,7 @@ _OVER = 'write what differs from member to member, as in over = { "mean.q1" = [0
 
 
 def _flat(value: Any) -> Any:
-    """A table of lists with the full names of parameters: ``mean.q1`` may be written with or without quotes."""
+    """Return a table of lists by full names of parameters: ``mean.q1`` may be written with or without quotes."""
     if not isinstance(value, Mapping):
         return value
     return {".".join(str(key) for key in leaf.path): leaf.value for leaf in leaves_of(value, ())}
@@ -263,9 +263,9 @@ class FamilyStudy(FamilyOptions, BranchOptions):
     parameter, begin, end, measure, period, start, walk, method
         As `BranchOptions`, for each member.
     max_period, kinds, exact, workers
-        How far they go, and how their special points are joined; as `FamilyOptions`.
+        Extent of the members, and how their special points are joined; as `FamilyOptions`.
     over
-        What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
+        Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called``
         and ``values`` are keys next to it.
     """
 
@@ -290,7 +290,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         axis = self.over.axis
         far = "" if self.max_period is None else f", to period {self.max_period}"
         return (
@@ -299,11 +299,11 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         )
 
     def first_system(self, system: System) -> System:
-        """The system of the first member, at the first value of the parameter."""
+        """Return the system of the first member, at the first value of the parameter."""
         return super().first_system(system).at(self.over.at(0))
 
     def work(self, system: System) -> FamilyWork:
-        """The work on the family."""
+        """Return the work on the family."""
         return FamilyWork(system, self, lambda found: FamilyFinding(self, found))
 
 
@@ -331,24 +331,24 @@ def family(
     Parameters
     ----------
     system
-        The system; its own values of what is walked and of what differs play no role.
+        The system; its own values of the parameters that are walked or differ have no effect.
     parameter, to
-        Along what each member is walked, from the first value to the second.
+        The parameter along which each member is walked, from the first value to the second.
     over
-        What differs from member to member: the values of a parameter, as in ``{"mean.q1": [0.25, 0.3, 0.35]}``, or of
+        Values in which members differ: those of a parameter, as in ``{"mean.q1": [0.25, 0.3, 0.35]}``, or of
         several that move together. With a name of its own: `MemberParameter`.
     start, period
-        Where the branches start, as in `find_orbit`.
+        Start of the branches, as in `find_orbit`.
     options, walk, method
-        How far the members go, and how their special points are joined; options of the walk and of the method.
+        Options of the family, of the walk and of the method.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.
     report
-        Called with each part when it is done, and is in the file.
+        Called with each part once it is done and written to the file.
     output
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same family, that is
-        continued, and comes to the same result.
+        continued to the same result.
 
     Raises
     ------
@@ -359,7 +359,7 @@ def family(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
     """
     over, options = MemberParameter.of(over), options or FamilyOptions()
     begin, end = (float(value) for value in to)

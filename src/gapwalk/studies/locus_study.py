@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    """Return the value at which the branch is walked: that of the model, if it has one in the range, or one given."""
+    """Return the value at which the branch is walked: the given one, or the model's if it is in the range."""
     name, around = info.data.get("parameter"), info.context
     ends = [info.data[end] for end in ("begin", "end") if end in info.data]
     if at is not None:
@@ -58,7 +58,7 @@ def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
 
 @dataclass(frozen=True)
 class _SecondWithPlace(SecondParameter):
-    """The second parameter of a locus, and where in its range the branch is walked: ``at = 0.25``."""
+    """The second parameter of a locus, and the value at which the branch is walked: ``at = 0.25``."""
 
     at: Annotated[float | None, Field(validate_default=True), WITH_UNIT, AfterValidator(_where_the_branch_is)] = None
 
@@ -81,18 +81,19 @@ class LocusStudyOptions(MapStudyOptions):
     second
         The second parameter, and its range.
     sections
-        One value of the second parameter: where the branch is walked.
+        The value of the second parameter at which the branch is walked.
     kinds
         One kind of special points.
     near
-        Of those, only the one nearest to this value of the first parameter; by default all are followed.
+        Value that selects only the special point nearest to this value of the first parameter; by default all are
+        followed.
     contact
-        Of grazing points, only those of this contact.
+        Contact that selects among grazing points.
 
     Raises
     ------
     ModelError
-        For more sections or kinds than one, or a contact with another kind than grazing.
+        For more than one section or kind, or a contact with a kind other than grazing.
     """
 
     kind: ClassVar[str] = "locus"
@@ -117,7 +118,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
+        """Return the study of a table, with its keys ``of`` (the kind) and ``at`` (the second parameter)."""
         found = {name: value for name, value in values.items() if name != "of"}
         second = values["second"]
         plain = SecondParameter(second.parameter, second.begin, second.end)
@@ -125,7 +126,7 @@ class LocusStudyOptions(MapStudyOptions):
         return super().of_table({**found, "kinds": (values["of"],), "second": plain, "sections": (at,)}, system)
 
     def first_system(self, system: System) -> System:
-        """Return the system at the first value of the parameter, and where the branch is walked."""
+        """Return the system at the first value of the parameter, and at the value of the second for the walk."""
         assert isinstance(self.sections, tuple)
         first, (at,) = RangeStudy.first_system(self, system), self.sections
         return first if first[self.second.parameter] == at else first.at({self.second.parameter: at})
@@ -137,12 +138,12 @@ class LocusStudyOptions(MapStudyOptions):
 
     @property
     def which(self) -> Which:
-        """Which special points are followed."""
+        """Selection of the special points to follow."""
         return Which(self.kinds[0], self.near, self.contact)
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         assert isinstance(self.sections, tuple)
         return (
             f"{self.kind} of {self.which.words} over {self.range_words} and {self.second.words}, picked up at "

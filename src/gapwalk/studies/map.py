@@ -1,4 +1,4 @@
-"""Record of a map: the loci in the plane of two parameters, and the sections on which they begin; its options."""
+"""Record and options of a map: the loci in the plane of two parameters, and the sections on which they begin."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class MapOptions:
     kinds
         Kinds of loci.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     search_values
         Values of the first parameter on each section at which branches not connected to others are sought;
         as in `DiagramOptions`.
     search
-        How thoroughly to search there.
+        Options of the search.
     """
 
     sections: int | tuple[float, ...] = 5
@@ -55,7 +55,7 @@ class MapOptions:
     def __post_init__(self) -> None:
         check_values("sections", self.sections, 1, "the second parameter")
         if isinstance(self.sections, tuple) and len(set(self.sections)) < len(self.sections):
-            raise ModelError(f"sections is {self.sections!r}; each value must stand there once")
+            raise ModelError(f"sections is {self.sections!r}; list each value only once")
         check_integers(self, MAX_VALUES, max_period=1)
         if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
             names = ", ".join(kind.value for kind in Kind.with_locus())
@@ -74,7 +74,7 @@ class MapOptions:
             return tuple(np.linspace(low, high, count).tolist()) if count > 1 else (0.5 * (low + high),)
         outside = [value for value in self.sections if not low <= value <= high]
         if outside:
-            raise ModelError(f"there is to be a section at {outside[0]:g}, outside the range from {low:g} to {high:g}")
+            raise ModelError(f"a section is requested at {outside[0]:g}, outside the range from {low:g} to {high:g}")
         return tuple(float(value) for value in self.sections)
 
 
@@ -119,15 +119,15 @@ class Map(Shown):
     loci
         The loci, in the order in which they were found.
     sections
-        The sections whose special points began them.
+        The sections with the special points from which the loci were followed.
     complete
         False if the work was stopped before its end.
     notes
-        What else there is to say, in sentences.
+        Remarks, in sentences.
     failures
-        What could not be followed, in sentences.
+        Failures: what could not be followed, in sentences.
     tried
-        How many of the special points of the sections have been dealt with: a map that is resumed continues there.
+        Number of special points of the sections that are done; a resumed map continues with the next.
     """
 
     first: str
@@ -225,7 +225,7 @@ class Map(Shown):
         return draw(self, **options)
 
     def __getitem__(self, name: str) -> Locus:
-        """The locus of a name."""
+        """Return the locus with a name."""
         try:
             return self.loci[self.names.index(name)]
         except ValueError:
@@ -242,7 +242,7 @@ class Map(Shown):
 
 
 def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
-    """Return what a map has besides its branches: the plane, and the loci with their points (if wanted)."""
+    """Return the parts of a map other than its branches: the plane, and the loci with their points (if wanted)."""
     return {
         "plane": [
             {"parameter": name, "from": low, "to": high}
@@ -295,7 +295,7 @@ def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) ->
 
     The columns are: name and kind of the locus, period, the contact that grazes, both parameters, angle (the argument
     of the critical multiplier in radians; of a grazing locus that at which the contact touches), contacts; maximum,
-    minimum, half the peak to peak, mean and rms of each coordinate; the state at theta = 0; what the method has to say,
+    minimum, half the peak to peak, mean and rms of each coordinate; the state at theta = 0; the values of the method
     under the headings `method`.
     """
     states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
@@ -316,8 +316,8 @@ def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) ->
 def codim2_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
     """Yield the points of codimension two and the ends of all loci, a row each, after the row of headings.
 
-    `point` says what happens: the kind, or ``begins`` and ``ends``, for which `reason` says why. In the end there is
-    what the method has to say, under the headings `method`.
+    `point` says what happens: the kind, or ``begins`` and ``ends``, for which `reason` says why. The last
+    columns are the values of the method, under the headings `method`.
     """
     yield [
         *("locus", "kind", "period", "contact", "point"),
@@ -350,21 +350,21 @@ def _head(name: str, locus: Locus) -> list[object]:
 
 @dataclass(frozen=True, slots=True)
 class Which:
-    """Which special points of a branch are followed in two parameters.
+    """Selection of the special points of a branch to be followed in two parameters.
 
     Parameters
     ----------
     kind
-        What happens there; a branch point has no locus.
+        Kind of the special points; a branch point has no locus.
     near
-        Of those, only the one nearest to this value of the branch's parameter; by default all.
+        Value that selects only the special point nearest to this value of the branch's parameter; by default all.
     contact
-        Of grazing points, only those of this contact, or of a stage and side of it, such as ``stage2 -``.
+        Contact that selects among grazing points, or a stage and side of it, such as ``stage2 -``.
 
     Raises
     ------
     ModelError
-        For a branch point, or a contact with another kind than grazing.
+        For a branch point, or a contact with a kind other than grazing.
     """
 
     kind: Kind
@@ -378,7 +378,7 @@ class Which:
             raise ModelError(f"contact is for grazing points; leave it out for those of the kind {self.kind.value}")
 
     def of(self, specials: Sequence[SpecialPoint]) -> list[SpecialPoint]:
-        """Those of some special points, in their order."""
+        """Return those of the given special points that are selected, in their order."""
         found = [special for special in specials if special.kind is self.kind and self._touches(special.contact)]
         if self.near is None or not found:
             return found
@@ -387,10 +387,10 @@ class Which:
 
     @property
     def words(self) -> str:
-        """The choice in words."""
+        """The selection in words."""
         contact = f" of {self.contact}" if self.contact else ""
         return f"{self.kind.value}{contact}{'' if self.near is None else f' nearest to {self.near:.8g}'}"
 
     def _touches(self, contact: str) -> bool:
-        """Return True if a contact with its stage and side, as a special point names them, is meant."""
+        """Return True if a special point's contact, with its stage and side, is selected."""
         return not self.contact or contact == self.contact or contact.startswith(f"{self.contact} ")

@@ -58,7 +58,7 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
     if isinstance(sections, int):
         return sections
     if len(set(sections)) < len(sections):
-        raise ValueError(f"is {given(list(sections))}; each value must stand there once")
+        raise ValueError(f"is {given(list(sections))}; list each value only once")
     if second := info.data.get("second"):
         check_inside(sections, "sections", second.ends)
     return sections
@@ -73,9 +73,9 @@ class MapStudyOptions(MapOptions, BranchOptions):
     parameter, begin, end, period, start, walk, method
         As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
     measure
-        What tables and lists of motions show.
+        Measure in tables and lists of motions.
     sections, max_period, kinds, workers, search_values, search
-        What the map shows, and where its loci are picked up; as `MapOptions`.
+        Content of the map, and the sections on which its loci begin; as `MapOptions`.
     second
         The second parameter.
     """
@@ -99,7 +99,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         return (
             f"{self.kind} over {self.range_words} and {self.second.words}, period {self.period}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
@@ -127,10 +127,10 @@ STATE = Part("map", tuple[Map, int, int])
 
 
 class MapWork(Work):
-    """The sections and the loci of a map, each kept when it is accepted, whole.
+    """Computation of the sections and the loci of a map; each is stored as a whole when it is accepted.
 
-    What is known is at each moment the first part of the whole, in its order. What is reported is the map so far, and
-    the section or the locus that was added to it last.
+    At any time the known sections and loci are the first ones of the complete map. It reports the map so far, and the
+    section or the locus that was added last.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class MapWork(Work):
         self.start, self.period, self.walk, self.method = start, period, walk, method
 
     def take(self, known: Parts) -> None:
-        """Take over the map of a file; a ValueError if it is of another study, or makes no sense."""
+        """Read the map of a file; raise a ValueError if it belongs to another study or is inconsistent."""
         before = self.chart
         sections, loci = (tuple(value for _, value in known.all(part)) for part in (SECTION, LOCUS))
         chart, *counts = known.one(STATE)
@@ -172,7 +172,7 @@ class MapWork(Work):
             raise ValueError("the map does not belong to the study")
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Find what is not known yet: the sections, then the loci."""
+        """Find the remaining sections, then the remaining loci."""
         for section in self._sections(workers):
             entry = SECTION.entry(section, len(self.chart.sections) - 1)
             yield Found((entry, _state(self.chart)), ((self.chart, section),))
@@ -184,12 +184,12 @@ class MapWork(Work):
         self.chart = replace(self.chart, complete=True)
 
     def last(self, *, finished: bool) -> Iterator[Entry]:
-        """Yield the whole map, if there is anything."""
+        """Yield the whole map, unless it is empty."""
         if self.chart.sections:
             yield from whole_map(self.chart)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the sections, then the loci, each with the map as it was when it was added."""
+        """Yield the sections, then the loci, each with the map at the time when it was added."""
         known = self.chart
         plane = (known.first, known.second, known.within)
         for count, section in enumerate(known.sections, start=1):
@@ -199,17 +199,17 @@ class MapWork(Work):
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
         return self.chart.complete
 
     @property
     def record(self) -> Map:
-        """The map, as far as it has come."""
+        """The map so far."""
         return self.chart
 
     @property
     def done(self) -> int:
-        """Sections and loci."""
+        """Number of sections and loci that are done."""
         return len(self.chart.sections) + len(self.chart.loci)
 
     def _sections(self, workers: Workers) -> Iterator[MapSection]:
@@ -295,12 +295,12 @@ def _follow_section(
     tree: DiagramOptions | None,
     system: System,
 ) -> tuple[tuple[Branch, ...], list[str], list[str]]:
-    """Follow the branch through the first orbit of a section, and with options of a diagram those that leave it.
+    """Follow the branch through the first orbit of a section; with options of a diagram, also those that leave it.
 
     Returns
     -------
     branches, notes, failures
-        What the section holds; what else there is to say; why it holds nothing.
+        Branches of the section, remarks, and reasons why there are none.
     """
     (low, high), value = within, system[first]
     where = f"at {second} = {system[second]:.10g}"
@@ -317,7 +317,7 @@ def _follow_section(
 def _follow_special(
     first: str, second: str, within: Ranges, walk: WalkOptions | None, method: Method | None, special: SpecialPoint
 ) -> Locus | str:
-    """Follow the locus of a special point; return a sentence that says why if it cannot be followed."""
+    """Follow the locus of a special point; return the reason, as a sentence, if it cannot be followed."""
     try:
         return follow_locus(special, first, second, within, walk=walk, method=method)
     except NumericalError as error:
@@ -378,14 +378,14 @@ def bifurcation_map(
         Where the branches start, as in `find_orbit`, at the system's own value of the first parameter if that is in
         its range, and at the upper end otherwise.
     options, walk, method
-        What the map shows; options of the walks and of the method.
+        Options of the map, of the walks and of the method.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.
     report
         Called with each section and each locus as it is accepted.
     resume
-        A map of the same request that was stopped: what it has is kept, and the rest is added.
+        A stopped map of the same request: its parts are kept, and the others are added.
 
     Raises
     ------
@@ -396,7 +396,7 @@ def bifurcation_map(
     WorkError
         If a worker process dies.
     Interrupted
-        After Ctrl-C; its `found` is the map as far as it has come, which `resume` continues.
+        After Ctrl-C; its `found` is the map so far, which `resume` continues.
     """
     options = options or MapOptions()
     work = MapWork(system, first, second, to, options, start, period, walk, method)

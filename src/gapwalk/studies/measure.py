@@ -88,18 +88,18 @@ Factor = Annotated[float, Gt(0)]
 
 @dataclass(frozen=True)
 class Measurement:
-    """The table ``[measurement]``: what is known of records of a model.
+    """The table ``[measurement]``: properties of the records measured on the modelled system.
 
     Parameters
     ----------
     signal
-        What of the motion a record measures.
+        The measured signal of the motion.
     columns, time_scale, scale, speed_scale
         As in `gapwalk.measure.read_measurement`.
     order
         Periods of the excitation in a turn of the shaft whose speed was measured.
     period, start
-        The motion: after how many forcing periods it repeats, and where it is looked for.
+        The motion: its period in forcing periods, and the start of the search for it.
     fit, bounds
         Names of parameters to fit, and their lowest and highest values.
     """
@@ -120,14 +120,14 @@ class Measurement:
 
 @dataclass(frozen=True)
 class MeasuredModel(Measurement):
-    """A model, and what is known of records of it; other parameters as `Measurement`.
+    """A model with the properties of its records; other parameters as `Measurement`.
 
     Parameters
     ----------
     system
-        The system, with the first guess of what is to be fitted.
+        The system, with initial guesses of the parameters to be fitted.
     frequency_given
-        Whether the file gives the frequency; otherwise it must come from the speed of a record.
+        True if the file gives the frequency; otherwise it must come from the speed of a record.
     title
         A line for people; may be empty.
     """
@@ -150,12 +150,12 @@ def read_measured_model(path: str | os.PathLike[str], changes: Mapping[str, obje
     path
         A TOML file.
     changes
-        Other values than those of the file, by parameter, or by ``measurement.`` and a key of that table.
+        Values that replace those of the file, by parameter, or by ``measurement.`` and a key of that table.
 
     Raises
     ------
     ModelFileError
-        With everything that is wrong, each problem with its line.
+        With all problems of the file, each with its line.
     """
     source, rest = read_source(path), {}
     for name, value in (changes or {}).items():
@@ -199,11 +199,11 @@ class Measured(Described):
     Attributes
     ----------
     model
-        What was asked.
+        The request.
     alignment
         Record and motion, after a fit if there was one.
     fit
-        The fitted parameters; None if none was asked for.
+        The fitted parameters; None if no fit was requested.
     """
 
     model: MeasuredModel
@@ -217,7 +217,7 @@ class Measured(Described):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why the result is not to be trusted, in sentences."""
+        """Reasons to distrust the result, in sentences."""
         return () if self.fit is None else self.fit.failures
 
     @summarizes
@@ -270,7 +270,7 @@ class Measured(Described):
         }
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The two histories, their lines, and the fitted parameters."""
+        """Return the tables of both histories, their spectral lines, and the fitted parameters."""
         tables: dict[str, Callable[[], Rows]] = {"history": self._history_rows, "lines": self._line_rows}
         return tables if self.fit is None else {"parameters": self._parameter_rows, **tables}
 

@@ -60,7 +60,7 @@ def _ends(end: float, info: ValidationInfo[Surroundings]) -> float:
     if begin is None and "begin" in info.data and parameter and system and not around.guessed:
         begin = system[parameter]
     if begin == end:
-        raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
+        raise ValueError(f"is {end:g}, where the walk begins; choose another end")
     return end
 
 
@@ -228,21 +228,21 @@ class BranchOptions(RangeStudy):
     begin, end
         The values between which it is walked, from the first to the second.
     measure
-        What a picture shows: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
+        Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
         coordinate, for example ``"half.q1"``.
     period
         m: the orbits repeat after m forcing periods.
     start
-        Where the first orbit is looked for; or the state itself at theta = 0, 2n numbers: positions, then
+        Start of the search for the first orbit; or the state itself at theta = 0, 2n numbers: positions, then
         velocities.
     walk
         Numerical options of the walk.
     method
-        How its orbits are found, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
+        Method for its orbits, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
         table names it by ``method``; the options of the first two are in tables of these names, and both may be given,
         so that one word changes the method.
     verify
-        Whether the result is checked by other means when it is complete; see `gapwalk.verify`.
+        True to verify the complete result by other means; see `gapwalk.verify`.
     """
 
     table_types: ClassVar[Mapping[str, Any]] = {
@@ -281,7 +281,7 @@ class BranchOptions(RangeStudy):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         return f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}"
 
     @property
@@ -292,7 +292,7 @@ class BranchOptions(RangeStudy):
 
 @dataclass(frozen=True)
 class SearchTable:
-    """The table of a search: at which values of the parameter, and the options of the search."""
+    """The table of a search: the values of the parameter, and the options."""
 
     values: Annotated[
         CountOrValues, Field(description="write at how many values of the parameter to search, or a list of them")
@@ -301,7 +301,7 @@ class SearchTable:
 
 
 def _suits(search: SearchTable | None, info: ValidationInfo[Surroundings]) -> SearchTable | None:
-    """Refuse what does not suit the study: values outside its range, a box of another size than the state."""
+    """Refuse values outside the range of the study, and a box whose size is not that of the state."""
     if search is None:
         return None
     ends, system, box = (info.data.get("begin"), info.data.get("end")), info.context.system, search.options.box
@@ -323,14 +323,14 @@ SEARCH_KEYS: Mapping[str, Any] = {
 
 
 def with_search(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a table, with what its table of the search says."""
+    """Return the values of a table, including those of its table of the search."""
     rest = {name: value for name, value in values.items() if name != "search"}
     search: SearchTable | None = values.get("search")
     return rest if search is None else {**rest, "search_values": search.values, "search": search.options}
 
 
 def search_words(values: int | tuple[float, ...]) -> str:
-    """Where a search is to be, for a line that says what is to be done."""
+    """Describe the values of a search, as part of the line of `plan`."""
     count = values if isinstance(values, int) else len(values)
     return f", with a search at {count} values" if count else ""
 

@@ -37,12 +37,12 @@ from gapwalk.verification import Verification
 
 @dataclass(frozen=True)
 class Call:
-    """The call of a Python function that keeps its result in a file: it asks for what a study asks for.
+    """The request of a Python function that writes its result to a file, like that of a study.
 
     Attributes
     ----------
     system
-        The system, as at the beginning of such a study.
+        The system at the beginning of the work.
     options
         The request: the options of a study, or those of the function.
     """
@@ -58,7 +58,7 @@ VERIFICATION = Part("verification", Verification)
 
 
 class NoFile:
-    """Stands for the file of a job that keeps nothing."""
+    """Placeholder for the file of a job that is not stored."""
 
     path = ""
     is_begun = False
@@ -97,7 +97,7 @@ def request_file(
     output
         Its name; None for no file.
     before
-        The versions that wrote the file that is there, which is then continued; otherwise a new one replaces it.
+        Versions of gapwalk that wrote the existing file, which is continued; None to replace it by a new one.
     """
     if output is None:
         return NoFile()
@@ -107,7 +107,7 @@ def request_file(
 
 @contextmanager
 def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Iterator[Mapping[str, str] | None]:
-    """Keep other writers off the file of a request for a while; the versions that wrote it, if it is to be continued.
+    """Lock the file of a request; yield the versions that wrote it, if it is to be continued.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Ite
 def load(path: str | os.PathLike[str]) -> Any:
     """Load what a call has written: a study that was run, a sweep, basins, a regime map, a family.
 
-    A run may still be writing the file, or may have been killed: then it is what has been found so far.
+    If a run is still writing the file, or was killed, the result is incomplete.
 
     Parameters
     ----------
@@ -136,8 +136,8 @@ def load(path: str | os.PathLike[str]) -> Any:
     Returns
     -------
     Result, Sweep, Basins, Regimes or Family
-        What `gapwalk.run` returned, or `gapwalk.sweep`, `gapwalk.basins`, `gapwalk.regimes`, `gapwalk.family` with
-        ``output=``.
+        The record that `gapwalk.run` returned, or `gapwalk.sweep`, `gapwalk.basins`, `gapwalk.regimes`,
+        `gapwalk.family` with ``output=``.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def read(parts: Parts) -> Any:
 
 
 def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result:
-    """Return the result of a study, as far as its work has come."""
+    """Return the result of a study so far."""
     if (finding := work.finding()) is not None:
         return Result(study, (), work.complete, written_by, finding=finding)
     found: Branch | Diagram | Map = work.record
@@ -199,7 +199,7 @@ def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result
 
 
 def _record_of(call: Call, work: Work, parts: Parts) -> Any:
-    """Return the record of a function, as far as it had come; a StoreError if there is none yet."""
+    """Return the record of a function so far; raise a StoreError if there is none yet."""
     finding = work.finding()
     if finding is not None and finding.record is None:
         name, kind = os.fspath(parts.path), call.options.kind
@@ -211,12 +211,12 @@ def _record_of(call: Call, work: Work, parts: Parts) -> Any:
 
 
 def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume: bool, force: bool) -> Result | None:
-    """Return the result to continue in a file; None if there is none, or it is to be written over.
+    """Return the result to continue in a file; None if there is none, or if it is to be overwritten.
 
     Raises
     ------
     StoreError
-        If there is a file, and it is neither to be resumed nor to be written over, or cannot be.
+        If there is a file that is neither to be resumed nor overwritten, or that cannot be resumed.
     """
     if path is None:
         return None
@@ -230,7 +230,7 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     """Check as `earlier_result`, without a change to any file."""
     name = os.fspath(path)
     if resume and force:
-        raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")
+        raise StoreError(f"{name} can be resumed or overwritten, not both; leave out one of resume and force")
     if not os.path.lexists(name):
         return None
     check_place(path)
@@ -245,11 +245,10 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
         return result
     if not force:
         raise StoreError(
-            f"{name} exists already; go on with it (--resume), write over it (--force), or choose another name "
-            "(--output)"
+            f"{name} exists already; continue it (--resume), overwrite it (--force), or choose another name (--output)"
         )
     if not looks_like_result(path):
-        raise StoreError(f"{name} is not a result file of gapwalk, so it is not written over; choose another name")
+        raise StoreError(f"{name} is not a result file of gapwalk, so it is not overwritten; choose another name")
     return None
 
 
@@ -259,7 +258,7 @@ _ROUNDING = 1e-9  # of a value, relative to the largest there is
 def as_before(study: Study, stored: Study) -> Study:
     """Return the study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
 
-    A resumed walk is the same bit for bit only with the very numbers that it began with.
+    A resumed walk is the same bit for bit only with exactly the numbers with which it began.
     """
     if study.reduced is None or stored.reduced is None or study.system.structure != stored.system.structure:
         return study

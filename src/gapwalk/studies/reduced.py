@@ -1,4 +1,4 @@
-"""The table ``[reduction]`` of a model file, and the full system from which that of a study was reduced."""
+"""The table ``[reduction]`` of a model file, and the record of how the system of a study was reduced."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class ReducedFrom:
     modes
         The number of modes.
     up_to, error
-        As of `gapwalk.Reduction`.
+        As in `gapwalk.Reduction`.
     reduction
-        The `gapwalk.Reduction` itself, where the study was read from its file; a result does not hold it.
+        The `gapwalk.Reduction` itself, if the study was read from a model file; it is not stored in a result.
     """
 
     degrees: int
@@ -59,7 +59,7 @@ def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> t
     source, at
         The file, and the path of the study in it.
     part
-        How to reduce.
+        Options of the reduction.
     full
         The system, with all values that the study gives it.
     """
@@ -106,7 +106,7 @@ def _words(value: object) -> Iterator[str]:
 
 
 def _highest(table: Mapping[str, Any]) -> float | None:
-    """Return the highest frequency that a study walks to, as far as it is written down."""
+    """Return the highest frequency to which a study walks, if the table gives it."""
     second = table.get("second")
     ranges = [table, second if isinstance(second, Mapping) else {}]
     values = [each.get(key) for each in ranges if each.get("parameter") == "frequency" for key in ("from", "to")]
@@ -115,7 +115,7 @@ def _highest(table: Mapping[str, Any]) -> float | None:
 
 
 class ReductionPart(Part):
-    """How the system is reduced; what is not given has the defaults of `gapwalk.reduce`."""
+    """Options of the reduction; the defaults are those of `gapwalk.reduce`."""
 
     modes: Annotated[int, Field(strict=True, ge=0)] | None = None
     error: Annotated[Positive, Field(ge=1e-8, le=1.0)] | None = None
@@ -130,7 +130,7 @@ class ReductionPart(Part):
 
 
 def reduction_part(source: Source) -> tuple[ReductionPart | None, list[Problem]]:
-    """Return the table of a file, if it has one, and what is wrong with it."""
+    """Return the table of a file, if it has one, and its problems."""
     table = source.data.get("reduction")
     if table is None:
         return None, []

@@ -36,7 +36,7 @@ from gapwalk.summary import SummaryParts, Table, summarizes
 
 
 class Carry(StrEnum):
-    """Where the motion at a cell starts."""
+    """Start of the motion at a cell."""
 
     NO = "no"
     """At each cell from the same state."""
@@ -48,21 +48,21 @@ class Carry(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RegimeMapOptions:
-    """How a regime map is made.
+    """Options of a regime map.
 
     Parameters
     ----------
     carry
-        Where the motions start: ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
+        Start of the motions. ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
         along the first parameter, as in a sweep.
     judging
         Criteria that separate the regimes.
     check
         Cells that are settled and classified again with the exact flow.
     seed
-        Of the choice of those cells.
+        Seed of the choice of those cells.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     """
 
     carry: Carry = Carry.NO
@@ -85,11 +85,11 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     Parameters
     ----------
     parameter, begin, end
-        The parameter across, and its range.
+        The horizontal parameter, and its range.
     carry, judging, check, seed, workers
-        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
+        Options of the map; as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
     second
-        The parameter up, and its range.
+        The vertical parameter, and its range.
     resolution
         Columns and rows of cells.
     start
@@ -105,7 +105,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         columns, rows = self.resolution
         return f"regimes over {self.range_words} and {self.second.words}, {columns} x {rows} cells"
 
@@ -115,7 +115,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
 
     @property
     def names(self) -> tuple[str, str]:
-        """The parameters of the plane, the one across first."""
+        """The parameters of the plane, the horizontal one first."""
         return self.parameter, self.second.parameter
 
     def work(self, system: System) -> RegimeWork:
@@ -142,11 +142,11 @@ class RegimeChunk:
     Attributes
     ----------
     number
-        Which chunk.
+        Number of the chunk.
     verdicts
-        What they are, in the order of its cells.
+        Their regimes, in the order of the cells.
     error
-        Of the fast flow, see `gapwalk.attractors.many_motions.ManyMotions`.
+        Error of the fast flow; see `gapwalk.attractors.many_motions.ManyMotions`.
     """
 
     number: int
@@ -159,7 +159,7 @@ _ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
 
 
 class RegimeFinding(CellFinding):
-    """A regime map, as far as it has come."""
+    """A regime map so far."""
 
     map: Regimes
 
@@ -181,7 +181,7 @@ class RegimeFinding(CellFinding):
         yield from (f"  {text}" for text in found.check.different)
 
     def map_document(self, points: bool) -> dict[str, Any]:
-        """How many cells have each regime, and how far the words hold; with everything cell by cell if wanted."""
+        """Return the number of cells of each regime, and the results of the check; with all cells if wanted."""
         found = self.map
         document: dict[str, Any] = {
             "plane": dict(zip((found.first, found.second), map(list, found.within), strict=True)),
@@ -221,7 +221,7 @@ def _cell_rows(found: Regimes) -> Iterator[list[object]]:
 
 
 class RegimeWork(CellWork):
-    """Finds the regimes of all cells of a map."""
+    """Computation of the regimes of all cells of a map."""
 
     chunk_part = Part("cells", RegimeChunk, numbered=True)
     whole_part = Part("regimes", Regimes)
@@ -264,7 +264,7 @@ class RegimeWork(CellWork):
             whole[self.places[chunk.number]] = part
 
     def check(self, workers: Workers) -> None:
-        """Classify the motions of random cells with the exact flow, from where they have come to."""
+        """Classify the motions of random cells with the exact flow, starting from the states that they have reached."""
         regimes, periods = self.verdicts.regimes.ravel(), self.verdicts.periods.ravel()
         decided = np.flatnonzero(np.isin(regimes, (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC)))
         random = np.random.default_rng(self.asked.seed)
@@ -283,7 +283,7 @@ class RegimeWork(CellWork):
         self._checked = RegimeCheck(len(chosen), tuple(sentences))
 
     def found(self, *, complete: bool) -> Regimes:
-        """Return the map, as far as it has come."""
+        """Return the map so far."""
         cells = self.verdicts.regimes.size
         undecided = int(np.sum(self.verdicts.regimes == Regime.UNDECIDED))
         notes: tuple[str, ...] = ()
@@ -323,7 +323,7 @@ def _judge_piece(
 ) -> RegimeChunk:
     """Judge a chunk of cells, whose values have the shape (turns, cells side by side, 2).
 
-    Each turn starts from where the motions of the turn before came to.
+    Each turn starts from the states that the motions of the turn before have reached.
     """
     number, turns = piece
     states = np.tile(start, (turns.shape[1], 1))
@@ -358,9 +358,9 @@ def regimes(
 ) -> Regimes:
     """Return the regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
-    At the centre of each cell a motion is followed by the fast flow until it is known what it is. Those that seem
-    quasi-periodic get another look with the exact flow, and a sample of all is classified by it, from where the motion
-    has come to.
+    At the centre of each cell a motion is followed by the fast flow until its regime is known. Those that seem
+    quasi-periodic are examined again with the exact flow, and a sample of all cells is classified by it, from the
+    states that the motions have reached.
 
     Parameters
     ----------
@@ -373,15 +373,15 @@ def regimes(
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
-        How the map is made; its ``carry`` says where motions start.
+        Options of the map; ``carry`` says where motions start.
     workers
         Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
         say. The result does not depend on them.
     report
-        Called with each chunk of cells when it is done, and is in the file.
+        Called with each chunk of cells once it is done and written to the file.
     output
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
-        continued, and comes to the same result.
+        continued to the same result.
 
     Raises
     ------
@@ -392,7 +392,7 @@ def regimes(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
     """
     check_system(system, "regimes")
     options = options or RegimeMapOptions()

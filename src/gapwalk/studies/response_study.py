@@ -1,7 +1,7 @@
 """The study of a response: one branch of periodic orbits over one parameter, from its first orbit on.
 
 Points are written in batches, each with the state of the walk after it, so that a killed run resumes from the last one.
-To write each point alone would take longer than to compute it.
+Writing each point separately would take longer than computing it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class ResponseOptions(BranchOptions):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a walk has come to, but for its last two points: they are kept as points."""
+    """State of a walk, except for its last two points, which are stored as points."""
 
     step: float
     count: int
@@ -60,16 +60,16 @@ class Progress:
 
 
 class Moment(NamedTuple):
-    """Points of a walk since the moment before.
+    """Points of a walk since the previous batch.
 
     Attributes
     ----------
     points, special_points
         Its points, and the special points between them and the one before.
     progress
-        Where the walk can continue; None if it has not left its first point.
+        State from which the walk can continue; None if it has not left its first point.
     ends
-        Where and why it ends, at its beginning and at its end; None while it continues.
+        Place and reason of its beginning and its end; None while it continues.
     """
 
     points: tuple[BranchPoint, ...]
@@ -96,7 +96,7 @@ class ResponseWork(Work):
         self._written = 0.0
 
     def take(self, known: Parts) -> None:
-        """Take over the orbit that was found first, and the walk from there so far."""
+        """Read the first orbit, and the walk from there so far."""
         self._start, moments = known.one(START), dict(known.all(MOMENT))
         if not moments or list(moments) != list(range(len(moments))):
             raise ValueError("it holds nothing, or a part of the walk is missing")
@@ -143,18 +143,18 @@ class ResponseWork(Work):
 
     @property
     def complete(self) -> bool:
-        """True if the walk has come to a proper end."""
+        """True if the walk has ended regularly."""
         ends = self._moments[-1].ends if self._moments else None
         return ends is not None and ends[-1].reason.is_final
 
     @property
     def done(self) -> int:
-        """Moments of the walk."""
+        """Number of batches of the walk."""
         return len(self._moments)
 
     @property
     def record(self) -> Branch:
-        """The branch, as far as it was walked."""
+        """The branch so far."""
         pending = (tuple(point for point, _ in self._pending), tuple(chain.from_iterable(s for _, s in self._pending)))
         moments = [*self._moments, *([Moment(*pending)] if self._pending else [])]
         points = tuple(chain.from_iterable(moment.points for moment in moments))
@@ -170,7 +170,7 @@ class ResponseWork(Work):
         return BranchTracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
-        """Return the last point, with all since the last moment if it is time to write them."""
+        """Return the last point; if it is time to write a batch, with all points since the last one."""
         news = (self._pending[-1],)
         is_due = len(self._pending) >= _POINTS or time.monotonic() - self._written >= _SECONDS
         return self._flushed(progress, ends, news) if is_due else Found((), news)
@@ -185,7 +185,7 @@ class ResponseWork(Work):
 
 
 def _state(moments: list[Moment]) -> BranchTracerState | None:
-    """Where a walk has come to; None if it has not left its first point."""
+    """Return the state of a walk; None if it has not left its first point."""
     points = [point for moment in moments for point in moment.points]
     progress = moments[-1].progress
     count = 0 if progress is None else progress.count
@@ -199,17 +199,17 @@ def _state(moments: list[Moment]) -> BranchTracerState | None:
 
 
 def _check_scales(first: Moment, tracer: BranchTracer) -> None:
-    """Refuse to continue points in other variables than those in which the walk would begin today."""
+    """Refuse to continue a walk whose variables were scaled differently."""
     stored, today = first.points[0].x, tracer.first.x
     if len(stored) == len(today) and not np.allclose(stored, today, rtol=1e-6, atol=1e-9):
         raise StoreError(
-            "the result holds the first points of a walk by another gapwalk, whose variables were scaled otherwise, so "
+            "the result has the first points of a walk by another gapwalk version with other scales of variables, so "
             "it cannot be continued; walk it again into another file (--output), or over this one (--force)"
         )
 
 
 def _first_end(moments: list[Moment]) -> End:
-    """Where the walk begins."""
+    """Return the end at which the walk begins."""
     return End(EndReason.START, moments[0].points[0].value)
 
 
@@ -217,7 +217,7 @@ def _first_end(moments: list[Moment]) -> End:
 def _interrupts() -> Iterator[list[int]]:
     """Note the first Ctrl-C while a branch is walked, so that it stops between two points; raise a second one at once.
 
-    Where Ctrl-C has a meaning of its own, or in another thread than the main one, nothing is changed.
+    If Ctrl-C already has another handler, or in a thread that is not the main one, nothing is changed.
     """
     noted: list[int] = []
 

@@ -27,7 +27,7 @@ from gapwalk.verification import Verification
 
 @dataclass(frozen=True)
 class FullCheck:
-    """How far a branch is from that of the full system.
+    """Distance of a branch of the reduced system from that of the full system.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class FullCheck:
     harmonics
         Harmonics with which it was checked; 0 if that failed.
     detail
-        Why it failed.
+        Reason for its failure.
     """
 
     branch: str
@@ -52,34 +52,34 @@ class FullCheck:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """The comparison in words."""
         if self.detail:
-            return f"{self.branch} could not be set against the full system: {self.detail}"
+            return f"{self.branch} could not be compared with the full system: {self.detail}"
         known = [error for error in self.errors if math.isfinite(error)]
         texts = ["it has no special points"]
         if self.errors:
             within = f", and differ by {max(known):.1e} at most" if known else ""
-            texts = [f"{len(known)} of its {len(self.errors)} special points are there{within}"]
+            texts = [f"{len(known)} of its {len(self.errors)} special points exist there{within}"]
         texts.append(
             f"motions differ by {self.motion:.1e} of their size at most"
             if math.isfinite(self.motion)
             else "some of its motions are not there: the reduced system has too few modes for them"
         )
-        return f"{self.branch} set against the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
+        return f"{self.branch} compared with the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
 
 
 @dataclass(frozen=True, eq=False)
 class Result(Shown):
-    """What a study has found.
+    """Result of a study.
 
     Attributes
     ----------
     study
-        What was asked.
+        The request.
     branches
         The branches that were found.
     complete
-        Whether all was done that can be; False after an interruption, from which a run can be resumed.
+        True if the work is finished; False after an interruption, from which a run can be resumed.
     versions
         Versions of gapwalk, heyoka, numpy and python that computed it.
     diagram
@@ -87,13 +87,13 @@ class Result(Shown):
     map
         The loci, if the study is of the kind map; the branches are those of its sections.
     finding
-        What was found, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
+        The finding, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
         Python function of that name returns. Of a settled motion it is a `SettleFinding`, with the attractor too. There
         are no `branches` then: those of a family belong to its members.
     checks
-        What the full system says of each branch, if the system is a reduced one (see `Study.reduced`).
+        Comparison of each branch with the full system, if the system is reduced (see `Study.reduced`).
     verification
-        What a check by other means has found, if the study asks for one.
+        Result of the verification, if the study requests one.
     """
 
     study: Study
@@ -118,19 +118,20 @@ class Result(Shown):
 
     @property
     def options(self) -> StudyKind:
-        """What was asked of it."""
+        """The options of the study."""
         return self.study.options
 
     @property
     def walked(self) -> BranchOptions:
-        """What was asked of a study of branches."""
+        """The options of a study of branches."""
         return self.study.walked
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked or explained, in sentences.
+        """Failures to walk or to explain something, in sentences.
 
-        Whole branches and loci, ends at which the numerics gave up, and steps in which something was missed.
+        They concern whole branches and loci, ends due to numerical failures, and steps in which a special point was
+        missed.
         """
         if self.finding is not None:
             return self.finding.failures
@@ -152,7 +153,7 @@ class Result(Shown):
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended the work; a run with `resume` goes on with it."""
+        """True if Ctrl-C ended the work; a run with `resume` continues it."""
         if self.finding is not None or self.diagram is not None or self.map is not None:
             return not self.complete
         return any(end.reason is EndReason.INTERRUPTED for branch in self.branches for end in branch.ends)
@@ -174,7 +175,7 @@ class Result(Shown):
         Parameters
         ----------
         points
-            Whether to include the special points of a diagram or a map.
+            True to include the special points of a diagram or a map.
         """
         if self.study.reduced is not None:
             yield self.study.reduced.words
@@ -291,7 +292,7 @@ class Result(Shown):
         Parameters
         ----------
         points
-            Whether to include each point of each branch, and not only the special points.
+            True to include each point of each branch, and not only the special points.
 
         Returns
         -------

@@ -82,20 +82,20 @@ def call(
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> AnyWork:
-    """Do the work that the call of a Python function asks for; if its file holds a part of it, that is continued.
+    """Do the work that a Python function requests; if its file contains a part of it, continue that.
 
     Parameters
     ----------
     asked, work
-        The request, which is a kind of study where there is a file, and the work.
+        The request, which is a kind of study if there is a file, and the work.
     system
-        The system, as the file keeps it.
+        The system, as it is stored in the file.
     workers
         Number of local processes, or workers that were started before; by default as `asked` says.
     report
-        Called with what is new, once it is in the file.
+        Called with each new result, once it is in the file.
     output
-        The file, if there is to be one.
+        The file to write; None for none.
 
     Raises
     ------
@@ -125,16 +125,16 @@ def _take(work: Work, parts: Parts, system: System) -> None:
 def _carry_out(
     work: Work, asked: Any, workers: Workers | int | None, opened: Callable[[], Keeper], report: Report | None
 ) -> tuple[bool, bool]:
-    """Do what is left, and keep and report it part by part.
+    """Do the remaining work; store and report it part by part.
 
-    The file is opened when the first part comes: what cannot be continued leaves it as it is.
+    The file is opened when the first part is ready: if the work cannot be continued, the file stays unchanged.
 
     Returns
     -------
     finished : bool
-        Whether that was all; False after Ctrl-C.
+        True if the work was finished; False after Ctrl-C.
     is_kept : bool
-        Whether something was written.
+        True if something was written.
     """
     begun, before = time.monotonic(), work.done
     waiting: list[tuple[Any, ...]] = []
@@ -175,8 +175,8 @@ def run(
 ) -> Result:
     """Run a study.
 
-    A failure of the numerics on the way does not lose the rest; the end of a branch, or the `failures` of a diagram or
-    a map, say what happened.
+    A numerical failure does not affect the other parts; the end of a branch, or the `failures` of a diagram or
+    a map, state the reason.
 
     Parameters
     ----------
@@ -185,27 +185,28 @@ def run(
     output
         A result file to write while it runs; `load` reads it. None: the result is only returned.
     resume
-        Go on with the result file of an interrupted run; it becomes the same as without the interruption. If there is
+        Continue the result file of an interrupted run; it becomes the same as without the interruption. If there is
         no such file, begin.
     force
-        Write over an existing result file.
+        Overwrite an existing result file.
     report
-        Called with what is new, once it is in the file: of a response, each point and the special points before it; of
-        a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or the
-        locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
-        `gapwalk.parallel.work_chunks.Pace` of all. What a resumed result has already comes first.
+        Called with each new result, once it is in the file: of a response, each point and the special points before it;
+        of a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or
+        the locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
+        `gapwalk.parallel.work_chunks.Pace` of all. The stored part of a resumed result is reported first.
 
     Raises
     ------
     StoreError
-        If the result file exists (and is not to be resumed or written over), belongs to a different study, is being
+        If the result file exists (and is not to be resumed or overwritten), belongs to a different study, is being
         written by another run, or cannot be written.
     ModelError
-        If the study makes no sense.
+        If the study is invalid.
     NumericalError
         If no first orbit is found.
     Interrupted
-        After Ctrl-C: what has been found is in the file, and `found` of the exception is the result, not `complete`.
+        After Ctrl-C: the results so far are in the file; `found` of the exception is the result, with ``complete``
+        False.
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.

@@ -1,4 +1,4 @@
-"""The study of a settled motion: the attractor with its evidence, how it rattles, the lines of its spectrum."""
+"""The study of a settled motion: the attractor with its evidence, its impacts, the lines of its spectrum."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def _lies_in_one_turn(phase: float) -> float:
 
 @dataclass(frozen=True)
 class SettleStudyOptions(SettleOptions, StudyKind):
-    """Where a motion settles: its attractor, how it rattles, and its spectrum.
+    """Study of a settled motion: its attractor, its impacts, and its spectrum.
 
     Parameters
     ----------
     max_periods, max_period, tolerance
-        How to settle; as `gapwalk.SettleOptions`.
+        Options for settling; as `gapwalk.SettleOptions`.
     signal
         A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
         signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
@@ -73,7 +73,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
     phase
         Phase of the excitation at which the section is taken, in radians.
     lyapunov
-        How long the exponents of a motion without period are averaged; no key of a table.
+        Options for the exponents of a motion without period; not a key of a table.
     """
 
     kind: ClassVar[str] = "settle"
@@ -89,7 +89,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
         return f"settle from {start}, showing {self.signal}"
 
@@ -105,12 +105,12 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
 @dataclass(frozen=True, eq=False)
 class SettleFinding(Finding):
-    """Where a motion has settled.
+    """Finding of a settled motion.
 
     Attributes
     ----------
     options
-        What was asked.
+        The request.
     attractor
         The attractor.
     settled
@@ -133,7 +133,7 @@ class SettleFinding(Finding):
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
         if self.section.ndim != 2 or self.section.shape[1] != 2 * self.attractor.system.size:
-            raise ValueError(f"a section of shape {self.section.shape} is none of this system")
+            raise ValueError(f"a section of shape {self.section.shape} does not belong to this system")
 
     @property
     def record(self) -> Settled:
@@ -142,22 +142,22 @@ class SettleFinding(Finding):
 
     @property
     def complete(self) -> bool:
-        """True: there is no part of it."""
+        """True, because the work has a single part."""
         return True
 
     @property
     def stored(self) -> str:
-        """That it is there."""
+        """Description of the finished work."""
         return "the settled motion is stored"
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why it is not known what the motion is, if it is not."""
+        """Reason why the kind of motion is not known; empty if it is."""
         return self.attractor.evidence if self.attractor.kind is AttractorKind.UNDECIDED else ()
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return the kind of motion with its evidence, the highest lines of its spectrum, and how it rattles."""
+        """Return the kind of motion with its evidence, the highest lines of its spectrum, and its impacts."""
         attractor, system = self.attractor, self.attractor.system
         yield f"{attractor.label}: {attractor.kind.value} motion at {pace_words(system)}"
         yield f"  followed for {self.settled.periods} forcing periods"
@@ -192,7 +192,7 @@ class SettleFinding(Finding):
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The section, the lines of the spectrum, and the tables of `Rattle`."""
+        """Return the section, the lines of the spectrum, and the tables of `Rattle`."""
         rattle = self.rattle
         return {
             "section": self._section_rows,
@@ -212,21 +212,21 @@ SETTLED = Part("settled", SettleFinding)
 
 
 class SettleWork(Work):
-    """Finds where a motion settles, and what it is there."""
+    """Computation of the attractor on which a motion settles."""
 
     def __init__(self, system: System, asked: SettleStudyOptions) -> None:
         self.system, self.asked = system, asked
         self._found: SettleFinding | None = None
 
     def take(self, known: Parts) -> None:
-        """Take over what has been found; a ValueError if it was found for another study."""
+        """Read the finding of a file; raise a ValueError if it belongs to another study."""
         found = known.one(SETTLED)
         if found.options != self.asked:
             raise ValueError("the motion does not belong to the study")
         self._found = found
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Find it: one part."""
+        """Compute the settled motion, as one part."""
         asked = self.asked
         settled = settle(self.system, asked.start, asked)
         attractor = identify(settled, ClassifyOptions(asked, asked.lyapunov))
@@ -238,7 +238,7 @@ class SettleWork(Work):
 
     @property
     def complete(self) -> bool:
-        """True if it has been found."""
+        """True if the settled motion has been found."""
         return self._found is not None
 
     @property
@@ -252,7 +252,7 @@ class SettleWork(Work):
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:
-    """Return the motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
+    """Return the motion on an attractor; it may be known now to be periodic even if the settled motion was not."""
     converged = settled.converged or attractor.orbit is not None
     return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
 

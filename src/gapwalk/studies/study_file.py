@@ -1,6 +1,6 @@
 """The whole model file: a system, and the studies of it; and the model file that `gapwalk new FILE` writes.
 
-Where the system of a file is wrong, a sketch with the same names takes its place, so that studies are checked too.
+If the system of a file is invalid, a sketch with the same names replaces it, so that studies are checked too.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from gapwalk.studies.tables import StudyPart, Surroundings
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """Known part of the system of a file.
+    """Substitute for the system of an invalid file.
 
     Parameters
     ----------
     system
         A system with the names of the file.
     guessed
-        Whether its numbers mean nothing, because some in the file are wrong.
+        True if its numbers are placeholders, because some in the file are wrong.
     """
 
     system: System
@@ -58,9 +58,9 @@ class Sketch:
 
 
 def sketch_of(source: Source) -> Sketch | None:
-    """A sketch of the system of a file that is wrong.
+    """Return a sketch of the system of an invalid file.
 
-    None where not even the names are known, or the file describes a drive train.
+    It is None if not even the names are known, or if the file describes a drive train.
     """
     known = {key: source.data[key] for key in ("coordinates", "contact", *LOADS) if key in source.data}
     data: dict[str, Any] = dict(read_parts(replace(source, data=known))[0].data)
@@ -83,13 +83,13 @@ def sketch_of(source: Source) -> Sketch | None:
 
 
 def _load(kind: type[Load], table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
-    """A load of the same parameters."""
+    """Return a placeholder for a load, with the same parameters."""
     numbers = {each.name: each.least or 0.0 for each in kind.parameters}
     return {**_taken(table, ("name", "order")), **numbers, "acts_on": direction}
 
 
 def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
-    """A contact of the same parameters."""
+    """Return a placeholder for a contact, with the same parameters."""
     found = _taken(table, ("name",))
     found |= _taken(table, ("law",)) | dict.fromkeys((key for key in law_parameters("parameters") if key in table), 0.0)
     found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
@@ -104,7 +104,7 @@ def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[s
 
 
 def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:
-    """Return the values of some keys, as far as they are allowed."""
+    """Return the values of some keys; omit those that are invalid."""
     known = {key: table[key] for key in keys if key in table}
     return {key: value for key, value in known.items() if allowed is None or value in list(allowed)}
 
@@ -115,26 +115,26 @@ def _is_list_of_tables(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Study:
-    """A system, and what is to be studied of it.
+    """A system, and the options of a study of it.
 
     Parameters
     ----------
     system
         The system; a parameter that the study walks has its first value.
     options
-        What is to be done; its type is the kind of study.
+        Options of the study; their type is the kind of study.
     title
         A line for people; may be empty.
     text
         The text of the model file.
     changes
-        What was changed after reading it, by name.
+        Values that were changed after reading it, by name.
     name
         Name among the studies of its file; may be empty.
     reduced
-        What the system was reduced from, if the file says so.
+        Record of the reduction of the system, if the file requests one.
     unused
-        Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
+        Names of tables in the file that have no effect, such as ``study.shooting`` where harmonics are balanced.
     matrices
         Digest of the matrices in files next to the model file; empty if there are none.
     """
@@ -171,15 +171,15 @@ def read_study(
     path
         A TOML file. ``gapwalk new FILE`` writes one to begin with. Or its text, as ``io.StringIO(text)``.
     changes
-        Other values than those of the file, by parameter, or by ``study.`` and a key of the study, for example
+        Values that replace those of the file, by parameter, or by ``study.`` and a key of the study, for example
         ``{"stage2.clearance": 0.5, "study.to": 0.3}``.
     name
-        Which of its studies, if it has several.
+        Name of the study, if the file has several.
 
     Raises
     ------
     ModelFileError
-        With everything that is wrong, each problem with its line.
+        With all problems of the file, each with its line.
     ModelError
         If there is no study of that name, or the file has several and no name is given.
     """
@@ -267,7 +267,7 @@ def _check_table(
 def _changed(
     sketch: Sketch | None, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
 ) -> tuple[Sketch | None, list[Problem]]:
-    """With other values, as far as they are allowed; where the numbers mean nothing, only names are looked at."""
+    """Apply changes that are valid, and report the others; for placeholders, only names are checked."""
     if sketch is None:
         return None, []
     if sketch.guessed:
@@ -308,29 +308,29 @@ def _refused(source: Source, at: Path, table: StudyPart, error: ModelError) -> P
 
 
 def _frequency_problems(source: Source, at: Path, system: System | None) -> Iterator[Problem]:
-    """A frequency may be left out only where the study gives one; a misspelt parameter may be meant for it."""
+    """Report a missing frequency if the study does not give one; a misspelt parameter may be meant for it."""
     table = study_tables(source)[at]
     walked = walked_parameters(table)
     kind = table.get("kind")
     if isinstance(kind, str) and kind in kinds() and "parameter" not in study_schema(kind_of(kind)).model_fields:
-        yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
+        yield source.problem("is missing; the study walks nothing, so give the frequency of the study", ("frequency",))
     known = [name for name in walked if system is None or name in system.structure.names]
     if known == walked and walked and not any(name in walked for name in PACES):
-        message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
+        message = f"is missing; the study walks {' and '.join(walked)}, so give the frequency of the study"
         yield source.problem(message, ("frequency",))
 
 
 def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
-    """Return the study of a name, or the only one."""
+    """Return the study with a name, or the only one."""
     named = [study for study in studies if study.name == name] if name else list(studies)
     if len(named) == 1:
         return named[0]
     known = [study.name for study in studies if study.name]
     if name and not known:
-        raise ModelError(f"{file} has one study, and no name for it; leave the name {name!r} out")
+        raise ModelError(f"{file} has one study, which has no name; leave the name {name!r} out")
     if name:
         raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
-    raise ModelError(f"{file} has {len(studies)} studies, so name the one that is meant: {', '.join(known)}")
+    raise ModelError(f"{file} has {len(studies)} studies, so give the name of one: {', '.join(known)}")
 
 
 def template() -> str:
@@ -344,14 +344,14 @@ def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> 
     Parameters
     ----------
     path
-        Where to.
+        The file to write.
     overwrite
-        Whether a file that is there already may be lost.
+        True to overwrite an existing file.
 
     Raises
     ------
     ModelError
-        If there is a file of that name, or none can be written.
+        If the file exists already, or cannot be written.
     """
     name = os.fspath(path)
     if overwrite and (why := why_no_file(name)):

@@ -1,7 +1,7 @@
-"""The protocol of a kind of study: its request, its work, and what it finds.
+"""The protocol of a kind of study: its request, its work, and its finding.
 
-One class is the request, the table in a model file and the stored form; a second does the work; a third describes what
-is found where that is more, or other, than branches.
+One class is the request, the table in a model file and the stored form. A second does the work. A third describes the
+finding if it is not, or not only, branches.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class StudyKind:
       before.
     - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
       which it holds: no option is written down twice.
-    - `work` returns its `Work`, which yields what is found part by part. So one runner (`gapwalk.studies.runner`)
+    - `work` returns its `Work`, which yields its results part by part. So one runner (`gapwalk.studies.runner`)
       serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
     - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
     """
@@ -56,17 +56,17 @@ class StudyKind:
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         return self.kind
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study that a table asks for.
+        """Return the study that a table requests.
 
         Parameters
         ----------
         values
-            What the table gives, by the names of fields, all of it checked; what it leaves out has the defaults.
+            Checked values of the table, by the names of fields; fields that are missing have their defaults.
         system
             The system, from which further defaults may come.
 
@@ -79,13 +79,13 @@ class StudyKind:
 
     @property
     def limits(self) -> Any:
-        """The options that the Python function of the same kind takes, where the kind derives from such."""
+        """Return the options of the Python function of the same name, if the kind derives from them."""
         options = next(each for each in type(self).__mro__ if is_dataclass(each) and not issubclass(each, StudyKind))
         return options(**{field.name: getattr(self, field.name) for field in fields(options)})
 
     @classmethod
     def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
-        """Names of tables in a model file that change nothing of the study."""
+        """Names of tables in a model file that have no effect on the study."""
         return ()
 
     def first_system(self, system: System) -> System:
@@ -93,20 +93,20 @@ class StudyKind:
         return system
 
     def work(self, system: System) -> Work:
-        """Return the work of the study on a system, of which nothing is done yet; a ModelError if it makes no sense."""
+        """Return the work of the study on a system, not yet begun; raise a ModelError if the study is invalid."""
         raise NotImplementedError
 
 
 class Found(NamedTuple):
-    """Something that the work on a study has found.
+    """One result of the work on a study.
 
     Attributes
     ----------
     entries
-        What a file keeps of it, all or nothing. If there is none yet, the next entries keep this too, and only then it
-        is reported; where there is no file, it is reported at once.
+        Entries for the file, written all or none. If there is none yet, the next entries contain this too, and only
+        then it is reported; where there is no file, it is reported at once.
     news
-        What is reported of it, once it is safe: the arguments of each call. None: the value of the first entry, and the
+        Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
         `gapwalk.parallel.work_chunks.Pace` of the work.
     """
 
@@ -120,23 +120,23 @@ class Found(NamedTuple):
 
 
 class Work(ABC):
-    """The work on one study: what is done of it, and what is left.
+    """The work on one study: the part that is done, and the part that is left.
 
-    Most kinds of work are made of a system, as it is at the beginning of the study, and of what is asked for. A work is
-    used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `record` or `finding`
-    at any moment.
+    Most kinds of work are made from the system at the beginning of the study and from the request. The methods are
+    called in this order: `take` with the parts of a file, `parts` until no work is left, `last`; and `record` or
+    `finding` at any time.
     """
 
     @abstractmethod
     def take(self, known: Parts) -> None:
-        """Take over what a file has; any of LookupError, TypeError and ValueError if that makes no sense."""
+        """Read the parts of a file; raise a LookupError, TypeError or ValueError if they are inconsistent."""
 
     @abstractmethod
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Do what is left, part by part; KeyboardInterrupt where Ctrl-C ends it.
+        """Do the remaining work, part by part; raise KeyboardInterrupt if Ctrl-C ends it.
 
-        The parts come in an order in which each makes sense together with those before it: what a file has after any
-        of them is enough to continue to the same result, bit for bit.
+        Each part is complete together with those before it: the contents of the file after any part suffice to
+        continue to the same result, bit for bit.
         """
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
@@ -147,36 +147,36 @@ class Work(ABC):
         return ()
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the reports of the parts that were taken over, as far as they are reported again."""
+        """Yield the reports of parts that were read from the file, if they are reported again."""
         return iter(())
 
     @property
     @abstractmethod
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
 
     @property
     def done(self) -> int:
-        """Parts that are done."""
+        """Number of parts that are done."""
         return int(self.complete)
 
     @property
     def total(self) -> int:
-        """All parts."""
+        """Number of all parts."""
         return 1
 
     @property
     @abstractmethod
     def record(self) -> Any:
-        """Record that the Python function of the same work returns, as far as the work has come."""
+        """Record so far, as the Python function of the same work returns it."""
 
     def finding(self) -> Finding | None:
-        """Return the finding of the study, as far as the work has come; None for a branch, a diagram or a map."""
+        """Return the finding so far; None for a branch, a diagram or a map."""
         return None
 
 
 def values_of(options: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass of options by name, of which a kind of study is made that derives from it."""
+    """Return the fields of a dataclass of options by name, to make a kind of study that derives from it."""
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
@@ -203,13 +203,13 @@ class Finding(ABC):
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
         return self.record is not None and self.record.complete
 
     @property
     @abstractmethod
     def stored(self) -> str:
-        """Part of the work that is done, in words, while it is not complete."""
+        """Description of the finished part of incomplete work."""
 
     @property
     def can_be_drawn(self) -> bool:
@@ -223,12 +223,12 @@ class Finding(ABC):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Where the numerics gave up, in sentences."""
+        """Numerical failures, in sentences."""
         return getattr(self.record, "failures", ())
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return what the terminal shows of its record: lines, `Table` and `Tree`; without notes and failures."""
+        """Return lines, `Table` and `Tree` for the terminal, without notes and failures."""
         return (repr(self.record),)
 
     @abstractmethod
@@ -241,7 +241,7 @@ class Finding(ABC):
 
 
 def plain_numbers(values: Any) -> Any:
-    """Numbers in nested lists, as JSON has them: those that are not finite become null."""
+    """Return numbers in nested lists as JSON values; those that are not finite become null."""
     if isinstance(values, list):
         return [plain_numbers(value) for value in values]
     return None if isinstance(values, float) and not math.isfinite(values) else values
@@ -252,7 +252,7 @@ R = TypeVar("R")
 
 
 def found_by(call: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
-    """Return what a call returns; after Ctrl-C, what it had found by then."""
+    """Return the result of a call; after Ctrl-C, the result so far."""
     try:
         return call(*arguments, **options)
     except Interrupted as stop:

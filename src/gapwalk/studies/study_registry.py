@@ -1,4 +1,4 @@
-"""The kinds of study, by the names that model files call them."""
+"""The kinds of study, by their names in model files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def check_integers(options: object, most: float = math.inf, **least: int) -> Non
     Raises
     ------
     ModelError
-        It says what is allowed.
+        If one is not; the message says what is allowed.
     """
     for name, low in least.items():
         value = getattr(options, name)
@@ -52,7 +52,7 @@ def check_integers(options: object, most: float = math.inf, **least: int) -> Non
 
 
 def check_values(name: str, values: object, least: int, parameter: str) -> None:
-    """Refuse what is neither a number of values of a parameter, of at least so many, nor a tuple of its values."""
+    """Require a number of values of a parameter, at least `least`, or a tuple of its values."""
     if isinstance(values, tuple):
         fits = len(values) >= least and all(isinstance(each, float | int) and math.isfinite(each) for each in values)
     else:
@@ -78,12 +78,12 @@ _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
 
 def kinds() -> tuple[str, ...]:
-    """Return the values of ``kind``."""
+    """Return the names of all kinds of study."""
     return (*_HOMES, *_added)
 
 
 def kind_of(name: str) -> type[StudyKind]:
-    """A kind of study by its name, one of `kinds`; a LookupError if there is none."""
+    """Return a kind of study by its name, one of `kinds`; raise a LookupError if there is none."""
     if name in _added:
         return _added[name]
     module, _, found = _HOMES[name].rpartition(".")
@@ -91,7 +91,7 @@ def kind_of(name: str) -> type[StudyKind]:
 
 
 def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
-    """Register a kind of study under its `kind`, also as a decorator; a class that is defined again replaces itself.
+    """Register a kind of study under its `kind`, also as a decorator; a redefined class replaces the old one.
 
     Raises
     ------

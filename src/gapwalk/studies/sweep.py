@@ -1,4 +1,4 @@
-"""The record of a sweep, settled motions over a parameter, seen once every forcing period; and its options."""
+"""Record and options of a sweep: settled motions over a parameter, sampled once every forcing period."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MOST = 100_000_000  # states that are kept
 
 
 class Way(StrEnum):
-    """How the values are visited."""
+    """Order in which the values are visited."""
 
     UP = "up"
     """From the lowest to the highest, the state carried over."""
@@ -31,20 +31,20 @@ class Way(StrEnum):
 
     @property
     def number(self) -> int:
-        """A number of its own, whatever other ways there are."""
+        """A fixed number of this order, which does not depend on the other orders used."""
         return list(Way).index(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long a transient is followed.
+    """Limits on the length of a transient.
 
     Parameters
     ----------
     shortest, longest
-        Forcing periods at least and at most.
+        Least and largest number of forcing periods.
     tolerance
-        Distance from the periodic motion that it comes to, at which it has settled; in half-widths of the box of
+        Distance from the limiting periodic motion below which it has settled; in half-widths of the box of
         states.
     """
 
@@ -62,31 +62,31 @@ class Patience:
 
 @dataclass(frozen=True, slots=True)
 class SweepOptions:
-    """How a sweep is driven.
+    """Options of a sweep.
 
     Parameters
     ----------
     steps
         Number of values, spread evenly over the range, both ends included.
     ways
-        ``"up and down"``, ``"up"``, ``"down"``, or ``"afresh"``: at each value from the starts again. Any of them may
+        ``"up and down"``, ``"up"``, ``"down"``, or ``"afresh"``: each value begins from the starts. Any of them may
         be joined by "and".
     points
         Section points at each value: states a forcing period apart, once the transient has settled.
     starts
-        How many: the first one is rest, the others are spread over the box of states. Or the states themselves, 2n
-        numbers each.
+        Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
+        2n numbers each.
     seed
-        Of the starts and of the kicks: the same seed gives the same result.
+        Seed of the starts and of the kicks: the same seed gives the same result.
     max_period
         Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
     patience
-        How long a transient is let settle at each value.
+        Limits on the length of the transient at each value.
     kick
-        Size of a random disturbance at each value, in half-widths of the box of states. It does what noise does in a
-        test rig: no motion stays on an unstable orbit for want of one. 0: none.
+        Size of a random disturbance at each value, in half-widths of the box of states. Like the noise in a
+        test rig, it prevents motions from staying on an unstable orbit. 0: none.
     workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
+        Number of processes; by default one for each local core. The result does not depend on it.
     """
 
     steps: int = 500
@@ -110,7 +110,7 @@ class SweepOptions:
                 f"states; {_MOST:,} can be kept"
             )
         if not self.starts:
-            raise ModelError("starts is empty; name at least one state, or how many there are to be")
+            raise ModelError("starts is empty; give at least one state, or the number of starts")
         if self.points <= self.max_period:
             raise ModelError(
                 f"points is {self.points}; it must be more than max_period, {self.max_period}, so that a return is seen"
@@ -137,12 +137,12 @@ BLOCK = 20
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """One start of a sweep, taken one way.
+    """One start of a sweep, with one order of the values.
 
     Attributes
     ----------
     way
-        How the values are visited.
+        Order in which the values are visited.
     start
         Number of the start, from 1.
     state : shape (2n,)
@@ -169,17 +169,17 @@ class SweepSegment:
     Attributes
     ----------
     lane, number
-        Which lane of the sweep, and which of its segments.
+        Index of the lane in the sweep, and of the segment in the lane.
     sections : shape (count, points, 2n)
-        States a forcing period apart; nan where the motion has diverged, and after that if the state is carried over.
+        States a forcing period apart; nan where the motion has diverged, and later if the state is carried over.
     transients : shape (count,)
-        Forcing periods that were let pass before.
+        Forcing periods before the section points.
     settled : shape (count,), bool
-        Whether the transient had settled by then.
+        True if the transient had settled.
     regimes
-        In words; empty where there is nothing.
+        Regimes in words; empty where there are no points.
     note
-        Why it ended before its last value; empty if it did not.
+        Reason why it ended before its last value; empty if it did not.
     """
 
     lane: int
@@ -217,7 +217,7 @@ class Band:
 
 
 def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
-    """The bands of equal regimes along increasing values; where a regime is empty, nothing is known and no band is."""
+    """Return the bands of equal regimes along increasing values; empty regimes belong to no band."""
     edges = np.concatenate((values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]))
     bands, first = [], 0
     for regime, group in groupby(regimes):
@@ -241,20 +241,20 @@ class Sweep(Shown):
     values : shape (steps,)
         Its values, increasing.
     lanes
-        The starts and ways, in the order of the first axis of all that follows.
+        The starts and orders of values, in the order of the first axis of the arrays below.
     sections : shape (lanes, steps, points, 2n)
         The states at the start of forcing periods, one after the other; nan where there is nothing.
     transients : shape (lanes, steps)
-        Forcing periods that were let pass before them.
+        Forcing periods before the section points.
     settled : shape (lanes, steps), bool
-        Whether the transient had settled by then, or the patience was used up.
+        True if the transient had settled; False if it reached its longest length.
     regimes : shape (lanes, steps), str
-        What each motion is, in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``diverges``, or
+        Regime of each motion in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``diverges``, or
         ``not periodic`` where no more can be said of a large system; empty where there is nothing.
     complete
         False if the work was stopped before its end.
     notes
-        What could not be done, in sentences.
+        Failures: what could not be done, in sentences.
     """
 
     system: System
@@ -280,7 +280,7 @@ class Sweep(Shown):
         coordinate
             Its name, or that with a dash for its velocity: ``q1'``. By default the first one.
         lane
-            Of which lane; by default of all.
+            Index of the lane; by default all lanes.
 
         Raises
         ------
@@ -318,7 +318,7 @@ class Sweep(Shown):
 def blank_sweep(
     system: System, parameter: str, values: NDArray[np.float64], lanes: tuple[Lane, ...], points: int
 ) -> Sweep:
-    """A sweep in which nothing has been done yet; its arrays are there to be filled by `enter`."""
+    """Return a sweep in which nothing has been done yet; `enter` fills its arrays."""
     count, steps, size = len(lanes), len(values), 2 * system.size
     return Sweep(
         system,
@@ -333,9 +333,9 @@ def blank_sweep(
 
 
 def enter(sweep: Sweep, segment: SweepSegment) -> str:
-    """Write a segment into the arrays of a sweep; a sentence on what could not be done, or an empty text.
+    """Write a segment into the arrays of a sweep; return a sentence on a failure, or an empty text.
 
-    So the section points are in memory once, however many there are.
+    This keeps only one copy of the section points in memory.
     """
     lane = sweep.lanes[segment.lane]
     places = places_of(lane.way, len(sweep.values), segment.number)

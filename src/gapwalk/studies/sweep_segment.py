@@ -1,6 +1,6 @@
 """A segment of a sweep: some values of the parameter, each from the state in which the last motion settled.
 
-Whether a transient has died away is seen from its returns. Motions that do not repeat are quasi-periodic, chaotic, or
+The returns of a transient show whether it has died away. Motions that do not repeat are quasi-periodic, chaotic, or
 locked to a long period; each value gets a regime, and equal regimes next to each other are a band.
 """
 
@@ -38,7 +38,7 @@ class Settled(NamedTuple):
     periods
         Forcing periods that it took.
     is_settled
-        False if it was still changing when the patience ended.
+        False if it was still changing at the limit of its length.
     """
 
     state: NDArray[np.float64]
@@ -62,7 +62,7 @@ def let_settle(
     Parameters
     ----------
     flow, coefficients
-        What moves.
+        The flow and the coefficients of the system.
     state : shape (2n,)
         Where it begins, at theta = 0.
     box : shape (2n,)
@@ -70,7 +70,7 @@ def let_settle(
     max_period
         Longest period, in forcing periods, for which a return is looked for.
     patience
-        How long to follow it.
+        Limits on the length of the transient.
 
     Raises
     ------
@@ -94,7 +94,7 @@ NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
 
 
 def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period: int) -> str:
-    """The regime of section points in a row: ``period m``, the smallest m after which all return, or not periodic.
+    """Return the regime of section points: ``period m`` with the smallest m after which all return, or not periodic.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ _RETURNS = 64  # forcing periods in which a motion may still become periodic: it
 def wandering_words(
     system: System, parameter: str, values: NDArray[np.float64], states: NDArray[np.float64], max_period: int
 ) -> Sequence[str]:
-    """Return the regimes of motions in words, all judged at once as those of a regime map are.
+    """Return the regimes of motions in words; all are judged together, as for a regime map.
 
     Parameters
     ----------
@@ -126,15 +126,15 @@ def wandering_words(
     values : shape (count,)
         Its values, one for each motion.
     states : shape (count, 2n)
-        Where the motions are, at theta = 0.
+        States of the motions at theta = 0.
     max_period
-        Longest period, in forcing periods, that was looked for.
+        Longest period, in forcing periods, that was searched for.
 
     Returns
     -------
     list of str
-        ``quasi-periodic``, ``chaotic``, ``period 18``, ...; ``not periodic``, which says less, where the batch
-        integrator cannot follow the system: the exact flow would take minutes for each motion of a large one.
+        ``quasi-periodic``, ``chaotic``, ``period 18``, ...; ``not periodic``, without more detail, if the batch
+        integrator cannot follow the system: the exact flow would take minutes for each motion of a large system.
     """
     if not len(values):
         return []
@@ -150,7 +150,7 @@ def wandering_words(
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Segment to be done: one piece of work.
+    """One segment of a sweep, as a piece of work.
 
     Attributes
     ----------
@@ -159,11 +159,11 @@ class Task:
     box : shape (2n,)
         Half-widths of the box of states.
     lane, index, number
-        The lane, which one of the sweep it is, and which of its segments is to be done.
+        The lane, its index in the sweep, and the index of the segment in the lane.
     places, values : shape (count,)
         The values in the order in which they are visited, and their places among those of the sweep.
     state : shape (2n,)
-        Where the first transient begins.
+        State at which the first transient begins.
     """
 
     system: System
@@ -179,7 +179,7 @@ class Task:
 
 
 def sweep_stretch(task: Task) -> SweepSegment:
-    """Visit the values of a segment. The result depends on the task alone, so it may be done by any process."""
+    """Visit the values of a segment. The result depends only on the task, so any process may do it."""
     options, box, is_carried = task.options, task.box, task.lane.is_carried
     count, size = len(task.values), len(task.state)
     sections = np.full((count, options.points, size), np.nan)

@@ -41,7 +41,7 @@ _BANDS = 40  # bands of equal motions that a summary lists
 
 @dataclass(frozen=True)
 class SweepFinding(Finding):
-    """A sweep, as far as it has been driven."""
+    """Finding of a sweep, complete or not."""
 
     sweep: Sweep
 
@@ -52,23 +52,23 @@ class SweepFinding(Finding):
 
     @property
     def stored(self) -> str:
-        """How many values have been done."""
+        """Describe how many values are stored."""
         done = int(np.count_nonzero(self.sweep.regimes != ""))
         return f"{done} of {self.sweep.regimes.size} values are stored"
 
     @property
     def can_be_drawn(self) -> bool:
-        """True if there is any section point: all motions may have diverged."""
+        """True if there is a section point; there is none if all motions have diverged."""
         return not np.isnan(self.sweep.sections).all()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Nothing: what a sweep notes are failures."""
+        """Empty, because all notes of a sweep are failures."""
         return ()
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Where motions could not be followed."""
+        """Failures to follow motions, in sentences."""
         return self.sweep.notes
 
     @summarizes
@@ -90,7 +90,7 @@ class SweepFinding(Finding):
                 yield f"  and {len(bands) - _BANDS} more: see the table of regimes"
 
     def document(self, points: bool) -> dict[str, Any]:
-        """The lanes with their bands of equal regimes; with the section points if wanted."""
+        """Return the lanes with their bands of equal regimes; with the section points if wanted."""
         sweep = self.sweep
         document: dict[str, Any] = {
             "parameter": sweep.parameter,
@@ -103,7 +103,7 @@ class SweepFinding(Finding):
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The section points, and what each motion is."""
+        """Return the tables of section points and of the regime of each motion."""
         return {"points": self._point_rows, "regimes": self._regime_rows}
 
     def _lane_document(self, number: int) -> dict[str, Any]:
@@ -158,11 +158,11 @@ class SweepStudy(SweepOptions, RangeStudy):
     parameter, begin, end
         The parameter, and its range.
     steps, ways, points, starts, seed, max_period, patience, kick, workers
-        How it is driven, as `gapwalk.SweepOptions`.
+        Options of the sweep, as in `gapwalk.SweepOptions`.
     signal
-        What the picture shows: a coordinate, or its velocity (``q1'``). By default the first coordinate.
+        Signal in the picture: a coordinate, or its velocity (``q1'``). By default the first coordinate.
     block
-        Values in a segment, no key of a table: a file of other segments cannot be continued.
+        Values in a segment; not a key of a table. A file with other segments cannot be continued.
     """
 
     kind: ClassVar[str] = "sweep"
@@ -173,7 +173,7 @@ class SweepStudy(SweepOptions, RangeStudy):
 
     @property
     def plan(self) -> str:
-        """A line on the work to be done."""
+        """Describe the work to be done, in one line."""
         starts = self.starts if isinstance(self.starts, int) else len(self.starts)
         many = f", from {starts} starts" if starts > 1 else ""
         return f"sweep over {self.range_words} at {self.steps} values, {self.ways}{many}, showing {self.signal}"
@@ -197,7 +197,7 @@ class _Done(NamedTuple):
 
 
 class SweepWork(Work):
-    """The segments of one sweep: which are to be done, in what order, and what they make together.
+    """The work on one sweep: its segments, their order, and the combined result.
 
     Raises
     ------
@@ -225,15 +225,15 @@ class SweepWork(Work):
         self._never = 0  # segments after the end of a lane that could not be carried on
 
     def take(self, known: Parts) -> None:
-        """Take over the segments of a file; a ModelError, or another ValueError, if they are not of this sweep."""
+        """Read the segments of a file; raise a ModelError, or another ValueError, if they are not of this sweep."""
         if self.asked.block != BLOCK:
             raise ModelError(f"its segments have {self.asked.block} values, and {BLOCK} are expected")
         for place, segment in known.all(STRETCH):
             lane, number = segment.lane, segment.number
             if not (0 <= lane < len(self.lanes) and 0 <= number < self._per_lane):
-                raise ModelError(f"segment {number} of lane {lane} is none of this sweep")
+                raise ModelError(f"segment {number} of lane {lane} does not belong to this sweep")
             if place != self._place(segment):
-                raise ValueError("a segment stands in the place of another")
+                raise ValueError("a segment is stored in the place of another one")
             count = len(places_of(self.lanes[lane].way, self.asked.steps, number))
             shape = (count, self.asked.points, 2 * self.system.size)
             if not segment.sections.shape == shape or not (
@@ -243,7 +243,7 @@ class SweepWork(Work):
             self._keep(segment)
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Yield the segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
+        """Compute and yield the remaining segments; where the state is carried over, they form a chain of tasks."""
         tasks = self._first_tasks()
         try:
             for _, segment in workers.each(sweep_stretch, tasks, in_order=False):
@@ -257,27 +257,27 @@ class SweepWork(Work):
 
     @property
     def complete(self) -> bool:
-        """True if nothing is left to do."""
+        """True if no work is left."""
         return self.done == self.total
 
     @property
     def done(self) -> int:
-        """Stretches that are done, or not to be done."""
+        """Number of segments that are done or not needed."""
         return len(self._done) + self._never
 
     @property
     def total(self) -> int:
-        """Stretches of the whole sweep."""
+        """Number of segments of the whole sweep."""
         return len(self.lanes) * self._per_lane
 
     @property
     def record(self) -> Sweep:
-        """The sweep, as far as it has been driven."""
+        """The sweep so far."""
         notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
         return replace(self._sweep, complete=self.complete, notes=notes)
 
     def finding(self) -> SweepFinding:
-        """Return the sweep as what a study has found."""
+        """Return the sweep as the finding of a study."""
         return SweepFinding(self.record)
 
     @property
@@ -310,7 +310,7 @@ class SweepWork(Work):
         return tasks
 
     def _next_task(self, lane: int, number: int) -> list[Task]:
-        """Return the task that follows a segment of a lane that is carried over; none at its end."""
+        """Return the task after a segment of a lane whose state is carried over; None after the last."""
         if self._ends(lane, number) or number + 1 == self._per_lane:
             return []
         return [self._task(lane, number + 1, self._done[lane, number].last)]
@@ -333,9 +333,9 @@ def sweep(
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Sweep:
-    """Drive a sweep over a range of one parameter.
+    """Compute a sweep over a range of one parameter.
 
-    At each value the transient is let settle, for as long as it takes, and section points are recorded. The state is
+    At each value the transient is followed until it has settled; then section points are recorded. The state is
     carried over exactly to the next value, up to a tiny kick.
 
     Parameters
@@ -345,15 +345,15 @@ def sweep(
     parameter, to
         Name of the parameter, and the range.
     options
-        How it is driven.
+        Options of the sweep.
     workers
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        Workers; by default as many local processes as the options say, or a cluster inside of
         `gapwalk.parallel.on_cluster`. The result does not depend on it.
     report
-        Called with each segment of values when it is done, and is in the file.
+        Called with each segment of values once it is done and written to the file.
     output
-        A file to write while it is driven; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
-        continued, and comes to the same result.
+        A file to write during the work; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
+        continued to the same result.
 
     Raises
     ------
@@ -364,7 +364,7 @@ def sweep(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, with ``complete`` False.
     """
     check_system(system, "sweep")
     low, high = sorted((float(to[0]), float(to[1])))

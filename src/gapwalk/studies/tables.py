@@ -1,4 +1,4 @@
-"""What the tables ``[study]`` of all kinds have in common, and those of maps over a plane."""
+"""Common parts of the tables ``[study]`` of all kinds, and of those of maps over a plane."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CountOrValues = Annotated[int, Ge(1), Le(MAX_VALUES)] | Annotated[tuple[float, .
 
 
 def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> None:
-    """A ModelError that begins with a key if one of its values lies outside a range."""
+    """Raise a ModelError, beginning with the key, if one of its values lies outside a range."""
     low, high = sorted(ends)
     for value in values:
         if not low <= value <= high:
@@ -46,7 +46,7 @@ def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> No
 
 
 def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
-    """Return the number of columns and rows, or a ModelError that says what to write."""
+    """Return the number of columns and rows; raise a ModelError that says what to write if they are invalid."""
     both = (given, given) if isinstance(given, int) else tuple(given)
     if len(both) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in both):
         raise ModelError(f"resolution is {given!r}; write a number of cells, or (columns, rows)")
@@ -56,7 +56,7 @@ def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
 
 
 def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tuple[tuple[str, str], Within]:
-    """Return the names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
+    """Return the two parameters of a plane, horizontal one first, and their ranges; raise a ModelError if invalid."""
     if len(plane) != 2:
         raise ModelError(
             f"a plane has two axes, but {len(plane)} ranges were given ({', '.join(plane) or 'none'}); write "
@@ -67,7 +67,7 @@ def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tu
 
 
 def check_range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
-    """Return the range of a parameter, the smaller value first; a ModelError if the system cannot have its ends."""
+    """Return the range of a parameter, the smaller value first; raise a ModelError if an end of it is invalid."""
     try:
         low, high = (float(value) for value in given)
     except (TypeError, ValueError):
@@ -81,22 +81,22 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Values that the validators of a study may look at.
+    """Context of the validators of a study.
 
     Parameters
     ----------
     system
         The system; if the file is wrong elsewhere, one with the same parameters; None if even those are unknown.
     frequency_given
-        Whether the file gives the frequency.
+        True if the file gives the frequency.
     alone
-        Whether there is no other study in the file.
+        True if there is no other study in the file.
     taken
         Names of the studies before it.
     all_keys
-        Gives the keys of all kinds of study: none of them can name one.
+        Returns the keys of all kinds of study, which are not allowed as names of studies.
     guessed
-        Whether the numbers of the system mean nothing: then values of parameters are not looked at.
+        True if the numbers of the system are placeholders: then values of parameters are not checked.
     """
 
     system: System | None
@@ -118,12 +118,12 @@ def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) 
 
 
 class Start(StrEnum):
-    """Where the search for the first orbit of a study begins."""
+    """Start of the search for the first orbit of a study."""
 
     REST = "rest"
     """Newton's method from the state zero."""
     SETTLE = "settle"
-    """Newton's method from where a transient from rest has come to."""
+    """Newton's method from the state that a transient from rest has reached."""
 
 
 _STATE = "the state at t = 0, a list of numbers"
@@ -145,7 +145,7 @@ Resolution = Annotated[Counted | tuple[Counted, Counted], AfterValidator(check_r
 
 
 def check_signal(signal: str, known: Sequence[str]) -> str:
-    """Refuse an unknown signal; nothing is refused if none is known."""
+    """Refuse an unknown signal; accept any if the signals are not known."""
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")
     return signal
@@ -162,7 +162,7 @@ def check_parameter(parameter: str, surroundings: Surroundings) -> str:
 
 
 def check_value(value: float, parameter: str | None, surroundings: Surroundings) -> float:
-    """Refuse a value that a parameter cannot have; nothing is said of a parameter that is wrong itself."""
+    """Refuse a value that a parameter cannot have; ignore an unknown parameter, which is refused elsewhere."""
     system = None if surroundings.guessed else surroundings.system
     if system is None and parameter in PACES:
         system, parameter = System(["q"], [[1.0]]), "frequency"  # any has one
@@ -175,7 +175,7 @@ def check_value(value: float, parameter: str | None, surroundings: Surroundings)
 
 
 def _with_unit(value: object, handler: Callable[[object], Any], info: ValidationInfo[Surroundings]) -> Any:
-    """Read a text with a unit where the parameter has one; the number is in the unit of that parameter."""
+    """Convert a text with a unit to a number in the unit of the parameter, if it has one."""
     parameter, system = info.data.get("parameter"), info.context.system
     if parameter is None and has_unit(value):
         return math.nan  # its unit is unknown while the parameter is wrong itself

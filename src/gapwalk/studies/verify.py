@@ -1,4 +1,4 @@
-"""Verify what was found: branches, diagrams, maps, families and results; and check reduced systems by the full one."""
+"""Verification of branches, diagrams, maps, families and results; comparison of reduced with full systems."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Verifiable = Branch | Diagram | Map | Family | Result
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
-    """Check what was found by means that are independent of how it was found.
+    """Verify a result by methods that are independent of its computation.
 
     Each orbit is carried around by another integrator; its stages, extremes and multipliers are checked. Between
     neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts must be
@@ -44,18 +44,18 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        A branch, a diagram, a map, a family, a result, or the name of a result file. What is not complete is verified
+        A branch, a diagram, a map, a family, a result, or the name of a result file. An incomplete result is verified
         as far as it goes.
     report
-        Called with a word for what is verified, how many of its pieces are done, and how many there are.
+        Called with a word for what is verified, the number of pieces that are done, and the number of all.
 
     Raises
     ------
     ModelError
         If there is nothing that can be verified, as in the result of a sweep.
     StoreError
-        If a file is not a result, or so damaged that it cannot be read. One that can be read, but was changed by
-        something else than gapwalk, is verified, and fails by its checksum.
+        If a file is not a result, or so damaged that it cannot be read. A file that can be read, but was changed by
+        another program, is verified, and fails because of its checksum.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
 
 
 def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
-    """Return the result in a file, and what its verification finds; parameters and errors as in `verify`."""
+    """Return the result in a file, and its verification; parameters and errors as in `verify`."""
     ledger = Ledger()
     fault = seal_fault(path)
     ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
@@ -137,14 +137,14 @@ def _found(result: Result) -> Verifiable:
 
 
 def with_verification(result: Result, options: StudyKind, output: str | os.PathLike[str] | None) -> Result:
-    """A complete result with its verification, if the options of the study that was run want one.
+    """Return a complete result with its verification, if the options of its study request one.
 
     It is written to the result file too. A result that was resumed has the options of the run before.
 
     Raises
     ------
     KeyboardInterrupt
-        After Ctrl-C; it says that the result is complete all the same.
+        After Ctrl-C; its message says that the result is nevertheless complete.
     """
     wanted = isinstance(options, BranchOptions) and options.verify and result.complete
     if not wanted or result.verification is not None:
@@ -160,7 +160,7 @@ def with_verification(result: Result, options: StudyKind, output: str | os.PathL
 
 
 def with_checks(result: Result, output: str | os.PathLike[str] | None) -> Result:
-    """A complete result of branches with what the full system says of them; it is written to the result file too."""
+    """Return a complete result of branches, compared with the full system; it is written to the result file too."""
     origin = result.study.reduced
     wanted = origin is not None and origin.reduction is not None and result.complete and result.map is None
     if not wanted or result.checks or not result.branches:

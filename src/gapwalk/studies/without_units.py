@@ -13,12 +13,12 @@ from gapwalk.studies.study_kind import StudyKind
 
 
 def without_units(study: Study) -> Study:
-    """Return a study in non-dimensional form; its changes say what its numbers mean.
+    """Return a study in non-dimensional form; its changes state the scaling of its numbers.
 
     Raises
     ------
     ModelError
-        If the system has no units, or the study is of basins, whose plane is an arrangement of states.
+        If the system has no units, or the study is of basins, whose plane is given by states with units.
     """
     form = nondimensional(study.system)
     changes = (*study.changes, ("units", f"none: {form.scales.words}"))
@@ -53,5 +53,5 @@ def _options(options: StudyKind, form: NonDimensional) -> StudyKind:
 
 
 def _scaled(values: Any, name: str, form: NonDimensional) -> Any:
-    """Values of a parameter in non-dimensional form; a number of values stays as it is."""
+    """Return values of a parameter in non-dimensional form; a number of values is unchanged."""
     return tuple(form.value(name, value) for value in values) if isinstance(values, tuple) else values

@@ -93,7 +93,7 @@ class Track:
         return max(apart, abs(point.value - value) / width, abs(point.x[-1] * scales[-1] - value) / width)
 
     def regularity(self, point: BranchPoint) -> float:
-        """Return the distance of a point from a crossing of branches, where the derivatives lose rank: 0 to 1."""
+        """Return 0 at a crossing of branches, where the derivatives lose rank, and up to 1 far from it."""
         corrector = self.corrector_at(point)
         evaluation = corrector.equation.evaluate(point.x[:-1] * corrector.scales[:-1], point.value)
         assert evaluation.by_parameter is not None

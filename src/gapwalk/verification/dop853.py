@@ -176,7 +176,7 @@ class _Motions:
         self._shifts: list[list[float]] = [[] for _ in states]
 
     def advance(self, lanes: slice, theta: Array, length: Array, closed: Array) -> None:
-        """Take one step of each of the first lanes."""
+        """Take one step of each of the first orbits of the batch."""
         n, state, h = self.equations.size, self._state[lanes], length[:, None]
         method = _method()
         stages = method.n_stages  # not counting the evaluation at the end of the step

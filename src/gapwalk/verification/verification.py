@@ -1,4 +1,4 @@
-"""Record of a verification: the checks made, their worst figures, and the places of these.
+"""Record of a verification: its checks, their worst values, and where these occur.
 
 Method: docs/numerics/verification.md
 """

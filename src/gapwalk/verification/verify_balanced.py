@@ -109,7 +109,7 @@ def _panels(orbit: BalancedOrbit, count: int):
 
 
 def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64]) -> float:
-    """Return how far a deflection is on the other side of a breakpoint than its events imply, at some angles."""
+    """Return the distance by which a deflection is on the wrong side of a breakpoint, according to its events."""
     worst = 0.0
     for switch in range(depths.shape[1]):
         events = [event for event in orbit.events if event.switch == switch]

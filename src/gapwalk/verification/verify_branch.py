@@ -157,7 +157,7 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
 
 
 def _may_join(track: Track, point: BranchPoint) -> bool:
-    """Return whether a branch may join another here: its motion nearly has half its period, or branches cross."""
+    """Return True if a branch may join another here: its motion nearly has half its period, or branches cross."""
     with suppress(NumericalError):
         if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point)).max()) < _NEAR:
             return True
@@ -175,9 +175,9 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
-    """Return how much the branch between two neighbouring points deviates from the cubic through them.
+    """Return the deviation of the branch between two neighbouring points from the cubic through them.
 
-    1 is the largest accepted figure: an orbit between them lies off the cubic through both points by a tenth of their
+    1 is the largest accepted figure: an orbit between them is off the cubic through both points by a tenth of their
     distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved.
     It is infinite if there is no orbit between. The distance must also equal the arclength between them within 30 %.
     """
@@ -204,7 +204,7 @@ def _deviation(track: Track, a: BranchPoint, b: BranchPoint, depth: int) -> floa
 
 
 def _between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:
-    """Return an orbit about half way between two points, and its deviation from that place; see `_gap`."""
+    """Return an orbit about half-way between two points, and its deviation from the interpolated one; see `_gap`."""
     chord = b.x - a.x
     length = length_of(chord)
     way, corrector = chord / length, track.corrector_at(a)

@@ -1,4 +1,4 @@
-"""Verification of a diagram: its branches are distinct and complete, and their ends are where they are said to be.
+"""Verification of a diagram: its branches are distinct and complete, and their ends are where the diagram states them.
 
 The end of a branch must share its orbit with the branch to which it is attached. Each branch that begins at another one
 must be in a complete diagram, and none twice.
@@ -69,7 +69,7 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
 
 
 def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
-    """Return whether a branch that begins at a special point lies on none of the present ones."""
+    """Return True if a branch that begins at a special point is not one of the present branches."""
     try:
         method = special.orbit.posed_in(len(special.point.x) - 1)
         starts = switch(special, diagram.parameter, diagram.within, method)

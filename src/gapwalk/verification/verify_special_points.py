@@ -57,7 +57,7 @@ class Sides(NamedTuple):
     Attributes
     ----------
     faults
-        Contradictions to what is stored, as sentences.
+        Contradictions to the stored point, as sentences.
     value
         The parameter where its test function is zero; None if it cannot be computed.
     before, after
@@ -113,7 +113,7 @@ class Examination:
     special: SpecialPoint
 
     def sides(self) -> Sides:
-        """Examine the point from both sides, ever closer to it as long as something contradicts what is stored."""
+        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point."""
         branch = self.track.branch
         from_afar = self._reach(branch.points)
         reaches = [from_afar * _SHARE**power for power in range(_NEARER)]

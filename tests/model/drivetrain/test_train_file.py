@@ -96,7 +96,7 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
          'm.toml:16: shaft "clutch" joins \'hbu\', which is no inertia; did you mean hub?'),
         ('between = ["engine", "hub"]', 'between = ["engine"]', "it must be a list of at least 2"),
         ('between = ["engine", "hub"]', 'between = ["hub", "hub"]', 'shaft "clutch".between has "hub" twice'),
-        ('between = ["hub", "load"]', 'between = ["hub", "engine"]', 'inertia "load" is joined to engine by nothing'),
+        ('between = ["hub", "load"]', 'between = ["hub", "engine"]', 'inertia "load" is not connected to engine'),
         ("inertia = 0.05", "inertia = 0", 'm.toml:11: inertia "hub".inertia is 0; it must be > 0'),
         ("inertia = 0.05", 'inertia = "0.05"', 'inertia "hub".inertia is "0.05"; it must be a number, without quotes'),
         ("inertia = 0.05", "inertia = 0.05\nmass = 1", 'm.toml:12: inertia "hub".mass is not a key here'),

@@ -256,7 +256,7 @@ def _chunks(
 def _result(
     parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
 ) -> SearchResult:
-    """Return what the completed pieces of work have found."""
+    """Return the result of the completed pieces of work."""
     found: list[FoundOrbit] = []
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):

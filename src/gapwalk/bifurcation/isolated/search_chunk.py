@@ -111,7 +111,7 @@ class Catch:
 
 
 def search_chunk(chunk: Chunk) -> Catch:
-    """Process one chunk. The result depends on the chunk alone, so chunks can be distributed over processes.
+    """Process one chunk. The result depends only on the chunk, so chunks can be distributed over processes.
 
     Every start is followed until it settles. States along the transients are starts of Newton's method for orbits of
     several periods, stable or not. Finally, Newton's method with deflation searches near each new orbit for others.
@@ -218,7 +218,7 @@ class Settler:
     system
         The system.
     catalogue
-        The orbits found so far; new ones are added, including unstable ones found on the way.
+        The orbits found so far; new ones are added, including unstable ones.
     periods
         Longest period, in forcing periods, for which a return is sought.
     patience
@@ -254,7 +254,7 @@ class Settler:
         return Settling(np.array(path), None)
 
     def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
-        """Return whether to follow a transient further: it is still short, or its returns shrink."""
+        """Return True if a transient should be followed further: it is still short, or its returns shrink."""
         length = len(path) - 1
         if length < max(self._patience, 4 * self._periods):  # before that there are no two halves to compare
             return True

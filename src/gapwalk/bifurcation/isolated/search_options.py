@@ -164,7 +164,7 @@ def _linear_motion(
 
 
 def _side(spring: Spring, sign: int, reach: float) -> tuple[float, float, float]:
-    """Return the stiffness of a contact on one side, the load of its springs over their gaps, and its widest gap."""
+    """Return, for one side of a contact: the stiffness, the sum of spring stiffness times gap, and the widest gap."""
     slope = pull = width = 0.0
     for stage in spring.slopes:
         if stage.sign == sign and stage.clearance <= reach:

@@ -92,7 +92,7 @@ class BranchPointKind(Kind):
 
     @property
     def no_locus(self) -> str:
-        """Reason why it has no locus."""
+        """Reason why branch points have no locus in two parameters."""
         return (
             "a branch point has no locus in two parameters: it exists by a symmetry, and vanishes or persists with it; "
             "follow a fold, a flip, a neimark-sacker or a grazing point"

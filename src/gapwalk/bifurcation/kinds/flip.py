@@ -235,7 +235,7 @@ def flip_coefficient(
 
 
 def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
-    """Return whether two motions make the same contacts, at nearly the same velocities."""
+    """Return True if two motions make the same contacts, at nearly the same velocities."""
     return len(some) == len(others) and all(
         a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)
         for a, b in zip(some, others, strict=True)

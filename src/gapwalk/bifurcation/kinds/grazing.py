@@ -104,7 +104,7 @@ def find_grazing(
 
 
 def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
-    """Return whether grazing points that cancel may hide between two points with these changes of the pattern."""
+    """Return True if grazing points that cancel may hide between two points with these changes of the pattern."""
     length = last.arclength - first.arclength
     full = PERIOD * first.orbit.period
     gapless = _gapless(first, last)
@@ -146,7 +146,7 @@ def _crossings(now: Turns, then: Turns, full: float) -> int:
 
 
 def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> bool:
-    """Return whether a pair of extrema appeared or vanished near a breakpoint, which it may then have passed.
+    """Return True if a pair of extrema appeared or vanished near a breakpoint, which it may then have passed.
 
     Near means within the given share of the range of all extrema, or within the distance that other extrema moved
     meanwhile. That distance shrinks with the step. So a pair that passes a breakpoint just after it appeared is found,
@@ -166,7 +166,7 @@ def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> 
 
 
 def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:
-    """Return whether an extremum, known at three points, may have touched a breakpoint between the last two."""
+    """Return True if an extremum, known at three points, may have touched a breakpoint between the last two."""
     if first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)

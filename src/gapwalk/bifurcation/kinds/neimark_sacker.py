@@ -32,7 +32,7 @@ class NeimarkSacker(Kind):
         return bounded_product(pair_factors(point.orbit.multipliers))
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return whether a complex pair is on the unit circle: at a neutral saddle none is."""
+        """Return True if a complex pair is on the unit circle: at a neutral saddle none is."""
         multipliers = point.orbit.multipliers
         complex_ones = multipliers[np.abs(multipliers.imag) > _COMPLEX * np.abs(multipliers)]
         return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < near))

@@ -116,7 +116,7 @@ def find_codim2(
 
 
 def _is_echo(corrector: Corrector, graze: Graze) -> bool:
-    """Return whether the touch belongs to a grazing locus itself, where the margin changes sides or its turns merge."""
+    """Return True if the touch belongs to a grazing locus itself, where the margin changes sides or its turns merge."""
     equation = corrector.equation
     if not isinstance(equation, GrazingEquation) or equation.switch != graze.switch:
         return False
@@ -200,7 +200,7 @@ def _search(
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInterval) -> bool:
-    """Return whether a zero of a test function is a point of the expected kind."""
+    """Return True if a zero of a test function is a point of the expected kind."""
     if what in _TURNING:
         if float(np.linalg.norm(point.tangent[-2:])) < _TURNED:
             return True  # both components vanish: not a turn of 90 degrees

@@ -118,7 +118,7 @@ def turnings(point: BranchPoint) -> list[Turning]:
 
 
 def is_highest(correction: Correction) -> bool:
-    """Return whether the deflection has a maximum on the orbit of a correction."""
+    """Return True if the deflection has a maximum, not a minimum, on the corrected orbit."""
     return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
 
 
@@ -191,7 +191,7 @@ def on_locus(correction: Correction) -> NDArray[np.float64]:
 
 
 def _leads_there(near: NearGrazing, start: NDArray[np.float64], corner: Correction, turning: Turning) -> bool:
-    """Return whether the locus leads from a start to a corner: its distance must shrink in proportion to the depth."""
+    """Return True if the locus leads from a start to a corner: its distance must shrink in proportion to the depth."""
     there, depth = on_locus(corner), turning.depth
     distance = float(np.linalg.norm(np.delete(start, -3) - there))
     for _ in range(_HALVINGS):
@@ -274,7 +274,7 @@ def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Tur
 
 
 def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Return whether a step changes a touch in a way that the points before it do not predict.
+    """Return True if a step changes a touch in a way not predicted by the previous points.
 
     Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
     """

@@ -85,7 +85,7 @@ def follow_locus(
     ConvergenceError
         If the start is not a special point of its kind to the tolerance of the method, or needs too many harmonics.
     Interrupted
-        After Ctrl-C; its `found` is the locus as far as it was followed.
+        After Ctrl-C; its `found` is the locus so far.
     """
     return trace_locus(start_locus(special, first, second, to, method), walk).to_end(traced_locus, report)
 
@@ -192,7 +192,7 @@ class LocusTracer(Iterator[LocusStep]):
         return None
 
     def _is_smooth(self, state: WalkState, last: BranchPoint, is_coarse: bool) -> bool:
-        """Return whether a step stays on its arc.
+        """Return True if a step stays on its arc.
 
         Arcs that nearly meet are distinguished by the orientation of the Jacobian. Along one arc the orientation
         changes only where arcs really cross; there the smallest steps are accepted. A locus of multipliers has a corner
@@ -266,7 +266,7 @@ class LocusTracer(Iterator[LocusStep]):
         return corrector.point(correction, inside.tangent, length)
 
     def _around_corner(self, within: float, ahead: list[Approach]) -> LocusStep | None:
-        """Return the step round the corner at the present point; None if there is none, or if it was just turned."""
+        """Return the step from the present point around a corner; None if there is no corner, or it was just passed."""
         state = self.walk.state
         if self.beginning.kind is Kind.GRAZING or (state.previous is None and state.point is not self.beginning.first):
             return None
@@ -282,14 +282,14 @@ class LocusTracer(Iterator[LocusStep]):
         return LocusStep(self._point(corner.beyond), [self._codim2(corner.finding)])
 
     def _passes_start(self, point: BranchPoint, corner: Corner) -> bool:
-        """Return whether the path round a corner passes the first point of the tracer."""
+        """Return True if the path round a corner passes the first point of the tracer."""
         if point.arclength < 4.0 * self.options.first_step:
             return False
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
 
     def _starts_outwards(self) -> bool:
-        """Return whether the first step would leave the ranges at once."""
+        """Return True if the first step would leave the ranges at once."""
         state, first = self.walk.state, self.beginning.first
         if state.point is not first:
             return False
@@ -333,7 +333,7 @@ def trace_locus(beginnings: list[LocusStart], walk: WalkOptions | None = None) -
 
 
 def traced_locus(tracing: LocusTracing) -> Locus:
-    """Return the locus as far as it was traced, with one direction of travel; one trace may cover a closed curve."""
+    """Return the locus so far, in one direction of travel; a single trace may cover a closed curve."""
     kept = slice(-1, None) if tracing.traces[-1].is_closed else slice(None)
     tracers, walked = tracing.traces[kept], tracing.steps[kept]
     start, plane = tracers[-1].beginning, tracers[-1].beginning.plane

@@ -186,7 +186,7 @@ class Locus:
     codim2_points
         Points of codimension two in the order of the walk.
     ends
-        Where and why it ends, at its first and at its last point.
+        Ends of the locus with their reasons, at its first and at its last point.
     contact
         For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     """

@@ -116,7 +116,7 @@ class GrazingEquation(LocusEquation):
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
     def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
-        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
+        """Return True if the deflection has a maximum there, seen from outside the breakpoint."""
         _, derivatives = self.plane.turning(self.switch, self.place(unknowns, value), float(unknowns[-2]))
         return bool(derivatives[1, -3] < 0.0)
 

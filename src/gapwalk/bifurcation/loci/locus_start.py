@@ -71,7 +71,7 @@ class LocusStart:
 
     @property
     def plane(self) -> OrbitPlane:
-        """Orbits among which the locus lies."""
+        """Plane of two parameters, with its orbits, in which the locus is followed."""
         return self.equation.plane
 
 
@@ -158,7 +158,7 @@ def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane
     Raises
     ------
     ModelError
-        Where none is registered for the method, or its options do not suit loci.
+        If no plane is registered for the method, or its options do not suit loci.
     """
     raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
 

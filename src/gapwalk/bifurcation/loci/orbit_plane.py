@@ -96,7 +96,7 @@ class OrbitPlane:
         return replace(self, period=self.period // 2)
 
     def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
-        """Return why an orbit does not satisfy a share of the allowed error; empty if it does, as any exact orbit."""
+        """Return the reason if an orbit exceeds a share of the allowed error; empty otherwise, as for exact orbits."""
         return ""
 
     def finer(self) -> OrbitPlane | None:

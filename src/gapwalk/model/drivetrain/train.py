@@ -28,12 +28,12 @@ _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "stud
 
 @dataclass(frozen=True)
 class Train:
-    """A drive train (or any chain or tree of bodies and springs), free or held by the ground.
+    """A drive train (or any chain or tree of bodies and springs), free or connected to the ground.
 
     Parameters
     ----------
     inertias, shafts, gears
-        Its parts; all of them are connected. Loops may be closed, as far as the ratios around them agree.
+        Its parts; all of them are connected. Closed loops are allowed if the ratios around them agree.
     mean
         Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
     harmonics
@@ -227,9 +227,9 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
     count
         Number of inertias, >= 1.
     inertia, stiffness, damping
-        Of each inertia, of each shaft.
+        Properties of each inertia, and of each shaft.
     held
-        Whether a last shaft joins the last inertia to the ground.
+        True if a last shaft connects the last inertia to the ground.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def _connection_problems(train: Train) -> Iterator[str]:
     if apart:
         more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
         to = "the ground" if tree.root == len(train.inertias) else train.inertias[0].name
-        yield f"{apart[0]} is joined to {to} by nothing{more}; write a shaft or a gear between them"
+        yield f"{apart[0]} is not connected to {to}{more}; write a shaft or a gear between them"
         return
     drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
     for link in drags:

@@ -46,14 +46,14 @@ _CONSISTENT = 1e-9  # relative error of the ratios around a loop
 
 @dataclass(frozen=True)
 class TrainAssembly:
-    """Computes the equations of motion from the numbers of a train of this form.
+    """Assembly of the equations of motion from the numbers of a train of this form.
 
     Parameters
     ----------
     form
         The train without its numbers.
     units
-        In which units its numbers are; None if they are plain numbers, in consistent units already.
+        Units of its numbers; None for plain numbers, which are in consistent units already.
     """
 
     form: TrainForm
@@ -309,7 +309,7 @@ class TrainNumbers:
 
         Shape (inertias, 1 + terms of the excitation): by the mean torques, then by each term at the size 1. Together
         with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
-        ``r^T J r psi'' = r^T (torques)``. Zeros where the ground holds the train.
+        ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground.
         """
         if not self.form.is_free:
             return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)

@@ -163,7 +163,7 @@ def train_part() -> type[TrainBase]:
 
 
 def describes_train(data: Mapping[str, Any]) -> bool:
-    """Return whether the content of a model file has parts of a drive train."""
+    """Return True if the content of a model file has parts of a drive train."""
     return any(key in data for key in _KEYS)
 
 

@@ -29,13 +29,13 @@ class LinkForm:
     ends
         Its ends by number; the ground follows the last inertia.
     geared
-        Whether it has a ratio.
+        True if it has a ratio.
     fixed
         The ratio where it is no parameter: on a closed loop it follows from the others.
     rigid
-        Whether it has no springs.
+        True if it has no springs.
     always
-        Whether it has a spring that acts always.
+        True if it has a spring that acts always.
     contact
         Its springs with clearances.
     """
@@ -55,7 +55,7 @@ class LinkForm:
 
     @property
     def own_numbers(self) -> tuple[str, ...]:
-        """Names of its own numbers, besides those of its contact."""
+        """Names of its numbers, without those of its contact."""
         has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always, "damping": not self.rigid}
         return tuple(what for what, value in has.items() if value)
 
@@ -84,7 +84,7 @@ class Tree:
     Parameters
     ----------
     root
-        The ground where there is one, or else the first inertia.
+        The ground if there is one, otherwise the first inertia.
     steps
         In an order in which each begins where another has ended.
     chords
@@ -100,9 +100,9 @@ class Tree:
 
 
 def tree_of(links: Sequence[LinkForm], ground: int) -> Tree:
-    """Make the tree: rigid links are in it wherever they can, links to the ground only where nothing else will do.
+    """Build the tree: it prefers rigid links, and contains links to the ground only where necessary.
 
-    Drags close loops: they are in the tree only where nothing else holds what they join.
+    Drags close loops: they are in the tree only if no other link connects their inertias.
     """
     chosen = _spanning(links, ground)
     root = ground if any(ground in link.ends and not link.drag for link in links) else 0
@@ -216,14 +216,14 @@ class TrainForm:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates: that of a slip is no deflection, so it has a name of its own."""
+        """Names of the coordinates; a slip has its own name, because it is not a deflection."""
         return tuple(
             f"{link.name}_slip" if link.drag else link.name for link in map(self.links.__getitem__, self.springs)
         )
 
     @cached_property
     def slips(self) -> tuple[int, ...]:
-        """The coordinates by number that are slips: of drags between inertias that nothing else holds together."""
+        """Numbers of the coordinates that are slips, i.e. of drags between inertias that no other link connects."""
         return tuple(place for place, link in enumerate(self.springs) if self.links[link].drag)
 
     @cached_property

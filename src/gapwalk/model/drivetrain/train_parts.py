@@ -54,11 +54,11 @@ class Link:
     between
         The two inertias.
     stiffness
-        Of the spring, > 0; None if there are only stages, or no springs at all: a shaft with damping alone is a drag,
-        as that of a bearing, or of a fluid coupling. Where nothing else holds its two inertias together, the angle
-        between them is free and left out: see `Train`.
+        Stiffness of the spring, > 0; None if there are only stages, or no springs at all: a shaft with damping alone is
+        a drag, as that of a bearing, or of a fluid coupling. Where nothing else holds its two inertias together, the
+        angle between them is free and left out: see `Train`.
     damping
-        Of the damper, >= 0; it acts always, also within a gap.
+        Coefficient of the damper, >= 0; it acts always, also within a gap.
     clearance
         Half the backlash of that spring, as an angle, if there is any.
     stages

@@ -30,7 +30,7 @@ class StageTerms:
     closed
         The mode: 1 while the deflection is beyond the breakpoint, otherwise 0.
     innermost
-        Whether it is the first stage on its side.
+        True for the first stage on its side.
     numbers
         Its parameters by name.
     """
@@ -46,14 +46,14 @@ class StageTerms:
 
 
 class Stages:
-    """All stages of a contact, on each side on which they act, as a formula sees them.
+    """All stages of a contact, on each side on which they act, as arguments of a formula.
 
     Parameters
     ----------
     stages
         The stages.
     add
-        How a backend adds several terms at once.
+        Function with which a backend adds several terms.
     """
 
     def __init__(self, stages: Iterable[StageTerms], add: Callable[[list[Any]], Any] = sum) -> None:
@@ -79,7 +79,7 @@ class Term(NamedTuple):
     stage_numbers
         Parameters of its stage that it is multiplied by.
     stage
-        Which stage on which side: index among those of the contact.
+        Index of the stage and its side among those of the contact.
     power, rate
         Powers of the depth and of the rate.
     """
@@ -181,7 +181,7 @@ def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...]
 
 
 def _term(product: tuple[Any, ...], factor: float) -> Term:
-    """Make a term of a product of symbols; raise a ValueError if it is not one of a single stage, in its mode."""
+    """Make a term of a product of symbols; raise a ValueError unless it belongs to one stage in its mode."""
     (stage,) = [symbol[1] for symbol in product if symbol[0] == _CLOSED]
     of_stages = [symbol for symbol in product if symbol[0] in (_DEPTH, _STAGE_NUMBER)]
     if any(symbol[1] != stage for symbol in of_stages):

@@ -31,13 +31,13 @@ class Law(ABC):
     Attributes
     ----------
     name
-        What it is called in a model file: ``law = "viscous"``.
+        Its name in a model file: ``law = "viscous"``.
     words
-        What it is, in a few words.
+        Description, in a few words.
     parameters
         The parameters of the contact as a whole.
     stage_parameters
-        Those of each stage; the first is the clearance.
+        Parameters of each stage; the first is the clearance.
 
     Notes
     -----
@@ -95,7 +95,7 @@ class Law(ABC):
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
         """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
 
-        By default the motion goes on through the breakpoint, and the stage closes. A law that says otherwise reverses
+        By default the motion continues through the breakpoint, and the stage closes. A law that overrides this reverses
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
         """
         return rate
@@ -128,12 +128,12 @@ LAWS: Registry[Law] = Registry("force law")
 
 
 def register(law: Law) -> None:
-    """Make a force law known to model files, under its name.
+    """Register a force law for model files under its name.
 
     Raises
     ------
     ModelError
-        If another law has that name, or if a table of a model file has another key of the name of a parameter.
+        If another law has that name, or a parameter has the name of another key of its table.
     """
     whole, of_stages = ([each.name for each in those] for those in (law.parameters, law.stage_parameters))
     others = {*law_parameters("stage_parameters")}

@@ -43,7 +43,7 @@ class Load(ABC):
     key
         Its table in a model file, ``[[harmonic]]``.
     words
-        What it is, in a few words.
+        Description, in a few words.
     parameters
         Its parameters, in the order of its fields.
 
@@ -96,7 +96,7 @@ class Load(ABC):
         Parameters
         ----------
         order
-            That of the load.
+            Order of the load.
         frequency
             The frequency W of the excitation: real or complex, or an array.
         numbers
@@ -158,12 +158,12 @@ LOADS: Registry[type[Load]] = Registry("load")
 
 
 def register(kind: type[Load]) -> None:
-    """Make a kind of load known to model files and result files; a ModelError if another one has its key."""
+    """Register a kind of load for model files and result files; raise a ModelError if another kind has its key."""
     LOADS.add(kind.key, kind)
 
 
 def check_order(order: float) -> None:
-    """Refuse an order that is no positive integer, and say why."""
+    """Refuse an order that is not a positive integer, with the reason."""
     if isinstance(order, bool) or not isinstance(order, int | float) or not abs(order) < math.inf:
         raise ModelError(f"order is {order!r}; it must be an integer >= 1")
     if order != int(order):

@@ -1,4 +1,4 @@
-"""Harmonic balance: the second way to pose orbits."""
+"""Harmonic balance: the second method for orbits."""
 
 from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
 from gapwalk.orbit.harmonic_balance.series import Series

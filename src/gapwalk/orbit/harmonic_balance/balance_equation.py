@@ -165,7 +165,7 @@ class BalanceEquation(OrbitEquation):
         return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return why a solution cannot be trusted, and what to change; empty if it can."""
+        """Return the reason why a solution is not reliable, with advice; empty if it is reliable."""
         if orbit.truncation <= self.options.error:
             return ""
         text = (
@@ -273,7 +273,7 @@ class BalanceEquation(OrbitEquation):
 
     @cached_property
     def _shift(self) -> NDArray[np.float64]:
-        """Stiffness of each contact that belongs to the linear system; zero if that is restrained without contacts."""
+        """Stiffness of each contact that is moved into the linear part; 0 if no contact is needed to restrain it."""
         coefficients, count = coefficients_of(self.system), len(self._layout.contacts)
         if np.linalg.cond(linear_of(self._layout, coefficients).stiffness, 1) < _LOOSE:
             return np.zeros(count)

@@ -4,8 +4,8 @@ With the forces of the contacts on the right-hand side, the lines of the motion 
 
     (A + sum_k D_k s_k e_k - w^2 + i w B) q = loads - sum_k D_k (f_k - s_k x_k)
 
-where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts hold in
-place can be solved too. The matrices are read from the coefficients of the flow (`Linear`).
+where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts
+restrain can be solved too. The matrices are read from the coefficients of the flow (`Linear`).
 
 There are two ways to solve it, with the same members. `DirectCompliance` factors the matrix of each line. Where the
 matrices stay the same along the branch, `PoleCompliance` sums over the eigenvalues of the linear system (`Poles`),
@@ -133,7 +133,7 @@ class DirectCompliance:
 
     @cached_property
     def free(self) -> NDArray[np.complex128]:
-        """Deflections under the loads alone, shape (lines, contacts)."""
+        """Deflections under the loads only, shape (lines, contacts)."""
         return self._solved[:, :, -1] @ self.linear.deflections.T
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -255,7 +255,7 @@ def _of_modes(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
 
 
 def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> Eigen | None:
-    """Compute them from the state matrix, whatever the damping; None if it has too few eigenvectors."""
+    """Compute the eigenvalues from the state matrix, for any damping; None if it has too few eigenvectors."""
     n = len(stiffness)
     generator = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
     values, vectors = np.linalg.eig(generator)
@@ -269,9 +269,9 @@ def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
     "(f8[::1], c16[::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, :, ::1])"
 )
 def gains_of(frequencies, values, loads, load_lines, deflections, residues):
-    """Return the amplitude of each eigenvector under a unit load, shape (lines, poles), and the deflections by loads.
+    """Return three arrays on the given lines: amplitudes of eigenvectors, deflections by loads, and flexibility.
 
-    And the flexibility, shape (lines, contacts, contacts).
+    Amplitudes are under a unit load, shape (lines, poles); the flexibility has the shape (lines, contacts, contacts).
     """
     contacts = len(deflections)
     gains = np.empty((len(frequencies), len(values)), np.complex128)

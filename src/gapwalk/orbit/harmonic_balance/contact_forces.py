@@ -145,7 +145,7 @@ def laws_of(
 
 @lru_cache(maxsize=256)
 def _plan_of(layout: CoefficientLayout) -> ForcePolynomials:
-    """Return how g and P of all contacts follow from the coefficients.
+    """Return the polynomials g and P of all contacts, as functions of the coefficients.
 
     Raises
     ------
