@@ -58,7 +58,7 @@ class Grazing(Kind):
                 self,
                 graze.point,
                 graze.spread,
-                lambda point, graze=graze: _extremum(point.orbit, graze.switch, graze.theta)[1],
+                lambda point, graze=graze: depth_near(point.orbit, graze.switch, graze.theta),
                 describe_switch(graze.point.orbit, graze.switch),
                 _EPS * float(np.abs(graze.point.orbit.extremes[:, :2]).max()),
             )
@@ -222,6 +222,11 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
     following = np.append(thetas[1:], thetas[0] + full)
     shortest = int(np.argmin(following - thetas))
     return float(0.5 * (thetas[shortest] + following[shortest]) % full)
+
+
+def depth_near(orbit: Orbit, switch: int, theta: float) -> float:
+    """Return the depth beyond the breakpoint of a switch of the deflection's extremum nearest to an angle."""
+    return _extremum(orbit, switch, theta)[1]
 
 
 def _touch(orbit: Orbit, switch: int) -> float:
