@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
-_VERTEX = 1e-3  # parameter component of the tangent below which the branch counts as turning back
+VERTEX = 1e-3
+"""Parameter component of the tangent below which the branch counts as turning back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ class SpecialPoint(Shown):
     @property
     def is_vertex(self) -> bool:
         """True for a branch point at which this branch turns back, because it branches off from the other one."""
-        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
+        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < VERTEX
 
     @property
     def nature_words(self) -> str:
