@@ -85,38 +85,34 @@ class ErrorEstimator:
             value += shift * float(point.tangent[-1])
         return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
-    def rounding(self, point: BranchPoint) -> NDArray[np.float64]:
-        """Return samples of the rounding errors of the first computation's residual at a point, shape (samples, N)."""
-        x = point.x * self._known
-        return roundings(self._equation, x[:-1], float(x[-1]), self._own.evaluate(point.x))
-
-    def blurred(self, point: BranchPoint, rounding: NDArray[np.float64]) -> tuple[float, BranchPoint]:
-        """Return how far rounding of the residual moves a point of the first computation across its tangent.
+    def blur(self, point: BranchPoint, rounding: NDArray[np.float64] | None = None) -> _Blur:
+        """Return how rounding moves a point of the first computation across its tangent.
 
         Parameters
         ----------
         point
             The point.
         rounding : shape (samples, N)
-            Samples of the errors of the residual.
-
-        Returns
-        -------
-        tuple
-            Largest change of the scaled parameter, and the point displaced farthest.
+            Samples of the rounding errors of the residual, if they are known from a point nearby.
 
         Raises
         ------
         NumericalError
             If the Jacobian is singular, or there is no motion so far aside.
         """
+        evaluation, x = self._own.evaluate(point.x), point.x * self._known
+        assert evaluation.by_parameter is not None
+        if rounding is None:
+            rounding = roundings(self._equation, x[:-1], float(x[-1]), evaluation)
+        jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
         right = np.column_stack((rounding, np.zeros(len(rounding)))).T
         try:
-            moved = np.linalg.solve(np.vstack((self._own.jacobian(point.x), point.tangent)), right).T
+            moved = np.linalg.solve(np.vstack((jacobian, point.tangent)), right).T
         except np.linalg.LinAlgError:
             raise NumericalError(f"the branch is singular at {point.value:.12g}") from None
         farthest = point.x + moved[int(np.argmax(np.linalg.norm(moved, axis=1)))]
-        return float(np.abs(moved[:, -1]).max()), self._own.exact_point(farthest, point.tangent, point.arclength)
+        aside = self._own.exact_point(farthest, point.tangent, point.arclength)
+        return _Blur(float(np.abs(moved[:, -1]).max()), aside, rounding)
 
     def crossing(self, point: BranchPoint, reach: float) -> float:
         """Return the parameter at which the second computation has a crossing, near a branch point.
@@ -143,6 +139,24 @@ class ErrorEstimator:
 
     def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
+
+
+class _Blur(NamedTuple):
+    """Effect of rounding on a point of a branch.
+
+    Attributes
+    ----------
+    off
+        Largest change of the scaled parameter.
+    aside
+        The point displaced farthest.
+    rounding : shape (samples, N)
+        Samples of the rounding errors of the residual.
+    """
+
+    off: float
+    aside: BranchPoint
+    rounding: NDArray[np.float64]
 
 
 class _Seen(NamedTuple):
@@ -194,19 +208,17 @@ def location_error(
     NumericalError
         If there is no such point.
     """
-    rounding = second.rounding(zero.point)
+    there, blur = second.at(zero.point), second.blur(zero.point)
 
-    def seen(point: BranchPoint) -> _Seen:
+    def seen(point: BranchPoint, blur: _Blur) -> _Seen:
         value = zero.function(point)
-        off, aside = second.blurred(point, rounding)
-        return _Seen(point, value, off, abs(zero.function(aside) - value))
+        return _Seen(point, value, blur.off, abs(zero.function(blur.aside) - value))
 
-    there, here = second.at(zero.point), seen(zero.point)
-    other = _Seen(there, zero.function(there))
+    here, other = seen(zero.point, blur), _Seen(there, zero.function(there))
     if not zero.contact:  # both sides are alike
         return max(_location_error(zero, here, other, _Seen(point, zero.function(point))) for point in around)
-    near = [seen(point) for point in around]
-    sides = [here, *near, *map(seen, ends)]
+    near, further = ([seen(point, second.blur(point, blur.rounding)) for point in each] for each in (around, ends))
+    sides = [here, *near, *further]
     here = here._replace(off=max(each.off for each in sides), blur=max(each.blur for each in sides))
     steepest = max(near, key=lambda each: abs(_rate(here, each)))
     return max(_location_error(zero, here, other, each, each is not steepest) for each in near)
@@ -228,7 +240,7 @@ def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen, is_flat:
     shift, blur = abs(other.zero), here.blur
     if is_flat:
         shift, blur = shift if other.zero * near.zero > 0.0 else 0.0, near.blur
-    along = (max(abs(here.zero), shift, zero.noise) + blur) / abs(rate)
+    along = max(abs(here.zero), shift, zero.noise, blur) / abs(rate)
     width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
     off += width * here.off
     ahead = abs(float(point.tangent[-1])) * along

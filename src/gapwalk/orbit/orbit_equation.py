@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 MAX_PERIOD = 10_000
 """Largest number of forcing periods of an orbit; events and samples of each are stored."""
-_SAMPLES = 6  # evaluations that show the rounding of a residual
-_BESIDE = 1e-15  # distance of these from the solution, relative to the size of the unknowns and of the parameter
+_SAMPLES = 4  # evaluations that show the rounding of a residual
+_BESIDE = 1e-14  # distance of these from the solution, relative to the size of the unknowns and of the parameter
 _RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped resonance
 
 
@@ -232,8 +232,9 @@ def roundings(
 ) -> NDArray[np.float64]:
     """Return samples of the rounding errors of a residual, shape (samples, N).
 
-    The equation is evaluated some units of the last digit aside, always in the same directions. All that differs there
-    from the linear change is rounding, however it arises: in each step of a flow, and amplified by what follows it.
+    The equation is evaluated 1e-14 aside, always in the same directions: nearer, much of the rounding is the same. What
+    differs there from the linear change is rounding, however it arises: in each step of a flow, and amplified by what
+    follows it.
 
     Parameters
     ----------
