@@ -10,7 +10,7 @@ import gapwalk as gw
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from gapwalk import System, paper
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 
 GROUP = "Whole jobs of figure 15 on two processes, wall time"
 _BOX = {"q1": (-4.0, 4.0), "q1'": (-4.0, 4.0)}
@@ -22,15 +22,17 @@ def rows(effort: Effort) -> list[Row]:
     system, size = paper.case("15"), effort.cells
     slow, many = system.at(frequency=0.45), 4 * size
     return [
-        _measure(f"regime map, {size} x {size} cells", lambda hands: gw.regimes(system, _PLANE, size, hands=hands)),
-        _measure(f"basins, {many} x {many} cells", lambda hands: gw.basins(slow, _BOX, many, hands=hands)),
-        _measure(f"sweep, {size} values, each from 8 starts", lambda hands: _sweep(system, size, hands)),
+        _measure(
+            f"regime map, {size} x {size} cells", lambda workers: gw.regimes(system, _PLANE, size, workers=workers)
+        ),
+        _measure(f"basins, {many} x {many} cells", lambda workers: gw.basins(slow, _BOX, many, workers=workers)),
+        _measure(f"sweep, {size} values, each from 8 starts", lambda workers: _sweep(system, size, workers)),
     ]
 
 
-def _sweep(system: System, values: int, hands: Workers) -> object:
+def _sweep(system: System, values: int, workers: Workers) -> object:
     options = gw.SweepOptions(steps=values, ways="afresh", starts=8)
-    return gw.sweep(system, "frequency", (0.3, 1.2), options=options, hands=hands)
+    return gw.sweep(system, "frequency", (0.3, 1.2), options=options, workers=workers)
 
 
 def _measure(what: str, work: Callable[[Workers], object]) -> Row:
@@ -45,6 +47,6 @@ def _measure(what: str, work: Callable[[Workers], object]) -> Row:
 
 def _wall(work: Callable[[Workers], object], count: int) -> float:
     begun = time.perf_counter()
-    with workers(count) as hands:
-        work(hands)
+    with local_workers(count) as workers:
+        work(workers)
     return time.perf_counter() - begun

@@ -24,8 +24,8 @@ from gapwalk.bifurcation.detector import Detector
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import Walk
 from gapwalk.flow import flow as flows
+from gapwalk.flow.contact_events import Switchboard
 from gapwalk.flow.flow import Flow
-from gapwalk.flow.switching import Switchboard
 from gapwalk.orbit import orbit as orbits
 from gapwalk.orbit import shooting
 from gapwalk.orbit.shooting import ShootingEquation

@@ -10,7 +10,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import Interrupted
-from gapwalk.studies.kind import found_by
+from gapwalk.studies.study_kind import found_by
 from tests.interruption import until_ctrl_c
 from tests.systems import clutch, linear
 

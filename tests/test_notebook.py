@@ -48,7 +48,7 @@ import matplotlib.pyplot as plt
 plt.plot([0.0, 1.0], [0.0, 1.0]);
 """,
     "motion": 'gw.settle(system).plot("x");',
-    "off": 'gw.show_progress(False)\nbranch = gw.follow(orbit, "frequency", to=0.8)',
+    "off": 'gw.parallel.show_progress(False)\nbranch = gw.follow(orbit, "frequency", to=0.8)',
 }
 
 
@@ -71,8 +71,8 @@ def test_values_show_their_cards(outputs) -> None:
     assert "stop" in shown(outputs["system"])
     card = shown(outputs["branch"])
     assert "<b>Branch</b>" in card
-    assert "grazing points" in card
-    assert "at</td>" in shown(outputs["special"])
+    assert "2 grazing" in card
+    assert "<div>at " in shown(outputs["special"])
     for name in ("branch", "orbit"):
         data = base64.b64decode(shown(outputs[name]).partition("base64,")[2].partition('"')[0])
         width, height = struct.unpack(">II", data[16:24])

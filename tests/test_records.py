@@ -12,6 +12,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.notebook import Shown
+from tests.release.names import public_things
 from tests.systems import clutch
 
 
@@ -42,7 +43,7 @@ def test_no_record_compares_arrays() -> None:
 
 
 def test_every_public_record_is_hashable() -> None:
-    public = {getattr(gw, name) for name in gw.__all__ if isinstance(getattr(gw, name), type)}
+    public = {thing for thing in public_things().values() if isinstance(thing, type)}
     met: list[Any] = [each for each in records() if each in public or issubclass(each, Shown)]
     assert len(met) > 40
     guilty = [
@@ -60,9 +61,9 @@ def test_every_public_record_is_hashable() -> None:
 def samples() -> dict[str, Any]:
     """Records as users meet them, by a name."""
     system = clutch()
-    train = gw.Train(
-        [gw.Inertia("engine", 1.0), gw.Inertia("load", 2.0)],
-        [gw.Shaft("shaft", ("engine", "load"), stiffness=1.0, damping=0.1)],
+    train = gw.train.Train(
+        [gw.train.Inertia("engine", 1.0), gw.train.Inertia("load", 2.0)],
+        [gw.train.Shaft("shaft", ("engine", "load"), stiffness=1.0, damping=0.1)],
         mean={"engine": 0.1},
         harmonics=[gw.Harmonic(0.2, {"engine": 1.0})],
     )
@@ -76,7 +77,7 @@ def samples() -> dict[str, Any]:
         "contact with a list of stages": gw.Contact("gap", {"q1": 1.0}, [gw.Stage(1.0)]),  # type: ignore[arg-type]
         "harmonic": gw.Harmonic(0.2, {"q1": 1.0}),
         "train": train,
-        "plane": gw.Plane({"q1": 1.0}),
+        "plane": gw.analysis.Plane({"q1": 1.0}),
         "orbit": orbit,
         "balanced orbit": gw.find_orbit(system.at({"frequency": 1.0}), method=gw.Balance(harmonics=8)),
         "point": branch.points[3],
@@ -86,17 +87,16 @@ def samples() -> dict[str, Any]:
         "locus": locus,
         "locus point": locus.points[0],
         "motion": orbit.motion(),
-        "survey": orbit.survey,
-        "modes": gw.modes_of(system),
-        "rest": gw.rest_of(system),
-        "hysteresis": gw.hysteresis(system, 1.5, "stage2"),
-        "spectrum": gw.spectrum(orbit, "q1"),
+        "modes": gw.find_modes(system),
+        "rest": gw.find_equilibria(system),
+        "hysteresis": gw.analysis.hysteresis(system, 1.5, "stage2"),
+        "spectrum": gw.analysis.spectrum(orbit, "q1"),
         "settled": gw.settle(system.at({"frequency": 1.0})),
     }
 
 
 MODELS = ("system", "contact", "contact with a list of stages", "harmonic", "train", "plane", "end")
-WALKED = ("orbit", "balanced orbit", "point", "special point", "branch", "locus", "locus point", "motion", "survey")
+WALKED = ("orbit", "balanced orbit", "point", "special point", "branch", "locus", "locus point", "motion")
 FOUND = (*WALKED, "modes", "rest", "hysteresis", "spectrum", "settled")
 
 

@@ -84,7 +84,7 @@ class Job:
     """
 
     case: str
-    options: gw.ResponseOptions | gw.DiagramStudyOptions | gw.SettleStudyOptions
+    options: gw.studies.ResponseOptions | gw.studies.DiagramStudyOptions | gw.studies.SettleStudyOptions
     name: str = ""
     changes: Mapping[str, float] = field(default_factory=dict)
     short_search: tuple[float, ...] | None = None
@@ -104,7 +104,7 @@ class Job:
     def shortest(self) -> Job:
         """The job without longer periods, for statements on period 1; itself, if it has none."""
         options = self.options
-        if not isinstance(options, gw.DiagramStudyOptions) or options.max_period == 1:
+        if not isinstance(options, gw.studies.DiagramStudyOptions) or options.max_period == 1:
             return self
         values = options.search_values if self.short_search is None else self.short_search
         options = replace(options, max_period=1, search_values=values)
@@ -114,7 +114,7 @@ class Job:
     def study(self) -> gw.Study:
         """The study, as `gapwalk.run` takes it."""
         system = gw.paper.case(self.case, slope=self.reading.slope, damping=self.reading.damping).at(self.changes)
-        if not isinstance(self.options, gw.SettleStudyOptions):
+        if not isinstance(self.options, gw.studies.SettleStudyOptions):
             system = system.at({self.options.parameter: self.options.begin})
         return gw.Study(
             system, self.options, f"Padmanabhan and Singh (1995), set of figure {self.case} ({self.reading})"
@@ -139,7 +139,7 @@ def _branches(
     effort: float = 2.0,
 ) -> Job:
     """A diagram: motions of period 1 over one parameter, and the branches that leave them."""
-    options = gw.DiagramStudyOptions(
+    options = gw.studies.DiagramStudyOptions(
         parameter,
         *over,
         MEASURE,
@@ -158,7 +158,7 @@ def _balance(case: str) -> Job:
     It has as many harmonics as the paper takes for its lighter loads (section 5: 15 to 20). The truncation may be
     large: the comparison with shooting shows what it does.
     """
-    options = gw.ResponseOptions("frequency", 2.0, 0.15, MEASURE, method=gw.Balance(20, error=0.01))
+    options = gw.studies.ResponseOptions("frequency", 2.0, 0.15, MEASURE, method=gw.Balance(20, error=0.01))
     return Job(case=case, options=options, name=f"{case}-balance", effort=1.0)
 
 
@@ -173,8 +173,8 @@ def _motion(
     effort: float = 0.5,
 ) -> Job:
     """A settled motion. The sign of the largest exponent decides its kind, so errors may be of a tenth."""
-    lyapunov = gw.LyapunovOptions(max_periods=max_periods, relative=0.1)
-    options = gw.SettleStudyOptions(signal=signal, start=start, lyapunov=lyapunov)
+    lyapunov = gw.analysis.LyapunovOptions(max_periods=max_periods, relative=0.1)
+    options = gw.studies.SettleStudyOptions(signal=signal, start=start, lyapunov=lyapunov)
     return Job(case=case, options=options, name=name, changes=changes or {}, effort=effort)
 
 

@@ -191,7 +191,7 @@ def _figure_document(report: Report, figure: Figure) -> dict[str, Any]:
     }
 
 
-def _loop_document(loop: gw.Hysteresis) -> dict[str, Any]:
+def _loop_document(loop: gw.analysis.Hysteresis) -> dict[str, Any]:
     return {"loss": loop.loss, "deflection": loop.deflection.tolist(), "force": loop.force.tolist()}
 
 

@@ -169,7 +169,7 @@ class Motion(Panel):
     def fill(picture: Picture, panels: Sequence[Panel], shown: Shown, columns: int) -> None:
         """Draw the motion."""
         (((result,),),) = (shown,)
-        assert isinstance(result.options, gw.SettleStudyOptions)
+        assert isinstance(result.options, gw.studies.SettleStudyOptions)
         title = picture.get_suptitle()
         gw.plot.draw(attractor_of(result), result.options.signal, title=title, figure=picture)
 
@@ -196,7 +196,7 @@ class Contrast(Panel):
         """Draw a row for each signal."""
         first, second = (orbit_of(result) for result in shown[0])
         rows = [panel for panel in panels if isinstance(panel, Contrast)]
-        found = gw.contrast(first, second, [row.signal for row in rows], names=rows[0].names)
+        found = gw.analysis.contrast(first, second, [row.signal for row in rows], names=rows[0].names)
         gw.plot.draw(found, title=picture.get_suptitle(), figure=picture)
 
 

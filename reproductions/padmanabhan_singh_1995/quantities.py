@@ -50,7 +50,7 @@ def main_branch(result: gw.Result) -> gw.Branch:
     return result.branches[0]
 
 
-def members(result: gw.Result, period: int) -> list[gw.DiagramBranch]:
+def members(result: gw.Result, period: int) -> list[gw.records.DiagramBranch]:
     """Return the branches of one period."""
     assert result.diagram is not None
     return [member for member in result.diagram.members if member.period == period]
@@ -132,7 +132,7 @@ def words(found: Sequence[object]) -> str:
 
 def attractor_of(result: gw.Result) -> gw.Attractor:
     """Return the attractor on which a motion has settled."""
-    assert isinstance(result.finding, gw.SettleFinding)
+    assert isinstance(result.finding, gw.studies.SettleFinding)
     return result.finding.attractor
 
 
@@ -170,7 +170,7 @@ def force_peaks(orbit: gw.Orbit) -> tuple[int, int]:
 
 def lines(orbit: gw.Orbit, signal: str) -> Array:
     """Return the amplitudes of the harmonics of the excitation frequency of a periodic motion, the first first."""
-    found = gw.spectrum(orbit, signal)
+    found = gw.analysis.spectrum(orbit, signal)
     whole = np.isclose(found.orders % 1.0, 0.0) & (found.orders > 0.5)
     return found.amplitudes[whole]
 
@@ -180,16 +180,16 @@ def lines(orbit: gw.Orbit, signal: str) -> Array:
 VISCOUS, IMPACT = "viscous damping", "impact damping"
 
 
-def _loops() -> dict[str, gw.Hysteresis]:
+def _loops() -> dict[str, gw.analysis.Hysteresis]:
     """Compute both loops; the damper costs as much per cycle as the impact damping, so that they can be compared.
 
     The paper prints no numbers for them. The clearance is 1, as in its tables, the amplitude twice that, and beta is
     larger than in any of its sets, so that the loop can be seen.
     """
 
-    def loop(law: str, **numbers: float) -> gw.Hysteresis:
+    def loop(law: str, **numbers: float) -> gw.analysis.Hysteresis:
         stop = (gw.Stage(clearance=1.0, side=gw.Side.POSITIVE),)
-        return gw.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, numbers), 2.0)
+        return gw.analysis.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, numbers), 2.0)
 
     impact = loop("hunt-crossley", impact_damping=0.5)
     damper = impact.loss / loop("viscous", viscous_damping=1.0).loss
@@ -209,7 +209,7 @@ _SAMPLES, _PERIODS, _SEED = 160, 6, 1995  # samples per forcing period; forcing 
 _PHASE = 1.0  # rad, at the first sample
 
 
-def third_inertia(system: gw.System) -> gw.Signal:
+def third_inertia(system: gw.System) -> gw.measure.Signal:
     """Return u3'' about its mean, in units of the shaft's deflection bc3 times w^2, as a signal of the paper's system.
 
     Parameters
@@ -232,10 +232,10 @@ def third_inertia(system: gw.System) -> gw.Signal:
     n = -system["stage2.force.q3"] / system["stage2.force.q1"]
     first, second = system["mean.q1"], system["mean.q3"]
     r = k12 * (second + n * first) / (n * (first * k22 + second * k12))
-    return gw.Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)), "u3''")
+    return gw.measure.Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)), "u3''")
 
 
-def synthetic_record(orbit: gw.Orbit) -> gw.Record:
+def synthetic_record(orbit: gw.Orbit) -> gw.measure.Record:
     """Return a record of u3'' of a motion, as a sensor with white noise would give it.
 
     The measured record of figure 8 is not printed as numbers. This one is no measurement, and its name says so.
@@ -245,10 +245,10 @@ def synthetic_record(orbit: gw.Orbit) -> gw.Record:
     exact = np.tile(once, -(-(_PERIODS + 1) // orbit.period))[begin : begin + _PERIODS * _SAMPLES + 1]
     noise = np.random.default_rng(_SEED).normal(0.0, NOISE * float(np.std(once)), len(exact))
     time = 2.0 * np.pi / orbit.system.frequency * np.arange(len(exact)) / _SAMPLES
-    return gw.Record(time, exact + noise, name="SYNTHETIC, no measurement")
+    return gw.measure.Record(time, exact + noise, name="SYNTHETIC, no measurement")
 
 
-def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> gw.Alignment:
+def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> gw.measure.Alignment:
     """Align u3'' of a settled motion with the synthetic record of another one at the same frequency."""
     orbit = orbit_of(computed)
-    return gw.align(orbit, synthetic_record(orbit_of(recorded)), third_inertia(orbit.system))
+    return gw.measure.align(orbit, synthetic_record(orbit_of(recorded)), third_inertia(orbit.system))

@@ -98,7 +98,7 @@ def reproduce(
     figures = tuple(figure.at(reading) for figure in figures)
     jobs = {job.key: job for owner in (*figures, *claims) for job in owner.jobs}
     effort = sum(job.effort for job in jobs.values())
-    with gw.workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
+    with gw.parallel.local_workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
         results, failures = compute(list(jobs.values()), folder / "results", workers, force=force, progress=progress)
         checked = [(claim, claim.outcome(results, failures)) for claim in claims]
         report = Report(figures, reading, results, failures, checked)
@@ -115,7 +115,7 @@ def compute(
     jobs, folder, force, progress
         As in `reproduce`; `folder` is that of the result files.
     workers
-        The processes that do it, as from `gapwalk.workers`.
+        The processes that do it, as from `gapwalk.parallel.local_workers`.
 
     Returns
     -------

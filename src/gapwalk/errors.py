@@ -16,7 +16,7 @@ class StoreError(ModelError):
 
 
 class NumericalError(GapwalkError, ArithmeticError):
-    """A computation that could not be carried through; the message says where it stood."""
+    """A computation that could not be completed; the message says how far it came."""
 
 
 class FlowError(NumericalError):
@@ -33,7 +33,7 @@ class VerificationError(NumericalError):
     Attributes
     ----------
     verification
-        The `gapwalk.Verification`: what was checked, and what failed where.
+        The `gapwalk.Verification`: the checks, and the places at which some failed.
     """
 
     def __init__(self, message: str, verification: object = None) -> None:
@@ -42,12 +42,12 @@ class VerificationError(NumericalError):
 
 
 class WorkError(NumericalError):
-    """Work that other processes could not do: one died over a piece of it each time, or all have gone.
+    """Work that other processes could not do: a process died of one piece each time, or all processes are gone.
 
     Attributes
     ----------
     pieces
-        Indices of the pieces of work that were given up; what was accepted of the others is kept.
+        Indices of the pieces of work that were given up; accepted results of the others are kept.
     """
 
     def __init__(self, message: str, pieces: tuple[int, ...] = ()) -> None:
@@ -56,14 +56,14 @@ class WorkError(NumericalError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C in a call that had found something by then: it is stored, if the call stores, and it is here.
+    """Ctrl-C in a call that had found something by then; it is stored, if the call stores results.
 
-    It is raised, so that nothing that comes after the call is done with a part of the answer.
+    It is raised so that nothing after the call continues with a part of the answer.
 
     Attributes
     ----------
     found
-        What the call would have returned, as far as it had come.
+        Return value of the call, as far as it had come.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Files: from outside, only ordinary ones that fill their memory are read; Ctrl-C waits until one is written."""
+"""Checks of files from outside, before memory is allocated; and writing that Ctrl-C does not interrupt."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ import numpy as np
 
 
 def why_no_file(path: str | os.PathLike[str]) -> str:
-    """What is wrong with a name that stands for something else than a file; empty if there is a file, or nothing.
+    """Say why a name cannot be that of a file; empty if there is a file or nothing of that name.
 
-    Who opens a pipe waits for ever, and a device has no end.
+    Opening a pipe would wait forever, and a device has no end.
     """
     name = os.fspath(path)
     if os.path.isdir(name):
@@ -31,9 +31,9 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait for the end of the block, so that what is written there is written, and known to be.
+    """Let Ctrl-C and SIGTERM wait for the end of the block, so that it is known what was written in it.
 
-    Signals that have no handler in Python end the process at once, as ever. Other threads are never interrupted.
+    Signals without a handler in Python end the process at once, as usual. Other threads are never interrupted.
     """
     in_main = threading.current_thread() is threading.main_thread()
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
@@ -65,21 +65,21 @@ def open_file(path: str | os.PathLike[str]) -> IO[bytes]:
 
 
 def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
-    """Refuse an archive of arrays (NPZ) that would take more memory than it fills.
+    """Refuse an archive of arrays (NPZ) that would take more memory than its content fills.
 
     Parameters
     ----------
     source
         The archive: its name, or its bytes as a file.
     most
-        Bytes that its content may have.
+        Largest size of its content, in bytes.
 
     Raises
     ------
     ValueError
-        If its content is larger, an array is said to have more entries than are there, or holds objects.
+        If its content is larger, or an array holds objects or states more entries than are there.
     zipfile.BadZipFile, OSError
-        If it is no archive, or cannot be read.
+        If it is not an archive, or cannot be read.
     """
     with zipfile.ZipFile(source) as archive:
         entries = archive.infolist()
@@ -91,7 +91,7 @@ def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
 
 
 def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """The shape and the kind of numbers of an array in NumPy's form (NPY), before its numbers are read.
+    """Read shape and dtype of an array in NumPy's format (NPY), before its numbers.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple
     size
         Its bytes.
     name
-        What messages call it.
+        Name of the array in messages.
 
     Raises
     ------
     ValueError
-        If it is none, holds objects, or is said to have more entries than are there.
+        If it is not an array, holds objects, or states more entries than are there.
     """
     version = np.lib.format.read_magic(content)
     heads = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}

@@ -11,6 +11,8 @@ from contextvars import ContextVar
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from gapwalk.summary import Described
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -23,11 +25,8 @@ _switch = {"on": os.environ.get("GAPWALK_PROGRESS", "").lower() not in _OFF}
 _is_inside: ContextVar[bool] = ContextVar("gapwalk_progress", default=False)
 
 
-class Shown:
-    """A record with a card: its name, a table of its main figures, and a picture if that is cheap.
-
-    The contents of the card of each type are defined in `gapwalk.plot.card`: a record does not know how it is drawn.
-    """
+class Shown(Described):
+    """A record that has a card in notebooks: its summary, and a picture if that is cheap."""
 
     __slots__ = ()
 

@@ -27,7 +27,7 @@ __all__ = [
 
 
 class SlopeReading(StrEnum):
-    """How the slope of the second stage is read; kappa = K11 is the share of the first stage."""
+    """Reading of the slope of the second stage; kappa = K11 is the share of the first stage."""
 
     REDUCED = "reduced"
     """Slope 1: the tables' n1 and n2 contain the factor 1 - kappa already."""
@@ -36,7 +36,7 @@ class SlopeReading(StrEnum):
 
 
 class DampingReading(StrEnum):
-    """How the impact damping is read."""
+    """Reading of the impact damping."""
 
     DISSIPATIVE = "dissipative"
     """``g + beta |g| v``, Hunt and Crossley's law."""
@@ -46,7 +46,7 @@ class DampingReading(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
-    """The numbers of one figure, non-dimensional, in the signs of the equations of motion (paper, section 2).
+    """Numbers of one figure, non-dimensional, in the signs of the equations of motion (paper, section 2).
 
     Parameters
     ----------
@@ -65,9 +65,9 @@ class ParameterSet:
     frequency
         W where the figure has one; otherwise where its response begins.
     is_response
-        Whether the figure shows a frequency response.
+        True if the figure shows a frequency response.
     note
-        What had to be decided beyond the printed tables; empty if nothing.
+        Decisions beyond the printed tables; empty if there are none.
     """
 
     stiffness: tuple[float, float, float, float]
@@ -178,17 +178,17 @@ _CASES = {
 
 
 def names() -> tuple[str, ...]:
-    """The names of all figures with a parameter set, in the order of the paper."""
+    """Return the names of all figures with a parameter set, in the order of the paper."""
     return tuple(_CASES)
 
 
 def frequency_responses() -> tuple[str, ...]:
-    """The names of the figures that show a frequency response."""
+    """Return the names of the figures that show a frequency response."""
     return tuple(name for name, numbers in _CASES.items() if numbers.is_response)
 
 
 def parameter_set(name: str) -> ParameterSet:
-    """The numbers of a figure.
+    """Return the numbers of a figure.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def case(
     slope: SlopeReading | str = SlopeReading.REDUCED,
     damping: DampingReading | str = DampingReading.DISSIPATIVE,
 ) -> System:
-    """The system of a figure: coordinates q1 and q3, contact ``stage2``, ``harmonic1`` and its like.
+    """Return the system of a figure: coordinates q1 and q3, contact ``stage2``, loads ``harmonic1`` and so on.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.contrast import agreement, lines_of, orders_of
+from gapwalk.attractors.compare_motions import agreement, lines_of, orders_of
 from gapwalk.errors import ModelError
 from tests.systems import clutch, linear
 
@@ -32,7 +32,7 @@ def test_agreement_of_two_cosines_is_known() -> None:
 
 def test_two_motions_side_by_side_have_the_lines_of_their_spectra() -> None:
     first, second = (gw.find_orbit(clutch(frequency=0.8, **{"stage2.impact_damping": b})) for b in (0.05, 0.2))
-    found = gw.contrast(first, second, names=("light", "heavy"))
+    found = gw.analysis.contrast(first, second, names=("light", "heavy"))
     assert [pair.signal for pair in found.pairs] == ["q1''", "stage2.force"]
     for pair in found.pairs:
         assert pair.agreement is not None
@@ -47,16 +47,16 @@ def test_motions_of_different_periods_are_seen_over_both() -> None:
     system = gw.paper.case("15").at(frequency=0.45)
     two, three = (gw.find_orbit(linear(), 2), gw.settle(system).orbit)
     assert three is not None
-    pair = gw.contrast(gw.find_orbit(system), three, ["q1"]).pairs[0]
+    pair = gw.analysis.contrast(gw.find_orbit(system), three, ["q1"]).pairs[0]
     assert pair.theta[-1] == pytest.approx(6 * np.pi)
     assert pair.agreement is not None
     assert pair.agreement.lines[0].order == pytest.approx(1 / 3)
     with pytest.raises(ModelError, match="no signal 'q1'"):
-        gw.contrast(three, two, ["q1"])
+        gw.analysis.contrast(three, two, ["q1"])
 
 
 def test_without_a_period_there_is_no_agreement() -> None:
     chaos = gw.settle(gw.paper.case("15").at(frequency=0.4), options=gw.SettleOptions(max_periods=64))
-    found = gw.contrast(chaos, chaos, ["q1"])
+    found = gw.analysis.contrast(chaos, chaos, ["q1"])
     assert found.pairs[0].agreement is None
     assert "q1 no common period" in repr(found)

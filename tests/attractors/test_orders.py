@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.attractors import contrast as agreement
+from gapwalk.attractors import compare_motions as agreement
 from gapwalk.attractors.spectrum import line_name
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
@@ -21,10 +21,12 @@ RPM = 902.0
 @pytest.fixture(scope="module")
 def system() -> gw.System:
     """A disc on the wall, shaken at three orders of a shaft that turns at 902 rpm."""
-    shaft = gw.Shaft("shaft", ("disc", "ground"), stiffness=f"{STIFFNESS} N m/rad", damping=f"{DAMPING} N m s/rad")
+    shaft = gw.train.Shaft(
+        "shaft", ("disc", "ground"), stiffness=f"{STIFFNESS} N m/rad", damping=f"{DAMPING} N m s/rad"
+    )
     harmonics = [gw.Harmonic(f"{size} N m", {"disc": 1.0}, order) for order, size in TORQUES.items()]
-    return gw.Train(
-        [gw.Inertia("disc", f"{INERTIA} kg m^2")], [shaft], harmonics=harmonics, speed=f"{RPM} rpm"
+    return gw.train.Train(
+        [gw.train.Inertia("disc", f"{INERTIA} kg m^2")], [shaft], harmonics=harmonics, speed=f"{RPM} rpm"
     ).system()
 
 
@@ -40,7 +42,7 @@ def torque(order: int) -> float:
 
 
 def test_lines_of_a_spectrum_stand_at_the_orders_of_the_torques(orbit) -> None:
-    found = gw.spectrum(orbit, "shaft.torque")
+    found = gw.analysis.spectrum(orbit, "shaft.torque")
     for order in TORQUES:
         assert found.amplitude(order) == pytest.approx(torque(order), rel=1e-9)
     assert found.amplitude(1) == found.amplitude(3) == 0.0
@@ -53,7 +55,7 @@ def test_measures_and_waterfalls_count_in_the_same_way(orbit) -> None:
         assert orbit.measure(f"h{order}.shaft.torque") == pytest.approx(torque(order), rel=1e-9)
     with pytest.raises(ModelError, match="a period-1 orbit has harmonics of multiples of order 2, not of 1"):
         orbit.measure("h1.shaft.torque")
-    found = gw.waterfall([orbit], "shaft.torque", top=6, parameter="speed")
+    found = gw.analysis.waterfall([orbit], "shaft.torque", top=6, parameter="speed")
     assert found.orders.tolist() == [0.0, 2.0, 4.0, 6.0]
     np.testing.assert_allclose(found.amplitudes[0, 1:], [torque(order) for order in TORQUES], rtol=1e-4)
     ax = draw(found, ax=Figure().add_subplot())
@@ -62,10 +64,10 @@ def test_measures_and_waterfalls_count_in_the_same_way(orbit) -> None:
 
 def test_two_motions_are_compared_line_by_line_at_the_same_orders(system, orbit) -> None:
     other = gw.find_orbit(system.at({"shaft.damping": 0.4}))
-    (pair,) = gw.contrast(orbit, other, ["shaft.torque"]).pairs
+    (pair,) = gw.analysis.contrast(orbit, other, ["shaft.torque"]).pairs
     assert [line.order for line in pair.agreement.lines[:3]] == [2.0, 4.0, 6.0]
     assert pair.agreement.lines[0].first == pytest.approx(torque(2), rel=1e-6)
-    figure = gw.contrast(orbit, other, ["shaft.torque"], names=("soft", "hard")).plot(figure=Figure())
+    figure = gw.analysis.contrast(orbit, other, ["shaft.torque"], names=("soft", "hard")).plot(figure=Figure())
     assert figure.get_suptitle() == "soft and hard at speed = 902 rpm"
     assert figure.axes[1].get_xlabel() == "order (per turn of the reference shaft)"
 
@@ -86,10 +88,10 @@ def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) 
         card = card_of(value)
         assert "902" in card
         assert "188.9" not in card
-    assert "(order 2), harmonic4 (order 4), harmonic6 (order 6)" in card_of(system)
+    assert "of order 2, harmonic4 of order 4, harmonic6 of order 6" in card_of(system)
     figure = draw(settled, figure=Figure(layout="constrained"))
     assert "speed = 902 rpm" in figure.get_suptitle()
-    ax = draw(gw.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())
+    ax = draw(gw.analysis.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())
     assert ax.get_xlabel() == "order (per turn of the reference shaft)"
     assert {text.get_text() for text in ax.texts} >= {"2", "4"}
 
@@ -97,7 +99,7 @@ def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) 
 def test_orders_without_a_speed_are_multiples_of_the_frequency() -> None:
     system = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(1.0, {"x": 1.0}, 2)], frequency=0.8)
     orbit = gw.find_orbit(system)
-    found = gw.spectrum(orbit, "x")
+    found = gw.analysis.spectrum(orbit, "x")
     exact = abs(1.0 / (1.0 - 1.6**2 + 0.16j))
     assert found.peaks(1)[0][:2] == ("2W", 2.0)
     assert [found.amplitude(2), orbit.measure("h2.x")] == pytest.approx([exact, exact], rel=1e-9)

@@ -107,7 +107,7 @@ def test_a_harmonic_motion_is_not_impulsive():
 def test_kurtosis_agrees_with_quadrature_by_scipy():
     orbit = gw.find_orbit(linear())
     found = rattle(orbit).coordinates[0]
-    lines = gw.spectrum(orbit, "a''").values
+    lines = gw.analysis.spectrum(orbit, "a''").values
 
     def acceleration(theta):
         return (lines[1] * np.exp(1j * theta) + lines[3] * np.exp(3j * theta)).real
@@ -146,8 +146,8 @@ def test_a_chaotic_motion_and_the_table():
 
 def test_a_drive_train_with_units_rattles_in_joules_and_degrees() -> None:
     """The same train in SI units has the same numbers."""
-    found = gw.rattle(gw.find_orbit(physical("900 rpm").system()))
-    same = gw.rattle(gw.find_orbit(by_hand(900.0).system()))
+    found = gw.analysis.rattle(gw.find_orbit(physical("900 rpm").system()))
+    same = gw.analysis.rattle(gw.find_orbit(by_hand(900.0).system()))
     for first, second in zip(found.sides + found.contacts, same.sides + same.contacts, strict=True):
         for name in ("velocity", "fastest", "peak", "loss", "costliest", "rms", "power"):
             if hasattr(first, name):

@@ -5,21 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk import (
-    Balance,
-    Contact,
-    Harmonic,
-    Kind,
-    Stage,
-    System,
-    WalkOptions,
-    compare,
-    find_orbit,
-    follow,
-    switch,
-)
-from gapwalk.bifurcation.follow import walk_out
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk import Balance, Contact, Harmonic, Kind, Stage, System, WalkOptions, compare, find_orbit, follow
+from gapwalk.bifurcation.branch_start import switch
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.paper import case
@@ -136,7 +124,7 @@ def test_the_doubled_branch_is_walked_from_one_flip_to_the_other() -> None:
     method = Balance(12, error=1e-3)
     parent = balanced(method, "9b", 1.45, 1.1)
     first, second = parent.special(Kind.FLIP)
-    child = walk_out(switch(first, "frequency", (1.1, 1.45), method), WALK)
+    child = follow(first, "frequency", (1.1, 1.45), walk=WALK, method=method)
     assert child.period == 2
     assert child.ends[-1].reason is EndReason.JOINED
     assert child.ends[-1].value == pytest.approx(second.value, abs=2e-5)
@@ -186,7 +174,7 @@ def test_orbits_are_looked_up_on_a_balanced_branch_of_growing_harmonics(by_shoot
 def test_a_doubled_balanced_branch_holds_its_motions_begun_a_period_later() -> None:
     method = Balance(12, error=1e-3)
     flip = balanced(method, "9b", 1.45, 1.1).special(Kind.FLIP)[0]
-    child = walk_out(switch(flip, "frequency", (1.1, 1.45), method), WALK)
+    child = follow(flip, "frequency", (1.1, 1.45), walk=WALK, method=method)
     orbit = child.points[len(child.points) // 2].orbit
     start = child.points[len(child.points) // 2 + 1].orbit.strobes(2)[1]  # a forcing period later
     there = child.points[len(child.points) // 2 + 1].orbit.system

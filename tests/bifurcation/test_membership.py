@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gapwalk.bifurcation import Kind, follow, switch, walk_out
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit

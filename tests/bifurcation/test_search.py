@@ -17,7 +17,7 @@ from gapwalk.bifurcation.isolated import (
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
 from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import Flow
@@ -25,7 +25,7 @@ from gapwalk.model import System
 from gapwalk.orbit import ShootingEquation, find_orbit
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
-from gapwalk.parallel.workers import workers
+from gapwalk.parallel.workers import local_workers
 from tests.computed import paper_response
 from tests.interruption import until_ctrl_c
 from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
@@ -324,9 +324,9 @@ def test_the_result_depends_neither_on_the_order_of_work_nor_on_who_does_it():
     arguments = (case("27"), AMPLITUDE, [0.0, 0.6])
     once = search(*arguments, options=options)
     assert fingerprint(search(*arguments, options=options)) == fingerprint(once)
-    assert fingerprint(search(*arguments, options=options, hands=Backwards())) == fingerprint(once)
-    with workers(2) as hands:
-        assert fingerprint(search(*arguments, options=options, hands=hands)) == fingerprint(once)
+    assert fingerprint(search(*arguments, options=options, workers=Backwards())) == fingerprint(once)
+    with local_workers(2) as workers:
+        assert fingerprint(search(*arguments, options=options, workers=workers)) == fingerprint(once)
     # and a value's own result not on the other values
     assert fingerprint(search(case("27"), AMPLITUDE, [0.6], options=options)) == fingerprint(once)[-len(once.at(0.6)) :]
     assert fingerprint(search(*arguments, options=replace(options, seed=1))) != fingerprint(once)
@@ -361,7 +361,7 @@ def test_a_chunk_is_a_pure_function():
         def run(self, function, pieces, accept, is_needed):
             chunks.extend(pieces)
 
-    assert not search(case("27"), AMPLITUDE, [0.0], options=QUICK, hands=Collector()).complete
+    assert not search(case("27"), AMPLITUDE, [0.0], options=QUICK, workers=Collector()).complete
     first, second = search_chunk(chunks[0]), search_chunk(chunks[0])
     assert [(orbit.state.tobytes(), *hits) for orbit, *hits in first.orbits] == [
         (orbit.state.tobytes(), *hits) for orbit, *hits in second.orbits

@@ -112,7 +112,7 @@ def test_grazing_points_are_where_a_contact_touches_whatever_the_steps(longest):
 def test_another_integrator_sees_the_touch_at_a_grazing_point():
     special = next(each for each in paper_response("13").special(Kind.GRAZING) if each.value < 1.0)
     system, full = special.orbit.system, 2 * np.pi / special.value
-    theta = min(zip(*special.orbit.survey.turns[0], strict=True), key=lambda turn: abs(abs(turn[1]) - 1.0))[0]
+    theta = min(zip(*special.orbit.turns[0], strict=True), key=lambda turn: abs(abs(turn[1]) - 1.0))[0]
     around = np.array([theta - 0.01, theta, theta + 0.01, 2 * np.pi]) / (2 * np.pi) * full
     before, there, after, _ = integrate(system, special.orbit.state, t_eval=around)[:, 0]
     assert abs(there) == pytest.approx(system["stage2.clearance"], abs=1e-7)

@@ -13,7 +13,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.cli.progress import DiagramProgress
+from gapwalk.cli.progress import progress_of
 from gapwalk.errors import StoreError
 from tests.interruption import until_ctrl_c
 from tests.models import CLUTCH
@@ -248,8 +248,8 @@ def test_an_incomplete_diagram_says_so(clutch, capsys) -> None:
 
 def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     shown = []
-    progress = DiagramProgress(clutch_diagram().options, "loop", show=False)
-    monkeypatch.setattr(progress._line, "update", lambda *texts: shown.append(texts))
+    progress = progress_of(clutch_diagram().options, "loop", show=False)
+    monkeypatch.setattr(progress, "update", lambda *texts: shown.append(texts))
     result = gw.run(gw.read_study(clutch, name="loop"), report=progress)
     points = sum(len(branch.points) for branch in result.branches)
     assert shown[-1] == ("loop", f"branches 3  points {points}  special {count_of(result)}  last P4-1")

@@ -9,7 +9,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.cli.progress import JobProgress
+from gapwalk.cli.progress import ProgressLine
 from tests.studies.families import MODEL
 
 TABLES = ["x-special-points.csv", "x-connections.csv", "x-points.csv"]
@@ -68,7 +68,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(monkeypatch, capsys) -> Non
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(JobProgress, "__call__", stop)
+        patch.setattr(ProgressLine, "__call__", stop)
         assert main(["run", "x.toml"]) == 130
     captured = capsys.readouterr()
     assert "interrupted; 1 of 3 members are stored, joined at 0 places" in captured.err

@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.classify import identify
 from gapwalk.cli import main
-from gapwalk.cli.progress import JobProgress
+from gapwalk.cli.progress import ProgressLine, progress_of
 from tests.studies.jobs import MODELS
 
 ENDINGS = {
@@ -90,12 +90,12 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         pytest.skip("has one part")
     with monkeypatch.context() as patch:
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_study.ROWS", 3)
 
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(JobProgress, "__call__", stop)
+        patch.setattr(ProgressLine, "__call__", stop)
         assert main(["run", "x.toml"]) == 130
         captured = capsys.readouterr()
         assert re.search(r"interrupted; \d+ of \d+ (values|chunks of cells) are stored", captured.err)
@@ -110,7 +110,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
             assert "x.gapwalk is not complete" in capsys.readouterr().err
         patch.undo()
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_study.ROWS", 3)
         assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert Path("x.png").exists()
 
@@ -154,8 +154,8 @@ def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
     path = tmp_path / "x.toml"
     path.write_text(MODELS["sweep"])
     study, shown = gw.read_study(path), []
-    progress = JobProgress(study.options, "mine", show=False)
-    monkeypatch.setattr(progress._line, "update", lambda *words: shown.append(words))
+    progress = progress_of(study.options, "mine", show=False)
+    monkeypatch.setattr(progress, "update", lambda *words: shown.append(words))
     gw.run(study, report=progress)
     assert [words[2:] for words in shown] == [(done, 6) for done in range(1, 7)]
     assert shown[-1][0] == "mine"

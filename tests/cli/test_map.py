@@ -12,10 +12,10 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.cli.progress import MapProgress
+from gapwalk.cli.progress import progress_of
 from gapwalk.errors import NumericalError, StoreError
-from gapwalk.studies import map_charting as charting
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
+from gapwalk.studies import map_study as charting
 from tests.cli.test_diagram import MODEL as SEVERAL
 from tests.studies.same import assert_same_result
 from tests.waiting import until
@@ -234,8 +234,8 @@ def test_the_coverage_of_a_search_is_shown_and_exported(tmp_path, monkeypatch, c
 def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     shown = []
     study = gw.read_study(clutch)
-    progress = MapProgress(study.options, "resonance", show=False)
-    monkeypatch.setattr(progress._line, "update", lambda *texts: shown.append(texts))
+    progress = progress_of(study.options, "resonance", show=False)
+    monkeypatch.setattr(progress, "update", lambda *texts: shown.append(texts))
     result = gw.run(study, report=progress)
     assert shown[0] == ("resonance", "sections 1 of 2  loci 0  points 0")
     points = sum(len(locus.points) for locus in result.map.loci)

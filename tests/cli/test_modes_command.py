@@ -20,7 +20,7 @@ def test_it_shows_rest_and_modes_of_a_train(capsys) -> None:
     assert "6 inertias, 3 shafts, 2 gears; free to rotate as a whole" in text
     assert "static equilibrium with clutch closed+ (stage2), third closed+, final closed+" in text
     system = gw.read_study(TRAIN, name="drive").system
-    for frequency in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
+    for frequency in gw.find_modes(system, gw.find_equilibria(system).equilibria[0]).frequencies:
         assert f" {frequency:.6g} " in text
     assert text.count("Natural vibrations") == 1  # at rest all is closed
 
@@ -40,7 +40,7 @@ def test_json_has_all_of_it(capsys) -> None:
     assert [contact["open"] for contact in rest["contacts"]] == [True, True, True]
     assert rest["loose"] == 2
     assert [mode["frequency"] for mode in rest["modes"]][:2] == [0.0, 0.0]
-    closed = gw.modes_of(gw.read_study(TRAIN, name="drive").system)
+    closed = gw.find_modes(gw.read_study(TRAIN, name="drive").system)
     assert [mode["frequency"] for mode in found["closed"]] == pytest.approx(closed.frequencies.tolist())
     assert found["closed"][0]["angles"]["engine"] == 1.0
 

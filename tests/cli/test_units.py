@@ -27,7 +27,7 @@ def test_modes_are_told_in_hertz_and_in_rpm(capsys) -> None:
     assert "speed [rpm], order 2" in text
     assert "static equilibrium with clutch closed+ (stage2): clutch 3.568 deg (force 11.08 N m)" in text
     system = gw.read_study(EXAMPLE, name="speed").system
-    for rate in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
+    for rate in gw.find_modes(system, gw.find_equilibria(system).equilibria[0]).frequencies:
         assert f" {rate / (2 * math.pi):.6g} " in text
         assert f" {30 * rate / (2 * math.pi):.6g} " in text
     assert main(["modes", str(EXAMPLE), "--json"]) == 0
@@ -46,7 +46,7 @@ def test_a_run_is_shown_in_units_and_without(tmp_path, capsys) -> None:
     assert main(["show", str(plain)]) == 0
     assert "changed: units = none: 1 means an angle of 3 deg" in capsys.readouterr().out
     physical, other = gw.load(file), gw.load(plain)
-    scales = gw.nondimensional(physical.system).scales
+    scales = gw.train.nondimensional(physical.system).scales
     first, same = (result.branches[0].points[0] for result in (physical, other))
     assert first.measure("half.clutch") / 3.0 == pytest.approx(same.measure("half.clutch"), rel=1e-10)
     assert same.value * scales.frequency == pytest.approx(100 * math.pi * 2, rel=1e-13)

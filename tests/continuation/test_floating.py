@@ -11,9 +11,10 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floating import floats, unheld
 
 
-def train(firing: float) -> gw.Train:
+def train(firing: float) -> gw.train.Train:
     """Flywheel, hub, loose gear, output and vehicle, in physical units; hardly anything holds the loose gear."""
-    parts: Any = gw  # quantities with units are texts
+    base: Any = gw  # quantities with units are texts
+    parts: Any = gw.train
     return parts.Train(
         inertias=[
             parts.Inertia(name, f"{value} kg m^2")
@@ -26,7 +27,7 @@ def train(firing: float) -> gw.Train:
                 stiffness="2.5 N m/deg",
                 damping="0.2 N m s/rad",
                 impact_damping="0.01 s/rad",
-                stages=(parts.Stage("3 deg", "19.5 N m/deg"),),
+                stages=(base.Stage("3 deg", "19.5 N m/deg"),),
             ),
             parts.Shaft("input", ("hub", "output"), stiffness="9200 N m/rad", damping="0.6 N m s/rad"),
             parts.Shaft("bearing", ("loose", "output"), stiffness="1e-6 N m/rad", damping="0.01 N m s/rad"),
@@ -44,7 +45,7 @@ def train(firing: float) -> gw.Train:
         ],
         mean={"flywheel": "5 N m"},
         reaction="vehicle",
-        harmonics=[parts.Harmonic(f"{firing} N m", {"flywheel": 1.0}, 2, name="firing")],
+        harmonics=[base.Harmonic(f"{firing} N m", {"flywheel": 1.0}, 2, name="firing")],
         speed="1100 rpm",
     )
 

@@ -15,9 +15,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import Quantities
-from gapwalk.explorer.events import Events
 from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.panels import Flows, SupersededError
+from gapwalk.explorer.motion_panels import Flows, SupersededError
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.session import Session, exploration_progress
 from tests.explorer.conftest import CLUTCH, STOP, about, wait
 
@@ -265,16 +265,16 @@ def test_a_second_click_gives_up_the_first() -> None:
     async def clicks() -> list[object]:
         flows = Flows()
         slow = flows.do(lambda: __import__("time").sleep(0.2))
-        first = flows.do_last("tab", [lambda: calls.append("first")])
-        second = flows.do_last("tab", [lambda: calls.append("second")])
-        other = flows.do_last("other tab", [lambda: calls.append("other")])
+        first = flows.do_last("tab", lambda: calls.append("first"))
+        second = flows.do_last("tab", lambda: calls.append("second"))
+        other = flows.do_last("other tab", lambda: calls.append("other"))
         found = await asyncio.gather(slow, first, second, other, return_exceptions=True)
         flows.close()
         return found
 
     _, first, second, other = asyncio.run(clicks())
     assert isinstance(first, SupersededError)
-    assert (second, other) == ([None], [None])
+    assert (second, other) == (None, None)
     assert calls == ["second", "other"]
 
 

@@ -163,7 +163,7 @@ def test_records(records, which, chance) -> None:
     path = records[which]
     damaged = path.with_name(f"damaged{path.suffix}")
     damaged.write_bytes(_damaged(path.read_bytes(), chance))
-    assert damaged.name in told(lambda: gw.read_measurement(damaged), nothing=damaged.name)
+    assert damaged.name in told(lambda: gw.measure.read_measurement(damaged), nothing=damaged.name)
 
 
 @pytest.fixture(scope="module")

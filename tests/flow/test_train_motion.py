@@ -84,13 +84,13 @@ def test_no_two_signals_have_one_name() -> None:
 
 
 def test_a_link_of_a_closed_loop_has_no_force_in_the_name_of_a_deflection() -> None:
-    inertias = [gw.Inertia(name, 1.0) for name in ("a", "b", "c")]
+    inertias = [gw.train.Inertia(name, 1.0) for name in ("a", "b", "c")]
     shafts = [
-        gw.Shaft("first", ("a", "b"), stiffness=4.0, damping=0.1),
-        gw.Shaft("second", ("b", "c"), stiffness=4.0, damping=0.1),
-        gw.Shaft("bridge", ("a", "c"), stiffness=9.0, damping=0.1, clearance=0.2),
+        gw.train.Shaft("first", ("a", "b"), stiffness=4.0, damping=0.1),
+        gw.train.Shaft("second", ("b", "c"), stiffness=4.0, damping=0.1),
+        gw.train.Shaft("bridge", ("a", "c"), stiffness=9.0, damping=0.1, clearance=0.2),
     ]
-    system = gw.Train(inertias, shafts, harmonics=[gw.Harmonic(1.0, {"a": 1.0})], frequency=0.9).system()
+    system = gw.train.Train(inertias, shafts, harmonics=[gw.Harmonic(1.0, {"a": 1.0})], frequency=0.9).system()
     assert "bridge" not in system.coordinates
     motion = gw.integrate(system, np.array([0.3, 0.3, 0.0, 0.0]))
     np.testing.assert_array_equal(motion.signal("bridge.force"), motion.forces[:, 0])
@@ -100,9 +100,9 @@ def test_a_link_of_a_closed_loop_has_no_force_in_the_name_of_a_deflection() -> N
 
 def test_a_held_train_has_no_motion_as_a_whole() -> None:
     """One inertia on the wall: its acceleration is that of the twist of its shaft."""
-    wall = gw.Shaft("shaft", ("disc", "ground"), stiffness=4.0, damping=0.1)
+    wall = gw.train.Shaft("shaft", ("disc", "ground"), stiffness=4.0, damping=0.1)
     harmonic = gw.Harmonic(1.0, {"disc": 1.0})
-    system = gw.Train([gw.Inertia("disc", 2.0)], [wall], harmonics=[harmonic], frequency=0.9).system()
+    system = gw.train.Train([gw.train.Inertia("disc", 2.0)], [wall], harmonics=[harmonic], frequency=0.9).system()
     motion = gw.find_orbit(system).motion()
     np.testing.assert_allclose(motion.signal("disc''"), motion.a[:, 0], rtol=1e-13, atol=1e-13)
     torque = np.cos(motion.theta) - 2.0 * motion.a[:, 0]

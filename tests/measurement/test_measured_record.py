@@ -31,7 +31,7 @@ def test_a_csv_file_is_read_with_its_own_names_and_units(tmp_path) -> None:
     text = "# a comment\n t [ms] ; n [rpm];a3\n" + "".join(f"{100 * i};3000;{i}.5e1\n" for i in range(20)) + "\n\n"
     path = write(tmp_path, text)
     names = {"time": "t [ms]", "acceleration": "a3", "speed": "n [rpm]"}
-    found = gw.read_measurement(path, names, time_scale=1e-3, scale=0.1, speed_scale=2 * np.pi / 60)
+    found = gw.measure.read_measurement(path, names, time_scale=1e-3, scale=0.1, speed_scale=2 * np.pi / 60)
     np.testing.assert_allclose(found.time, np.arange(20) * 0.1)
     np.testing.assert_allclose(found.acceleration, np.arange(20) + 0.5)
     assert found.speed is not None
@@ -44,7 +44,7 @@ def test_a_mat_file_gives_the_same_record(tmp_path, shape) -> None:
     path = tmp_path / "r.mat"
     vectors = {"time": TIME.reshape(shape), "a": np.sin(TIME).reshape(shape), "speed": np.ones(shape)}
     savemat(path, {**vectors, "more": {"x": 1}}, do_compression=True)
-    found = gw.read_measurement(path, {"acceleration": "a"})
+    found = gw.measure.read_measurement(path, {"acceleration": "a"})
     np.testing.assert_array_equal(found.time, TIME)
     np.testing.assert_array_equal(found.acceleration, np.sin(TIME))
     assert found.speed is not None
@@ -71,15 +71,15 @@ def test_a_mat_file_gives_the_same_record(tmp_path, shape) -> None:
 )
 def test_a_csv_file_that_makes_no_record_is_refused(tmp_path, text, told) -> None:
     with pytest.raises(ModelError, match=rf"^r\.csv: .*{told}"):
-        gw.read_measurement(write(tmp_path, text))
+        gw.measure.read_measurement(write(tmp_path, text))
 
 
 def test_files_that_are_no_records_are_refused(tmp_path) -> None:
     with pytest.raises(ModelError, match="cannot be read: No such file"):
-        gw.read_measurement(tmp_path / "none.csv")
+        gw.measure.read_measurement(tmp_path / "none.csv")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ModelError, match="not UTF-8 text"):
-        gw.read_measurement(tmp_path / "x.csv")
+        gw.measure.read_measurement(tmp_path / "x.csv")
     for content, told in (
         (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "not a MAT file of version 5 to 7"),
         (b"MATLAB 7.3 MAT-file, by" + b" " * 300, r"of version 7.3; save it with save\(..., '-v7'\)"),
@@ -87,9 +87,9 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
     ):
         (tmp_path / "x.mat").write_bytes(content)
         with pytest.raises(ModelError, match=told):
-            gw.read_measurement(tmp_path / "x.mat")
+            gw.measure.read_measurement(tmp_path / "x.mat")
     with pytest.raises(ModelError, match="a record has no column 'accelaration'; did you mean acceleration"):
-        gw.read_measurement(tmp_path / "x.csv", {"accelaration": "a"})
+        gw.measure.read_measurement(tmp_path / "x.csv", {"accelaration": "a"})
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_a_mat_file_with_something_else_is_refused_before_it_is_unpacked(tmp_pat
     path = tmp_path / "r.mat"
     savemat(path, {"time": TIME, "acceleration": value}, do_compression=True)
     with pytest.raises(ModelError, match=rf"^r\.mat: .*{told}"):
-        gw.read_measurement(path)
+        gw.measure.read_measurement(path)
 
 
 @pytest.mark.parametrize("compressed", [True, False])
@@ -137,7 +137,7 @@ def test_damaged_files_are_refused_and_nothing_worse(tmp_path, compressed) -> No
             del content[int(random.integers(100, len(whole))) :]
         path.write_bytes(content)
         with suppress(ModelError):
-            assert len(gw.read_measurement(path)) == 40
+            assert len(gw.measure.read_measurement(path)) == 40
 
 
 def test_a_small_file_cannot_fill_the_memory(tmp_path) -> None:
@@ -147,32 +147,32 @@ def test_a_small_file_cannot_fill_the_memory(tmp_path) -> None:
     assert path.stat().st_size < 100_000
     tracemalloc.start()
     with pytest.raises(ModelError, match="time has 5,000,000 samples; give at most 200,000"):
-        gw.read_measurement(path)
+        gw.measure.read_measurement(path)
     assert tracemalloc.get_traced_memory()[1] < 3_000_000
     tracemalloc.stop()
 
 
 def test_everything_that_is_wrong_with_a_record_is_said_at_once() -> None:
     with pytest.raises(ModelError) as error:
-        gw.Record(TIME[::-1], np.full(40, np.nan), np.zeros(40))
+        gw.measure.Record(TIME[::-1], np.full(40, np.nan), np.zeros(40))
     assert len(str(error.value).splitlines()) == 3
     with pytest.raises(ModelError, match=r"time has the shape \(2, 20\)"):
-        gw.Record(TIME.reshape(2, 20), TIME)
+        gw.measure.Record(TIME.reshape(2, 20), TIME)
     with pytest.raises(ModelError, match="acceleration must be a list of numbers"):
-        gw.Record(TIME, ["a"] * 40)
+        gw.measure.Record(TIME, ["a"] * 40)
     with pytest.raises(ModelError, match="the factor of time is -1"):
-        gw.Record(TIME, TIME).scaled(time=-1)
+        gw.measure.Record(TIME, TIME).scaled(time=-1)
 
 
 def test_angles_follow_the_measured_speed() -> None:
     speed = 3.0 + 0.02 * np.sin(TIME)
-    record = gw.Record(5.0 + TIME, TIME, speed)
+    record = gw.measure.Record(5.0 + TIME, TIME, speed)
     exact = 2.0 * (3.0 * TIME + 0.02 * (1 - np.cos(TIME)))
     np.testing.assert_allclose(record.angles(6.0, 2.0), exact, atol=1e-4)
     assert record.frequency(2.0) == pytest.approx(float(exact[-1] / TIME[-1]), rel=1e-5)
     with pytest.raises(ModelError, match=r"corresponds to an excitation frequency of 3\.00884, but the motion has 6"):
         record.angles(6.0)
-    plain = gw.Record(5.0 + TIME, TIME).between(6.0, 8.0)
+    plain = gw.measure.Record(5.0 + TIME, TIME).between(6.0, 8.0)
     np.testing.assert_allclose(plain.angles(0.5), 0.5 * (plain.time - plain.time[0]))
     assert plain.frequency() is None
     assert 19 <= len(plain) <= 21

@@ -35,7 +35,7 @@ def test_its_slope_is_the_sum_of_those_of_its_parameters() -> None:
 
 
 def test_a_train_can_be_on_a_way_too() -> None:
-    system = gw.chain(3, 1.0, 2.0).system()
+    system = gw.train.chain(3, 1.0, 2.0).system()
     name = next(name for name in system.parameters if name.endswith(".inertia"))
     way = on_the_way(system, {name: 3.0})
     expected = coefficients_of(system.at({name: 2.0}))
@@ -63,7 +63,7 @@ def test_an_impossible_way_is_refused(to, message) -> None:
 
 
 def test_a_way_does_not_begin_on_another() -> None:
-    with pytest.raises(ModelError, match="is on a way already"):
+    with pytest.raises(ModelError, match="already has a parameter path"):
         on_the_way(on_the_way(clutch(), TO), TO)
 
 

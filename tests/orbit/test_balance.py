@@ -206,7 +206,7 @@ def test_too_few_harmonics_are_refused_with_what_to_change() -> None:
     [
         ({"harmonics": 0}, "an integer from 1 to 2000, or None"),
         ({"error": 2.0}, "between 1e-12 and 1"),
-        ({"stability": "floquet"}, '"variational" or "hill"'),
+        ({"stability": "floquet"}, 'one of "variational", "hill"'),
         ({"tolerance": 0.1}, "between 1e-14 and 1e-3"),
     ],
 )

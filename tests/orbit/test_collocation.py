@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import gapwalk as gw
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.flow.forces import accelerations
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import layout_of

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError
 from gapwalk.orbit.orbit import is_same, phases, repeats

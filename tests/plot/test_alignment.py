@@ -17,14 +17,14 @@ def orbit() -> gw.Orbit:
     return gw.find_orbit(clutch(frequency=0.8))
 
 
-def record_of(orbit: gw.Orbit, samples: int, name: str = "a$b_") -> gw.Record:
+def record_of(orbit: gw.Orbit, samples: int, name: str = "a$b_") -> gw.measure.Record:
     motion = gw.integrate(orbit.system, orbit.state, 4, samples)
-    return gw.Record(motion.time[:-1], motion.signal("q1''")[:-1], name=name)
+    return gw.measure.Record(motion.time[:-1], motion.signal("q1''")[:-1], name=name)
 
 
 @pytest.mark.parametrize(("samples", "marker"), [(60, "o"), (400, "None")])
 def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
-    found = gw.align(orbit, record_of(orbit, samples), "q1''")
+    found = gw.measure.align(orbit, record_of(orbit, samples), "q1''")
     figure = found.plot("A clutch")
     history, lines, rest = figure.axes
     measured, computed = history.lines
@@ -43,7 +43,7 @@ def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
 
 
 def test_files_of_a_record_are_written(orbit, tmp_path) -> None:
-    found = gw.align(orbit, record_of(orbit, 60), "q1''")
+    found = gw.measure.align(orbit, record_of(orbit, 60), "q1''")
     save(found, tmp_path / "a.png", tmp_path / "a.svg", title="costs $5")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     assert "costs $5" in (tmp_path / "a.svg").read_text(encoding="utf-8")
@@ -53,20 +53,20 @@ def test_files_of_a_record_are_written(orbit, tmp_path) -> None:
 
 def test_two_motions_are_drawn_signal_by_signal(orbit) -> None:
     other = gw.find_orbit(clutch(frequency=0.8, **{"stage2.impact_damping": 0.3}))
-    figure = gw.contrast(orbit, other, names=("light", "heavy")).plot()
+    figure = gw.analysis.contrast(orbit, other, names=("light", "heavy")).plot()
     assert len(figure.axes) == 4
     assert figure.get_suptitle() == "light and heavy at Ω = 0.8"
     assert [axes.get_ylabel() for axes in figure.axes[::2]] == ["q1''", "stage2.force"]
     assert figure.axes[0].get_title("left").startswith("rms difference 0.")
     mpl.pyplot.close(figure)
     chaos = gw.settle(gw.paper.case("15").at(frequency=0.4), options=gw.SettleOptions(max_periods=64))
-    figure = gw.contrast(chaos, orbit, ["q1"]).plot("")
+    figure = gw.analysis.contrast(chaos, orbit, ["q1"]).plot("")
     assert len(figure.axes[1].lines) == 2
     mpl.pyplot.close(figure)
 
 
 def test_loops_are_drawn_over_one_another() -> None:
-    loops = [gw.hysteresis(clutch(**{"stage2.impact_damping": b}), 2.0) for b in (0.1, 0.2)]
+    loops = [gw.analysis.hysteresis(clutch(**{"stage2.impact_damping": b}), 2.0) for b in (0.1, 0.2)]
     ax = draw(loops, ["light", "heavy"])
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts == [f"light: loss {loops[0].loss:.4g} per cycle", f"heavy: loss {loops[1].loss:.4g} per cycle"]

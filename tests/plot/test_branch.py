@@ -22,7 +22,9 @@ from tests.systems import clutch
 @pytest.fixture(scope="module")
 def response() -> gw.Result:
     """Figure 13: folds, flips, Neimark-Sacker and grazing points."""
-    study = gw.Study(clutch(frequency=2.0), gw.ResponseOptions("frequency", 2.0, 0.15, "half.q1"), "Costs $5, 50 %")
+    study = gw.Study(
+        clutch(frequency=2.0), gw.studies.ResponseOptions("frequency", 2.0, 0.15, "half.q1"), "Costs $5, 50 %"
+    )
     return gw.run(study)
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from gapwalk.attractors import classify
-from gapwalk.attractors.basins import Basins, Check
+from gapwalk.attractors.basins import BasinCheck, Basins
 from gapwalk.attractors.box import Window
 from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes
 from gapwalk.bifurcation import Kind, follow
@@ -26,7 +26,7 @@ def basins():
     attractor = classify(system)
     window = Window.of(system, {"q1": (-2.0, 2.0), "q1'": (-1.0, 1.0)}, {})
     labels = np.array([[0, 1, -1], [0, 0, -2]])
-    return Basins(system, window, labels, (attractor, attractor), Check(6, 4, 4, 1, 2, 0))
+    return Basins(system, window, labels, (attractor, attractor), BasinCheck(6, 4, 4, 1, 2, 0))
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +87,9 @@ def test_only_strobes_in_the_plane_are_marked_unless_all_are_wanted(basins):
 
 
 def test_a_basin_picture_tells_what_was_checked(basins):
-    unchecked = picture_of(replace(basins, check=Check(6)))
+    unchecked = picture_of(replace(basins, check=BasinCheck(6)))
     assert unchecked.legends[0].get_title().get_text() == "not checked with the exact flow"
-    some = picture_of(replace(basins, check=Check(6, 4, 2, 1, 2, 0))).legends[0].get_title().get_text()
+    some = picture_of(replace(basins, check=BasinCheck(6, 4, 2, 1, 2, 0))).legends[0].get_title().get_text()
     assert some == "1 of 2 cells at borders and elsewhere 0 of 2 cells differed from the exact flow"
 
 

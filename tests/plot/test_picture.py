@@ -147,7 +147,7 @@ def test_a_diagram_shows_its_states_in_axes_of_your_own() -> None:
     assert ax.get_ylabel() == "q3(0), once every forcing period"
     assert ax.get_xlim() == (0.68, 0.69)
     with pytest.raises(ModelError, match="is drawn in several panels: give figure"):
-        gw.plot.draw(gw.contrast(*(member.branch.points[0].orbit for member in diagram.members[:2])), ax=ax)
+        gw.plot.draw(gw.analysis.contrast(*(member.branch.points[0].orbit for member in diagram.members[:2])), ax=ax)
 
 
 def test_a_diagram_has_question_marks_where_something_was_missed() -> None:

@@ -95,7 +95,7 @@ def test_the_area_of_the_loop_is_the_energy_that_is_lost(three, ax):
     draw(three.motion(samples=4096), contact="stage2", ax=ax)
     x, f = ax.lines[0].get_data()
     area = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x))
-    report = gw.rattle(three)
+    report = gw.analysis.rattle(three)
     assert area == pytest.approx(sum(impact.loss for impact in report.impacts), rel=1e-4)
     assert sorted(line.get_xdata()[0] for line in ax.lines[1:]) == [-1.0, 1.0]
 

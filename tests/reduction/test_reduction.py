@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from gapwalk import Balance, Harmonic, System, backlash, batch_flow_of, classify, find_orbit, reduce
+from gapwalk import Balance, Harmonic, System, backlash, classify, find_orbit, reduce
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import sample
+from gapwalk.parallel import batch_flow_of
 from tests.reduction.chains import rod, stiffness_of
 
 

@@ -4,6 +4,7 @@ import inspect
 import json
 from enum import Enum
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import gapwalk as gw
@@ -11,21 +12,35 @@ import gapwalk as gw
 PROMISED = Path(__file__).with_name("names.json")
 
 
+def namespaces() -> list[ModuleType]:
+    """The modules with public names: gapwalk itself first."""
+    return [gw, *(module for name in sorted(gw.__all__) if inspect.ismodule(module := getattr(gw, name)))]
+
+
+def public_things() -> dict[str, Any]:
+    """Each public name with what it stands for; ``train.Shaft`` is one of a namespace."""
+    things = {}
+    for module in namespaces():
+        prefix = "" if module is gw else module.__name__.removeprefix("gapwalk.") + "."
+        names = module.__all__ if hasattr(module, "__all__") else _own(module)
+        things |= {prefix + name: getattr(module, name) for name in sorted(names)}
+    return things
+
+
 def public_names() -> dict[str, Any]:
     """What a release promises: its version, and each public name."""
-    names = {name: _contents(getattr(gw, name)) for name in sorted(gw.__all__) if name != "__version__"}
-    return {"version": gw.__version__, "names": names}
+    return {"version": gw.__version__, "names": {name: _contents(thing) for name, thing in public_things().items()}}
 
 
 def _contents(thing: Any) -> dict[str, list[str]]:
-    """A function has parameters; a class attributes and methods too; an enumeration or a module names."""
-    if inspect.ismodule(thing):
-        return {"has": sorted(thing.__all__) if hasattr(thing, "__all__") else _own_classes(thing)}
-    if not inspect.isclass(thing):
-        return {"called with": _parameters(thing)}
-    if issubclass(thing, Enum):
+    """A function has parameters; a class attributes and methods too; an enumeration names; a value nothing."""
+    if inspect.isclass(thing) and issubclass(thing, Enum):
         return {"has": [f"{member.name} = {member.value}" for member in thing]}
-    return {"called with": _parameters(thing), "has": _attributes(thing)}
+    if inspect.isclass(thing) and issubclass(thing, BaseException):  # what it is called with differs by Python
+        return {"has": sorted(name for name in vars(thing) if not name.startswith("_"))}
+    if inspect.isclass(thing):
+        return {"called with": _parameters(thing), "has": _attributes(thing)}
+    return {"called with": _parameters(thing)} if inspect.isroutine(thing) else {"has": []}
 
 
 def _parameters(thing: Any) -> list[str]:
@@ -44,7 +59,7 @@ def _attributes(kind: type) -> list[str]:
     return sorted(name for name in names if not name.startswith("_"))
 
 
-def _own_classes(module: Any) -> list[str]:
+def _own(module: ModuleType) -> list[str]:
     own = {name: thing for name, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__}
     return sorted(name for name in own if not name.startswith("_"))
 

@@ -15,9 +15,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
-from gapwalk.studies import kinds
-from gapwalk.studies.kind import Content, StudyKind, Work
-from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
+from gapwalk.studies import study_registry
+from gapwalk.studies.read_result import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
+from gapwalk.studies.study_kind import StudyKind, Work
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
 
@@ -47,16 +47,13 @@ class Sum(Work):
     def take(self, known: Parts) -> None:
         self.record = sum(sum(values) for _, values in known.all(NUMBERS))
 
-    def parts(self, hands):
+    def parts(self, workers):
         yield from ()
-
-    def content(self) -> Content:
-        return Content(True)
 
 
 @pytest.fixture(autouse=True)
 def known_request(monkeypatch) -> None:
-    monkeypatch.setitem(kinds._added, "sums", Sums)
+    monkeypatch.setitem(study_registry._added, "sums", Sums)
 
 
 def call(system: gw.System, *values, **more) -> Call:

@@ -16,7 +16,7 @@ from gapwalk.errors import StoreError
 from gapwalk.results import result_file as file
 from gapwalk.results.result_file import seal_fault, write_more
 from gapwalk.studies import response_study
-from gapwalk.studies.load import VERIFICATION
+from gapwalk.studies.read_result import VERIFICATION
 from tests.results.tampering import change_sealed, tamper
 from tests.studies.same import assert_same_result
 from tests.studies.studies import stop_study
@@ -33,7 +33,7 @@ def response(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def diagram(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("seal") / "clutch.gapwalk"
-    options = gw.DiagramStudyOptions("frequency", 0.85, 0.7, "half.q1", max_period=2, workers=1)
+    options = gw.studies.DiagramStudyOptions("frequency", 0.85, 0.7, "half.q1", max_period=2, workers=1)
     gw.run(gw.Study(clutch(frequency=0.85), options, "A clutch", "title = 'A clutch'\n"), path)
     return path
 
@@ -93,7 +93,7 @@ def test_verification_continues_where_only_the_seal_is_broken(response, tmp_path
     tamper(path, replaced("request", "A stop", "Another"))
     found = gw.verify(path)
     (breach,) = found.breaches
-    assert breach.check is gw.Check.SEAL
+    assert breach.check is gw.records.Check.SEAL
     assert "of its part 'request' 0" in str(breach)
     assert found.worst("closure").passes
     assert main(["verify", str(path)]) == 5

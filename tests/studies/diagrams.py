@@ -3,7 +3,8 @@
 import sys
 from collections.abc import Callable
 
-from gapwalk import DiagramStudyOptions, SearchOptions, Study, run
+from gapwalk import SearchOptions, Study, run
+from gapwalk.studies import DiagramStudyOptions
 from tests.systems import clutch
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import gapwalk as gw
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies import basin_work as basin_job
-from gapwalk.studies import regime_work as regime_job
+from gapwalk.studies import regime_study as regime_job
 from gapwalk.studies.study_file import Study, check_study
 from tests.models import CLUTCH
 

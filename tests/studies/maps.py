@@ -3,7 +3,8 @@
 import sys
 import time
 
-from gapwalk import Balance, Kind, MapStudyOptions, SecondParameter, Study, WalkOptions, run
+from gapwalk import Balance, Kind, Study, WalkOptions, run
+from gapwalk.studies import MapStudyOptions, SecondParameter
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)

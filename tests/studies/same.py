@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 
-from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
+from gapwalk import Branch, Diagram, Locus, Map, Orbit, Result
 from gapwalk.bifurcation.isolated import SearchResult
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
+from gapwalk.records import BranchPoint
 from gapwalk.results.codec import encode
 
 

@@ -3,7 +3,8 @@
 import sys
 from functools import cache
 
-from gapwalk import Contact, Harmonic, ResponseOptions, Result, Side, Stage, Study, System, WalkOptions, run
+from gapwalk import Contact, Harmonic, Result, Side, Stage, Study, System, WalkOptions, run
+from gapwalk.studies import ResponseOptions
 
 
 def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study:

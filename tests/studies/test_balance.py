@@ -17,9 +17,9 @@ from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.plain import plain
 from gapwalk.studies import response_study as response
 from gapwalk.studies.document import result_document
-from gapwalk.studies.export import points_csv, special_points_csv
-from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.export import table_of
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.results.tampering import change_sealed
@@ -106,7 +106,7 @@ def test_options_survive_the_file() -> None:
 
 
 def test_a_balanced_response_is_that_of_shooting_to_the_truncation(growing) -> None:
-    comparison = gw.compare_results(gw.run(stop_study(end=1.3)), growing)
+    comparison = gw.studies.compare_results(gw.run(stop_study(end=1.3)), growing)
     assert comparison.within(1e-3)
     assert comparison.largest_shift < 1e-5
     assert comparison.pairs[0].shifts
@@ -164,8 +164,8 @@ def test_a_run_that_is_killed_comes_to_the_same_result(growing, tmp_path) -> Non
 
 def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
     for text, points in (
-        (points_csv(growing), [point.orbit for point in growing.branches[0].points]),
-        (special_points_csv(growing), [special.orbit for special in growing.branches[0].special_points]),
+        (table_of(growing, "points"), [point.orbit for point in growing.branches[0].points]),
+        (table_of(growing, "special-points"), [special.orbit for special in growing.branches[0].special_points]),
     ):
         rows = list(csv.DictReader(text.splitlines()))
         assert [int(row["harmonics"]) for row in rows] == [orbit.harmonics for orbit in points]
@@ -176,7 +176,7 @@ def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
     shot = result_document(gw.run(stop_study(end=0.72)))
     assert shot["method"]["name"] == "shooting"
     assert "harmonics" not in shot["branches"][0]["points"][0]
-    assert "harmonics" not in points_csv(gw.run(stop_study(end=0.72)))
+    assert "harmonics" not in table_of(gw.run(stop_study(end=0.72)), "points")
 
 
 def test_a_stop_too_stiff_for_the_harmonics_ends_with_what_to_change(tmp_path) -> None:
@@ -190,7 +190,7 @@ def test_a_stop_too_stiff_for_the_harmonics_ends_with_what_to_change(tmp_path) -
     assert all(point.orbit.truncation <= 1e-3 for point in result.branches[0].points)
     assert_same_result(gw.load(path), result)
     exact = gw.run(stop_study(**{"stop.stiffness": 1e3}, end=result.branches[0].values[-1]))
-    comparison = gw.compare_results(exact, result)
+    comparison = gw.studies.compare_results(exact, result)
     assert comparison.within(1e-2)  # beside a hard contact small errors of the force grow: 9e-3 of this short range
     assert comparison.largest_shift < 1e-6
 
@@ -225,7 +225,7 @@ def test_a_diagram_has_the_same_tree_by_both_methods(shot_diagram) -> None:
         (member.name, member.begins, member.joins) for member in shot_diagram.diagram.members
     ]
     assert result.failures == ()
-    comparison = gw.compare_results(shot_diagram, result)
+    comparison = gw.studies.compare_results(shot_diagram, result)
     assert [pair.names for pair in comparison.pairs] == [(name, name) for name in shot_diagram.names]
     assert comparison.within(1e-3)
     assert comparison.largest_shift < 1e-4
@@ -268,9 +268,11 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None
 def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     """What the paper validates its method with: the whole range, all special points."""
     system = gw.paper.case(figure, slope="reduced").at(frequency=2.0)
-    options = gw.ResponseOptions("frequency", 2.0, 0.15, "half.q1")
+    options = gw.studies.ResponseOptions("frequency", 2.0, 0.15, "half.q1")
     shot = gw.run(gw.Study(system, options))
-    comparison = gw.compare_results(shot, gw.run(gw.Study(system, replace(options, method=gw.Balance(error=1e-3)))))
+    comparison = gw.studies.compare_results(
+        shot, gw.run(gw.Study(system, replace(options, method=gw.Balance(error=1e-3))))
+    )
     (pair,) = comparison.pairs
     assert len(pair.shifts) == len(shot.branches[0].special_points) > 10
     assert comparison.within(1e-3)

@@ -31,7 +31,7 @@ def test_a_balanced_map_is_that_of_shooting(undisturbed) -> None:
     orbits = [point.orbit for locus in undisturbed.map.loci for point in locus.points]
     assert all(isinstance(orbit, BalancedOrbit) and orbit.truncation <= 2e-5 for orbit in orbits)
     shot = gw.run(clutch_map(walk=undisturbed.walked.walk))
-    comparison = gw.compare_results(shot, undisturbed)
+    comparison = gw.studies.compare_results(shot, undisturbed)
     loci = [pair for pair in comparison.pairs if pair.names[0] in undisturbed.map.names]
     assert len(loci) == len(undisturbed.map.loci) == 5
     for pair in loci:

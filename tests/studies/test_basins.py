@@ -6,17 +6,17 @@ from scipy.stats import beta
 
 import gapwalk as gw
 from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
-from gapwalk.attractors.basins import Check, attractor_names, in_order
+from gapwalk.attractors.basins import BasinCheck, attractor_names, in_order
 from gapwalk.attractors.box import about, beside_cells, beside_states, differs
 from gapwalk.ensemble.batch import BatchOptions
 from gapwalk.ensemble.batch_flow import batch_flow_of
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.studies.basin_study import basins
 from gapwalk.studies.basin_work import BasinOptions, BasinWork, basin_shares
-from gapwalk.studies.load import load_result
+from gapwalk.studies.read_result import load_result
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
@@ -131,8 +131,8 @@ def test_without_forcing_the_basins_of_two_wells_are_each_other_turned_by_half(w
 
 
 def test_the_result_does_not_depend_on_who_does_the_work(wells):
-    with workers(2) as hands:
-        found = basins(double_well(), WELLS, 40, options=BasinOptions(check=200), hands=hands)
+    with local_workers(2) as workers:
+        found = basins(double_well(), WELLS, 40, options=BasinOptions(check=200), workers=workers)
     assert np.array_equal(found.labels, wells.labels)
     assert found.check == wells.check
 
@@ -187,7 +187,7 @@ class Told(BasinWork):
     def found(self, *, complete):
         raise NotImplementedError
 
-    def _exact(self, hands, which, shift=0.0):
+    def _exact(self, workers, which, shift=0.0):
         self.looks += len(which)
         return (self.other if shift else self.truth)[which]
 
@@ -290,13 +290,13 @@ def test_random_states_are_beside_those_nearest_in_units_of_their_ranges():
 
 
 def test_the_error_of_the_picture_is_that_of_cells_that_were_not_checked():
-    assert Check(1000, 100, 50, 5, 90, 0).share == pytest.approx(50 * 0.1 / 1000)
-    assert Check(1000, 100, 100, 7, 900, 3).limit == 0.0
+    assert BasinCheck(1000, 100, 50, 5, 90, 0).share == pytest.approx(50 * 0.1 / 1000)
+    assert BasinCheck(1000, 100, 100, 7, 900, 3).limit == 0.0
     inner = 1.0 - 0.025 ** (1.0 / 90.0)  # the limit after 90 checks without a wrong one, in closed form
-    assert Check(1000, 0, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
-    assert Check(1000, 1000, 1000, 7, 0, 0, 100, 3).share == pytest.approx(0.03)  # which rounding decides
-    assert Check(1000, 1000, 1000, 7, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
-    assert Check(24, 0, 0, 0, 24, 0, 24, 0).limit == 0.0
+    assert BasinCheck(1000, 0, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
+    assert BasinCheck(1000, 1000, 1000, 7, 0, 0, 100, 3).share == pytest.approx(0.03)  # which rounding decides
+    assert BasinCheck(1000, 1000, 1000, 7, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
+    assert BasinCheck(24, 0, 0, 0, 24, 0, 24, 0).limit == 0.0
 
 
 def test_attractors_stand_in_an_order_of_their_own(clutch_basins):

@@ -9,7 +9,7 @@ import pytest
 from gapwalk.errors import ModelError, WorkError
 from gapwalk.parallel import work_chunks as chunks
 from gapwalk.parallel.work_chunks import Pace, do_in_chunks
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 from tests.studies.pieces import die
 
 
@@ -38,8 +38,8 @@ def test_results_do_not_depend_on_the_chunks(size) -> None:
 
 
 def test_results_do_not_depend_on_who_does_them() -> None:
-    with workers(2) as hands:
-        assert do_in_chunks(draw, range(100, 150), hands, seed=7, size=4) == EXPECTED
+    with local_workers(2) as workers:
+        assert do_in_chunks(draw, range(100, 150), workers, seed=7, size=4) == EXPECTED
 
 
 def test_what_is_known_is_not_done_again() -> None:
@@ -83,16 +83,16 @@ def test_ctrl_c_keeps_what_there_is(count) -> None:
         if len(paces) == 3:
             signal.raise_signal(signal.SIGINT)
 
-    with workers(count) as hands:
-        some = do_in_chunks(draw, range(100, 150), hands, seed=7, size=5, report=report)
+    with local_workers(count) as workers:
+        some = do_in_chunks(draw, range(100, 150), workers, seed=7, size=5, report=report)
         assert len(some) == 15
-        assert do_in_chunks(draw, range(100, 150), hands, seed=7, size=5, known=some) == EXPECTED
+        assert do_in_chunks(draw, range(100, 150), workers, seed=7, size=5, known=some) == EXPECTED
 
 
 def test_a_chunk_that_kills_its_process_costs_no_other_one() -> None:
     kept = {}
-    with workers(2) as hands, pytest.raises(WorkError) as caught:
-        do_in_chunks(die_at_forty, range(60), hands, size=6, keep=kept.__setitem__)
+    with local_workers(2) as workers, pytest.raises(WorkError) as caught:
+        do_in_chunks(die_at_forty, range(60), workers, size=6, keep=kept.__setitem__)
     assert sorted(number for numbers in kept.values() for number in numbers) == [*range(36), *range(42, 60)]
     assert caught.value.pieces == (6,)
 

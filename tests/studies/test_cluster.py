@@ -13,7 +13,7 @@ from gapwalk.errors import ModelError, WorkError
 from gapwalk.flow import Flow
 from gapwalk.parallel import cluster as module
 from gapwalk.parallel.cluster import Cluster, check_versions
-from gapwalk.parallel.workers import Workers, on_cluster, workers
+from gapwalk.parallel.workers import Workers, local_workers, on_cluster
 from tests.studies.diagrams import clutch_diagram
 from tests.studies.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.studies.same import assert_same_result
@@ -31,27 +31,27 @@ def cluster():
 
 
 @pytest.fixture(scope="module")
-def hands(cluster):
+def workers(cluster):
     executor = Cluster(cluster.scheduler_address)
     yield Workers(executor)
     executor.close(at_once=False)
 
 
 @pytest.mark.parametrize("in_order", [True, False])
-def test_results_are_those_of_one_process(hands, in_order) -> None:
+def test_results_are_those_of_one_process(workers, in_order) -> None:
     accepted = []
-    hands.run(slow_double, list(range(6)), lambda index, result: accepted.append((index, result)), in_order=in_order)
+    workers.run(slow_double, list(range(6)), lambda index, result: accepted.append((index, result)), in_order=in_order)
     assert sorted(accepted) == [(number, 2 * number) for number in range(6)]
     assert not in_order or accepted == sorted(accepted)
 
 
-def test_superfluous_pieces_are_left_out(hands) -> None:
+def test_superfluous_pieces_are_left_out(workers) -> None:
     accepted = []
-    hands.run(slow_double, list(range(6)), lambda index, result: accepted.append(index), lambda index: index != 3)
+    workers.run(slow_double, list(range(6)), lambda index, result: accepted.append(index), lambda index: index != 3)
     assert accepted == [0, 1, 2, 4, 5]
 
 
-def test_a_worker_that_is_killed_costs_nothing_but_time(hands) -> None:
+def test_a_worker_that_is_killed_costs_nothing_but_time(workers) -> None:
     pids = {}
 
     def accept(index: int, pid: int) -> None:
@@ -59,20 +59,20 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(hands) -> None:
         if len(pids) == 3:
             os.kill(pid, signal.SIGKILL)
 
-    hands.run(slow_pid, list(range(16)), accept, in_order=False)
+    workers.run(slow_pid, list(range(16)), accept, in_order=False)
     assert sorted(pids) == list(range(16))
     assert len(set(pids.values()) - {os.getpid()}) >= 2
 
 
-def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, hands) -> None:
+def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, workers) -> None:
     alone = gw.sweep(*FOLDS, options=options(starts=2))
-    pids = list(hands.executor._client.run(os.getpid).values())[:1]
+    pids = list(workers.executor._client.run(os.getpid).values())[:1]
 
     def report(stretch, pace) -> None:
         if pids:
             os.kill(pids.pop(), signal.SIGKILL)
 
-    shared = gw.sweep(*FOLDS, options=options(starts=2), hands=hands, report=report)
+    shared = gw.sweep(*FOLDS, options=options(starts=2), workers=workers, report=report)
     assert shared.complete
     for name in ("sections", "transients", "settled", "regimes"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))
@@ -82,25 +82,25 @@ def test_every_study_runs_on_a_cluster_that_is_named_around_it(cluster) -> None:
     before = Flow.calls
     alone = gw.run(clutch_diagram())
     calls = Flow.calls
-    with gw.on_cluster(cluster.scheduler_address) as hands:
-        assert isinstance(hands.executor, Cluster)
+    with gw.parallel.on_cluster(cluster.scheduler_address) as workers:
+        assert isinstance(workers.executor, Cluster)
         shared = gw.run(clutch_diagram(workers=2))
         assert Flow.calls - calls < 0.5 * (calls - before)  # but for the first orbit and what tells branches apart
-        with workers(2) as inner:
-            assert inner is hands
+        with local_workers(2) as inner:
+            assert inner is workers
     assert_same_result(shared, alone)
-    with workers(1) as inner:
+    with local_workers(1) as inner:
         assert inner.executor is None
 
 
-def test_an_error_of_a_piece_comes_in_its_turn(hands) -> None:
+def test_an_error_of_a_piece_comes_in_its_turn(workers) -> None:
     accepted = []
     with pytest.raises(ZeroDivisionError, match="three"):
-        hands.run(fail_at_three, range(6), lambda index, result: accepted.append(result))
+        workers.run(fail_at_three, range(6), lambda index, result: accepted.append(result))
     assert accepted == [0, 1, 2]
 
 
-def test_ctrl_c_cancels_what_is_under_way(cluster, hands) -> None:
+def test_ctrl_c_cancels_what_is_under_way(cluster, workers) -> None:
     accepted = []
 
     def accept(index: int, result: int) -> None:
@@ -108,9 +108,9 @@ def test_ctrl_c_cancels_what_is_under_way(cluster, hands) -> None:
         signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        hands.run(slow_double, list(range(20)), accept)
+        workers.run(slow_double, list(range(20)), accept)
     assert accepted == [0]
-    hands.run(slow_double, [0, 1], lambda index, result: accepted.append(index))  # and it can be used again
+    workers.run(slow_double, [0, 1], lambda index, result: accepted.append(index))  # and it can be used again
     assert accepted == [0, 0, 1]
 
 
@@ -118,8 +118,8 @@ def test_a_scheduler_file_names_the_cluster_too(cluster, tmp_path) -> None:
     path = tmp_path / "scheduler.json"
     path.write_text(json.dumps({"address": cluster.scheduler_address}))
     accepted = []
-    with on_cluster(str(path)) as hands:
-        hands.run(abs, [-1, -2], lambda index, result: accepted.append(result))
+    with on_cluster(str(path)) as workers:
+        workers.run(abs, [-1, -2], lambda index, result: accepted.append(result))
     assert accepted == [1, 2]
 
 
@@ -151,9 +151,9 @@ def test_versions_that_change_results_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_only_the_piece_that_kills_its_workers_is_named(hands) -> None:
+def test_only_the_piece_that_kills_its_workers_is_named(workers) -> None:
     accepted = []
     with pytest.raises(WorkError, match="over piece 4 of 8") as caught:
-        hands.run(die_at_three, range(8), lambda index, result: accepted.append(result), in_order=False)
+        workers.run(die_at_three, range(8), lambda index, result: accepted.append(result), in_order=False)
     assert sorted(accepted) == [0, 1, 2, 4, 5, 6, 7]
     assert caught.value.pieces == (3,)

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from benchmarks.clutch import ScipyClutch
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation import EndReason
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
-from gapwalk.studies.whole_diagram import DiagramOptions, diagram
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
 
 MAX_PERIOD = 8
 LONGEST = 64  # forcing periods up to which a return is a periodic motion, though too long for the diagram

@@ -9,7 +9,7 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import is_same
 from gapwalk.paper import case
-from gapwalk.studies.whole_diagram import DiagramOptions, diagram
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from tests.bifurcation.test_special_points import symmetric
 from tests.interruption import until_ctrl_c
 

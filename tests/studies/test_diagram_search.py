@@ -13,10 +13,11 @@ import gapwalk as gw
 from gapwalk.bifurcation.isolated import coverage
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
+from gapwalk.studies.derive import table_schema
 from gapwalk.studies.document import result_document
-from gapwalk.studies.option_tables import SearchPart
+from gapwalk.studies.options import SearchTable
 from tests.interruption import until_ctrl_c
 from tests.studies.diagrams import islands
 from tests.studies.killing import killed_after
@@ -143,7 +144,7 @@ def test_coverage_is_told_value_by_value(undisturbed) -> None:
 
 def test_a_file_can_set_every_option_of_a_search() -> None:
     options = {field.name for field in fields(gw.SearchOptions)}
-    assert set(SearchPart.model_fields) == options | {"values"}
+    assert set(table_schema(SearchTable).model_fields) == options | {"values"}
 
 
 @pytest.mark.parametrize("values", [-1, 1.5, True, (float("nan"),), ("x",)])

@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.results import result_file as file
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.diagrams import clutch_diagram, many_branches
@@ -122,10 +122,10 @@ def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
 
 
 def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> None:
-    def interrupt(piece) -> None:
+    def interrupt(*_) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(growing, "_walk_piece", interrupt)
+    monkeypatch.setattr(growing, "_walk_branch", interrupt)
     with pytest.raises(KeyboardInterrupt):
         gw.run(clutch_diagram(), path)
     assert not list(path.parent.iterdir())
@@ -215,7 +215,7 @@ def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
     with pytest.raises(StoreError, match="max_period is 4, and was 2"):
         gw.run(clutch_diagram(), path, resume=True)
-    response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
+    response = replace(clutch_diagram(), options=gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
     with pytest.raises(StoreError, match="its kind is response, and was diagram"):
         gw.run(response, path, resume=True)
     with pytest.raises(StoreError, match="exists already"):

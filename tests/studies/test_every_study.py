@@ -13,10 +13,10 @@ from gapwalk.cli import main
 from gapwalk.errors import StoreError
 from gapwalk.flow import Flow
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import kinds
-from gapwalk.studies.regime_work import Carry
+from gapwalk.studies.regime_study import Carry
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import kinds
 from tests import models
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
@@ -72,7 +72,7 @@ FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
             CLUTCH,
             {"frequency": (0.5, 0.7), "harmonic1.amplitude": (0.4, 0.5)},
             (4, 9),
-            options=gw.RegimeMapOptions(Carry.UP, gw.RegimeOptions(longest=400), check=2, workers=1),
+            options=gw.RegimeMapOptions(Carry.UP, gw.analysis.RegimeOptions(longest=400), check=2, workers=1),
         ),
         kept_arrays("regimes", "periods", "exponents", "peak_force", "impacts", "states"),
     ),

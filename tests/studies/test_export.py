@@ -51,7 +51,7 @@ def test_the_document_is_strict_json_with_everything_in_it(result) -> None:
     (branch,) = result.branches
     assert document["complete"] is True
     assert [point["parameter"] for point in document["branches"][0]["points"]] == branch.values.tolist()
-    assert set(document["branches"][0]["points"][0]["measures"]) == {"half.x", "max.x", "min.x"}
+    assert set(document["branches"][0]["points"][0]["measures"]) == {"max.x", "min.x", "half.x", "mean.x", "rms.x"}
     assert [end["reason"] for end in document["branches"][0]["ends"]] == ["start", "range"]
     for special, written in zip(branch.special_points, document["special_points"], strict=True):
         assert (written["kind"], written["parameter"], written["branch"], written["period"]) == (

@@ -115,7 +115,7 @@ def test_a_special_point_that_leaves_the_range_is_told() -> None:
 def test_names_that_move_together_are_one_parameter() -> None:
     """Twice the amplitude is twice the force: two ways to say the same."""
     amplitude = gw.family(clutch(), "frequency", (1.4, 1.1), {"harmonic1.amplitude": (0.2, 0.25)}, options=ONE)
-    over = gw.MemberParameter.of(
+    over = gw.studies.MemberParameter.of(
         {"harmonic1.amplitude": (0.4, 0.5), "harmonic1.acts_on.q1": (0.5, 0.5)}, "force", (0.2, 0.25)
     )
     force = gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
@@ -148,7 +148,7 @@ def test_longer_periods_are_members_too() -> None:
 
 def test_a_member_that_fails_costs_only_itself() -> None:
     """A stiffness as negative as that lets no motion be followed; its neighbours are joined past it."""
-    over = gw.MemberParameter.of(
+    over = gw.studies.MemberParameter.of(
         {"damping.q1.q1": (0.04, 0.04, 0.05), "stiffness.q1.q1": (0.1, -1e6, 0.1)}, "case", (1.0, 2.0, 3.0)
     )
     found = gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
@@ -236,7 +236,7 @@ def test_impossible_families_are_refused(over, message) -> None:
 )
 def test_a_name_of_its_own_needs_its_values(values, message) -> None:
     with pytest.raises(ModelError, match=message):
-        gw.MemberParameter.of({"mean.q3": (0.25, 0.3)}, **values)
+        gw.studies.MemberParameter.of({"mean.q3": (0.25, 0.3)}, **values)
 
 
 @pytest.mark.parametrize(

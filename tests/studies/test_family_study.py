@@ -11,8 +11,8 @@ from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.export import export_csv
 from gapwalk.studies.family_study import FamilyStudy
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.study_file import check_study
+from gapwalk.studies.study_kind import StudyKind
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.studies.families import MODEL, second_resonance, study_of
@@ -127,7 +127,7 @@ def test_names_that_move_together_may_be_written_with_or_without_quotes() -> Non
     text = MODEL.replace(OVER, 'called = "load"\nvalues = [1, 2]').replace("workers = 1\n", "workers = 1\n" + over)
     options = study_of(text).options
     moved = (("mean.q3", (0.25, 0.5)), ("stage2.force.q1", (0.9, 0.8)))
-    assert options.over == gw.MemberParameter(moved, "load", (1.0, 2.0))
+    assert options.over == gw.studies.MemberParameter(moved, "load", (1.0, 2.0))
     system = study_of(text).system
     assert (system["mean.q3"], system["stage2.force.q1"], system.frequency) == (0.25, 0.9, 1.4)
 

@@ -8,16 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.diagram_study import DiagramStudyOptions
+from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.study_file import Study, check_studies, check_study, read_studies, read_study
 from gapwalk.studies.tables import Start
-from gapwalk.studies.whole_diagram import DiagramOptions
 from tests.models import read_system
 
 GOOD = """\

@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.load import check_claim
+from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.study_file import check_study
 from tests.studies.jobs import BASINS, HEAD, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.studies.killing import killed_after
@@ -50,7 +50,7 @@ def test_a_settled_motion_has_its_rattle_spectrum_and_section() -> None:
     finding = gw.run(study_of("settle")).finding
     attractor = gw.classify(gw.paper.case("15"), frequency=0.45)
     assert finding.attractor.label == attractor.label == "P3"
-    assert repr(finding.rattle) == repr(gw.rattle(attractor.orbit))
+    assert repr(finding.rattle) == repr(gw.analysis.rattle(attractor.orbit))
     motion = attractor.orbit.motion(samples=4000)
     force = motion.signal("stage2")[:-1]
     theta = np.linspace(0.0, 6.0 * np.pi, len(force), endpoint=False)

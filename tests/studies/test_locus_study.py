@@ -15,11 +15,11 @@ from gapwalk.cli import progress as lines
 from gapwalk.errors import ModelError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map import Which
 from gapwalk.studies.study_file import check_study
-from gapwalk.studies.units import without_units
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.without_units import without_units
 from tests.results.again import again
 
 SYSTEM = """\
@@ -177,7 +177,7 @@ def test_options_survive_the_file() -> None:
 
 
 def test_options_make_sense_in_python_too() -> None:
-    second = gw.SecondParameter("harmonic1.amplitude", 0.09, 0.6)
+    second = gw.studies.SecondParameter("harmonic1.amplitude", 0.09, 0.6)
     given = {"parameter": "frequency", "begin": 2.0, "end": 0.6, "measure": "half.x", "second": second}
     with pytest.raises(ModelError, match="one section and one kind, as in sections="):
         LocusStudyOptions(**given, sections=(0.3, 0.4), kinds=(gw.Kind.FOLD,))
@@ -216,7 +216,7 @@ def test_a_log_has_a_line_now_and_then(monkeypatch, capsys) -> None:
     assert not sys.stderr.isatty()
     with lines.progress_of(study_of().options, "mine") as progress:
         time.sleep(0.3)
-        progress._line.update("mine", "sections 1 of 1  loci 0")
+        progress.update("mine", "sections 1 of 1  loci 0")
         time.sleep(0.3)
     found = capsys.readouterr().err.splitlines()
     assert found[0] == "mine first section  0 s"

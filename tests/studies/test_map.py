@@ -10,7 +10,7 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.studies.map import MapOptions
-from gapwalk.studies.map_charting import bifurcation_map
+from gapwalk.studies.map_study import bifurcation_map
 from tests.interruption import until_ctrl_c
 
 pytestmark = pytest.mark.usefixtures("kept_processes")

@@ -11,9 +11,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.loci import LocusEndReason
-from gapwalk.errors import ModelError, NumericalError, StoreError
+from gapwalk.errors import Interrupted, ModelError, NumericalError, StoreError
 from gapwalk.results.result_file import ResultFile
-from gapwalk.studies import map_charting as charting
+from gapwalk.studies import map_study as charting
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
@@ -117,21 +117,22 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
     reported = []
     resumed = gw.run(clutch_map(), path, resume=True, report=lambda _, new: reported.append(type(new).__name__))
     assert_same_result(resumed, undisturbed)
-    assert reported == ["Section"] * 2 + ["Locus"] * 5
+    assert reported == ["MapSection"] * 2 + ["Locus"] * 5
 
 
 def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undisturbed) -> None:
     """The branches of half a section would begin other loci than those of the whole."""
-    grow, calls = charting.grow, []
+    diagram, calls = charting.diagram, []
 
-    def interrupted(*arguments):
+    def interrupted(*arguments, **options):
         calls.append(arguments)
+        found = diagram(*arguments, **options)
         if len(calls) == 2:
-            return grow(*arguments)._replace(finished=False)  # as after Ctrl-C
-        return grow(*arguments)
+            raise Interrupted(found)
+        return found
 
     with monkeypatch.context() as patch:
-        patch.setattr(charting, "grow", interrupted)
+        patch.setattr(charting, "diagram", interrupted)
         stopped = until_ctrl_c(gw.run, clutch_map(), path)
     assert [section.value for section in stopped.map.sections] == [0.2]
     assert not stopped.map.loci
@@ -139,7 +140,7 @@ def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undistur
 
 
 def test_ctrl_c_before_the_first_section_leaves_nothing(path, monkeypatch) -> None:
-    def interrupt(cut) -> None:
+    def interrupt(*_) -> None:
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(charting, "_follow_section", interrupt)
@@ -217,12 +218,11 @@ def test_a_locus_at_whose_end_the_numerics_gave_up_is_a_failure(undisturbed) -> 
 def test_a_special_point_just_beyond_the_edge_begins_no_locus(monkeypatch, undisturbed) -> None:
     follow = charting._follow_section
 
-    def bulging(cut):
-        found = follow(cut)
-        (branch,) = found.branches
+    def bulging(*cut):
+        (branch,), notes, failures = follow(*cut)
         first, *others = branch.special_points
         beyond = replace(first, point=replace(first.point, value=1.4 + 1e-9))
-        return replace(found, branches=(replace(branch, special_points=(beyond, *others)),))
+        return (replace(branch, special_points=(beyond, *others)),), notes, failures
 
     first = undisturbed.branches[0].special_points[0]
     assert (first.kind, undisturbed.map.names[0]) == (gw.Kind.FLIP, "flip-1")
@@ -277,5 +277,5 @@ def test_bad_requests_are_refused() -> None:
         gw.run(clutch_map(sections=(0.7,)))
     with pytest.raises(ModelError, match="each value must stand there once"):
         gw.MapOptions(sections=(0.2, 0.2))
-    with pytest.raises(ModelError, match="an integer from 1 to 100,000, or numbers"):
+    with pytest.raises(ModelError, match="an integer from 1 to 100,000, or values of the second parameter"):
         gw.MapOptions(sections=())

@@ -9,9 +9,8 @@ from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.parallel.workers import workers
-from gapwalk.studies.regime_study import regimes
-from gapwalk.studies.regime_work import Carry, RegimeMapOptions
+from gapwalk.parallel.workers import local_workers
+from gapwalk.studies.regime_study import Carry, RegimeMapOptions, regimes
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
 
@@ -89,7 +88,7 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
     assert same(gw.load(path), whole)
-    monkeypatch.setattr("gapwalk.studies.regime_work._judge_piece", None)
+    monkeypatch.setattr("gapwalk.studies.regime_study._judge_piece", None)
     assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
     with pytest.raises(StoreError, match=r"carry is 'no', and was 'up'"):
         regimes(SET_15, plane, size, options=in_process(check=2), output=path)
@@ -99,8 +98,8 @@ def test_the_result_does_not_depend_on_who_does_the_work():
     plane, judging = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}, RegimeOptions(forces=False)
     options = in_process(check=2, carry="down", judging=judging)
     alone = regimes(SET_15, plane, (2, 65), options=options)
-    with workers(2) as hands:
-        both = regimes(SET_15, plane, (2, 65), options=options, hands=hands)
+    with local_workers(2) as workers:
+        both = regimes(SET_15, plane, (2, 65), options=options, workers=workers)
     assert same(both, alone)
     assert both.impacts.shape == (65, 2, 0)
 

@@ -36,7 +36,7 @@ def test_it_walks_from_the_first_value_to_the_second() -> None:
 
 def test_it_walks_any_parameter() -> None:
     study = stop_study()
-    options = gw.ResponseOptions("stop.clearance", 1.0, 0.5, "max.x")
+    options = gw.studies.ResponseOptions("stop.clearance", 1.0, 0.5, "max.x")
     branch = gw.run(gw.Study(study.system.at(frequency=1.0), options)).branches[0]
     assert branch.values[[0, -1]] == pytest.approx([1.0, 0.5], abs=1e-15)
     assert branch.points[3].orbit.system["stop.clearance"] == branch.values[3]

@@ -85,7 +85,7 @@ def test_a_system_of_all_kinds_of_parts_survives(path) -> None:
         0.8,
     )
     start = (0.1, 0.0, 0.0, 1e-3)
-    options = gw.ResponseOptions(
+    options = gw.studies.ResponseOptions(
         "gear.soft.clearance", 0.1, 0.2, "max.b", 1, start, gw.WalkOptions(max_points=5), gw.Shooting(segments=2)
     )
     study = gw.Study(system, options, "ü \x1b[31m", "", (("study.to", 0.2), ("study.start", [0.1, 0.0, 0.0, 1e-3])))

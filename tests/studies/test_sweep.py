@@ -16,14 +16,12 @@ import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.flow import Flow
 from gapwalk.parallel.work_chunks import Pace
-from gapwalk.parallel.workers import workers
+from gapwalk.parallel.workers import local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments
-from gapwalk.studies.kind import values_of
-from gapwalk.studies.load import load_result
-from gapwalk.studies.request import REQUEST, request_file
-from gapwalk.studies.sweep import BLOCK, Way
-from gapwalk.studies.sweep_segment import Patience
+from gapwalk.studies.read_result import REQUEST, load_result, request_file
+from gapwalk.studies.study_kind import values_of
+from gapwalk.studies.sweep import BLOCK, Patience, SweepSegment, Way
 from gapwalk.studies.sweep_study import STRETCH, SweepStudy
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
@@ -121,8 +119,8 @@ def test_many_starts_find_what_one_does_not() -> None:
 
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
-    with workers(2) as hands:
-        assert_same(gw.sweep(*FOLDS, options=options(), hands=hands), hysteresis)
+    with local_workers(2) as workers:
+        assert_same(gw.sweep(*FOLDS, options=options(), workers=workers), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:
@@ -323,11 +321,9 @@ def test_section_points_are_in_memory_once() -> None:
     asked = SweepStudy("frequency", 0.3, 1.2, steps=400, ways="up", points=500)
     work = asked.work(light())  # the first one brings what is kept for good
 
-    def segment(number: int) -> segments.SweepSegment:
+    def segment(number: int) -> SweepSegment:
         sections = np.full((BLOCK, 500, 4), float(number))
-        return segments.SweepSegment(
-            0, number, sections, np.ones(BLOCK, int), np.ones(BLOCK, bool), ("period 1",) * BLOCK
-        )
+        return SweepSegment(0, number, sections, np.ones(BLOCK, int), np.ones(BLOCK, bool), ("period 1",) * BLOCK)
 
     tracemalloc.start()
     try:

@@ -12,6 +12,7 @@ from gapwalk.model.model_source import parse_source
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.paper import case
+from gapwalk.studies.diagram_study import DiagramOptions
 from gapwalk.studies.family_joining import FamilyOptions
 from gapwalk.studies.family_study import FamilyStudy
 from gapwalk.studies.locus_study import LocusStudyOptions
@@ -19,7 +20,6 @@ from gapwalk.studies.map import MapOptions
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import check_study, read_studies, read_study, template, write_template
-from gapwalk.studies.whole_diagram import DiagramOptions
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted(path.name for path in EXAMPLES.glob("*.toml"))

@@ -12,8 +12,8 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.studies.document import result_document
-from gapwalk.studies.export import export_csv, table_names
-from gapwalk.studies.units import without_units
+from gapwalk.studies.export import export_csv
+from gapwalk.studies.without_units import without_units
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
 
@@ -27,7 +27,7 @@ def speed() -> gw.Result:
 def test_physical_and_non_dimensional_runs_agree(speed: gw.Result) -> None:
     """Special points of two walks, in two systems of different numbers; and every single orbit of one in the other."""
     study = without_units(speed.study)
-    form = gw.nondimensional(speed.system)
+    form = gw.train.nondimensional(speed.system)
     plain = gw.run(study)
     first, second = speed.branches[0], plain.branches[0]
     assert [special.kind for special in first.special_points] == [special.kind for special in second.special_points]
@@ -51,7 +51,7 @@ def _transition(evaluation) -> np.ndarray:
 
 
 def test_values_of_studies_have_units() -> None:
-    drive, load = gw.read_studies(EXAMPLE, {"study.speed.to": "20 Hz"})
+    drive, load = gw.studies.read_studies(EXAMPLE, {"study.speed.to": "20 Hz"})
     assert (drive.walked.parameter, drive.walked.begin, drive.walked.end) == ("speed", 3000.0, pytest.approx(1200.0))
     assert (load.walked.begin, load.walked.end, load.system["speed"]) == (60.0, 2.0, 1400.0)
 
@@ -78,7 +78,7 @@ def test_values_of_studies_have_units() -> None:
 )
 def test_what_has_no_unit_or_a_wrong_one_is_refused(changes: dict, words: list[str]) -> None:
     with pytest.raises(ModelFileError) as error:
-        gw.read_studies(EXAMPLE, changes)
+        gw.studies.read_studies(EXAMPLE, changes)
     for word in words:
         assert word in str(error.value)
 
@@ -93,7 +93,7 @@ def test_a_result_keeps_its_units(speed: gw.Result, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="made of other parts"):
         gw.run(without_units(study), file, resume=True)
     assert gw.run(study, file, resume=True).complete
-    export_csv(loaded, {name: tmp_path / f"{name}.csv" for name in table_names(loaded)})
+    export_csv(loaded, {name: tmp_path / f"{name}.csv" for name in loaded.tables()})
     with open(tmp_path / "points.csv", encoding="utf-8", newline="") as table:
         header, first, *_ = csv.reader(table)
     row = dict(zip(header, first, strict=True))
@@ -121,4 +121,4 @@ def test_equations_with_units_are_not_reduced(tmp_path: Path) -> None:
     file = tmp_path / "reduced.toml"
     file.write_text(EXAMPLE.read_text(encoding="utf-8") + "\n[reduction]\nmodes = 1\n", encoding="utf-8")
     with pytest.raises(ModelFileError, match="reduction reduces equations without units"):
-        gw.read_studies(file)
+        gw.studies.read_studies(file)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gapwalk.errors import WorkError
-from gapwalk.parallel.workers import sharing, workers
+from gapwalk.parallel.workers import local_workers, on_cores
 from tests.studies.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
 from tests.tiers import in_campaign
 from tests.waiting import children, until
@@ -24,15 +24,15 @@ def test_results_come_in_order_and_superfluous_pieces_are_left_out(count) -> Non
     def is_needed(index: int) -> bool:
         return index != 3 or 2 not in accepted
 
-    with workers(count) as hands:
-        hands.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append(result), is_needed)
+    with local_workers(count) as workers:
+        workers.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append(result), is_needed)
     assert accepted == [0, 2, 4]
 
 
 def test_a_process_that_is_killed_costs_its_own_piece_only(tmp_path) -> None:
     pieces, accepted = [(str(tmp_path), number) for number in range(8)], []
-    with workers(2) as hands:
-        hands.run(die_once, pieces, lambda index, result: accepted.append((index, result)))
+    with local_workers(2) as workers:
+        workers.run(die_once, pieces, lambda index, result: accepted.append((index, result)))
     assert accepted == [(number, number) for number in range(8)]
     tries = [int(mark.name.split("-")[0]) for mark in tmp_path.iterdir()]
     assert sorted(tries) == [0, 1, 2, 2, 3, 4, 5, 6, 7]  # the other process went on with what it was doing
@@ -40,35 +40,35 @@ def test_a_process_that_is_killed_costs_its_own_piece_only(tmp_path) -> None:
 
 def test_processes_are_shared_by_all_work_of_a_while() -> None:
     pids: list[set[int]] = []
-    with sharing(2) as shared:
+    with on_cores(2) as shared:
         for count in (2, 1):
             found: set[int] = set()
-            with workers(count) as hands:
-                assert hands is shared
-                hands.run(slow_pid, range(4), lambda index, pid, found=found: found.add(pid))
+            with local_workers(count) as workers:
+                assert workers is shared
+                workers.run(slow_pid, range(4), lambda index, pid, found=found: found.add(pid))
             pids.append(found)
     assert pids[0] == pids[1]
     assert len(pids[0]) == 2
-    with workers(1) as hands:
-        assert hands is not shared
+    with local_workers(1) as workers:
+        assert workers is not shared
 
 
 @pytest.mark.slow
 def test_a_process_that_is_killed_while_it_is_idle_is_replaced() -> None:
     pids = []
-    with workers(2) as hands:
-        hands.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
+    with local_workers(2) as workers:
+        workers.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
-        hands.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
+        workers.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
     assert len(set(pids)) == 4
 
 
 @pytest.mark.parametrize(("in_order", "kept"), [in_campaign(True, [0, 1, 2]), (False, [0, 1, 2, 4, 5, 6])])
 def test_a_piece_that_kills_its_process_each_time_is_named(in_order, kept) -> None:
     accepted = []
-    with workers(2) as hands, pytest.raises(WorkError, match="over piece 4 of 7 at each of 3 tries") as caught:
-        hands.run(die_at_three, range(7), lambda index, result: accepted.append(result), in_order=in_order)
+    with local_workers(2) as workers, pytest.raises(WorkError, match="over piece 4 of 7 at each of 3 tries") as caught:
+        workers.run(die_at_three, range(7), lambda index, result: accepted.append(result), in_order=in_order)
     assert sorted(accepted) == kept
     assert caught.value.pieces == (3,)
 
@@ -76,8 +76,8 @@ def test_a_piece_that_kills_its_process_each_time_is_named(in_order, kept) -> No
 @pytest.mark.parametrize("count", [1, 2])
 def test_an_error_of_a_piece_comes_in_its_turn(count) -> None:
     accepted = []
-    with workers(count) as hands, pytest.raises(ZeroDivisionError, match="three"):
-        hands.run(fail_at_three, range(8), lambda index, result: accepted.append(result))
+    with local_workers(count) as workers, pytest.raises(ZeroDivisionError, match="three"):
+        workers.run(fail_at_three, range(8), lambda index, result: accepted.append(result))
     assert accepted == [0, 1, 2]
 
 
@@ -89,17 +89,17 @@ def test_what_fails_and_is_superfluous_in_its_turn_hinders_nothing(count, bad) -
     def is_needed(index: int) -> bool:
         return index != 1 or 0 not in accepted
 
-    with workers(count) as hands:
-        hands.run(bad, [0, 3, 1, 2], lambda index, result: accepted.append(result), is_needed)
+    with local_workers(count) as workers:
+        workers.run(bad, [0, 3, 1, 2], lambda index, result: accepted.append(result), is_needed)
     assert accepted == [0, 1, 2]
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_out_of_order_each_result_is_accepted_when_it_comes(count) -> None:
     accepted = []
-    with workers(count) as hands:
-        hands.run(slow_double, [0] * count, lambda index, result: None)  # all processes have started
-        hands.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append((index, result)), in_order=False)
+    with local_workers(count) as workers:
+        workers.run(slow_double, [0] * count, lambda index, result: None)  # all processes have started
+        workers.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append((index, result)), in_order=False)
     assert sorted(accepted) == [(0, 0), (1, 2), (2, 4), (3, 6)]
     assert (accepted[0] == (0, 0)) is (count == 1)  # the second process was quicker
 
@@ -113,22 +113,22 @@ def test_pieces_may_become_more_while_they_are_done(count, in_order) -> None:
         if result < 16:
             pieces.append(result)
 
-    with workers(count) as hands:
-        hands.run(slow_double, pieces, accept, in_order=in_order)
+    with local_workers(count) as workers:
+        workers.run(slow_double, pieces, accept, in_order=in_order)
     assert sorted(accepted) == list(range(6))
     assert sorted(accepted.values()) == [2, 4, 8, 10, 16, 20]
 
 
 SCRIPT = """
 import os
-from gapwalk.parallel.workers import workers
+from gapwalk.parallel.workers import local_workers
 
 def ready(index, result):
     print(index, flush=True)
 
 print("master", os.getpid(), flush=True)  # no guard: the processes must not run this script
-with workers(2) as hands:
-    hands.run({work}, [{pieces}], ready)
+with local_workers(2) as workers:
+    workers.run({work}, [{pieces}], ready)
 print("done", flush=True)
 """
 

@@ -11,13 +11,23 @@ from matplotlib.axes import Axes
 from pydantic import AfterValidator, ValidationInfo
 
 import gapwalk as gw
-from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Rows, Work
-from gapwalk.studies.kinds import OPEN, Counted, add_kind
-from gapwalk.studies.options import RangeStudy
-from gapwalk.studies.study_file import Study, check_study
-from gapwalk.studies.tables import Surroundings, check_signal
+from gapwalk import Study
+from gapwalk.parallel import Workers
+from gapwalk.studies import (
+    OPEN,
+    Counted,
+    Finding,
+    Found,
+    Part,
+    Parts,
+    RangeStudy,
+    Rows,
+    Surroundings,
+    Work,
+    add_kind,
+    check_signal,
+    check_study,
+)
 
 
 def _is_a_coordinate(name: str | None, info: ValidationInfo[Surroundings]) -> str | None:
@@ -75,7 +85,7 @@ AMPLITUDE = Part("amplitude", Amplitude, numbered=True)
 
 
 class AmplitudeWork(Work):
-    """The amplitudes, one by one, by many hands."""
+    """The amplitudes, one by one, by many workers."""
 
     def __init__(self, system: gw.System, asked: AmplitudeStudy) -> None:
         self.system, self.asked = system, asked
@@ -84,10 +94,10 @@ class AmplitudeWork(Work):
     def take(self, known: Parts) -> None:
         self.known = dict(known.all(AMPLITUDE))
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         left = [number for number in range(self.asked.count) if number not in self.known]
         pieces = [(self.system, self.asked, self.asked.values[number]) for number in left]
-        for index, found in hands.each(_amplitude, pieces, in_order=False):
+        for index, found in workers.each(_amplitude, pieces, in_order=False):
             self.known[left[index]] = found
             yield Found.part(AMPLITUDE, found, left[index])
 
@@ -107,8 +117,8 @@ class AmplitudeWork(Work):
     def record(self) -> Amplitudes:
         return Amplitudes(self.asked, tuple(found for _, found in sorted(self.known.items())))
 
-    def content(self) -> Content:
-        return Content(self.complete, finding=AmplitudeFinding(self.record))
+    def finding(self) -> AmplitudeFinding:
+        return AmplitudeFinding(self.record)
 
 
 def _amplitude(piece: tuple[gw.System, AmplitudeStudy, float]) -> Amplitude:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gapwalk.bifurcation.kinds.condition import Criticality
-from gapwalk.bifurcation.special_point_kind import Kind, Symbol, register
+from gapwalk.special_points import Criticality, Kind, Symbol, register
 
 
 class ImaginaryPair(Kind):

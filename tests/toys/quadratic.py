@@ -1,7 +1,6 @@
 """A toy force law: springs that stiffen with the square of the penetration, which damp as they do."""
 
-from gapwalk.model.laws import CLEARANCE, STIFFNESS, Law, register
-from gapwalk.model.parameter import Parameter
+from gapwalk.laws import CLEARANCE, STIFFNESS, Law, Parameter, register
 
 
 class Quadratic(Law):

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from gapwalk.model.loads import Line, Load, register
-from gapwalk.model.parameter import Parameter
+from gapwalk.loads import Line, Load, Parameter, register
 
 
 @dataclass(frozen=True)

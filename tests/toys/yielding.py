@@ -1,8 +1,6 @@
 """A toy force law that is no polynomial: springs that yield, with a damper that fades as they do."""
 
-from gapwalk.model.laws import Law, register
-from gapwalk.model.parameter import Parameter
-from gapwalk.model.units import QuantityKind
+from gapwalk.laws import Law, Parameter, QuantityKind, register
 
 
 class Yielding(Law):

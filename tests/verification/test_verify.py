@@ -16,7 +16,7 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.result_file import reading
-from gapwalk.studies.request import request_file
+from gapwalk.studies.read_result import request_file
 from gapwalk.studies.response_study import MOMENT, START, Moment
 from gapwalk.verification.dop853 import carry
 from gapwalk.verification.independent_equations import Equations
@@ -34,7 +34,7 @@ def branch():
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     """The same as a study with its file."""
-    options = gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1")
+    options = gw.studies.ResponseOptions("frequency", 0.85, 0.6, "half.q1")
     path = tmp_path_factory.mktemp("verify") / "clutch.gapwalk"
     gw.run(gw.Study(clutch(frequency=0.85), options), path)
     return path
@@ -184,7 +184,7 @@ def test_a_turned_stability_label_is_found(branch):
     orbit = branch.points[number].orbit
     found = gw.verify(change(branch, number, orbit=replace(orbit, multipliers=0.5 * orbit.multipliers)))
     assert {("multipliers", f"point {number}"), ("stability", f"point {number}")} <= failed(found)
-    assert "0 are stored" in next(each.detail for each in found.breaches if each.check is gw.Check.STABILITY)
+    assert "0 are stored" in next(each.detail for each in found.breaches if each.check is gw.records.Check.STABILITY)
     assert any(check == "counts" for check, _ in failed(found))
 
 
@@ -322,7 +322,7 @@ def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
 
 
 def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):
-    options = gw.ResponseOptions("frequency", 0.85, 0.8, "half.q1", verify=True)
+    options = gw.studies.ResponseOptions("frequency", 0.85, 0.8, "half.q1", verify=True)
     path = tmp_path / "clutch.gapwalk"
     found = gw.run(gw.Study(clutch(frequency=0.85), options), path)
     assert found.verification is not None
@@ -369,8 +369,8 @@ def test_scipy_needs_no_other_events():
 
 
 def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypatch):
-    second = gw.SecondParameter("mean.q1", 0.25, 0.26)
-    options = gw.MapStudyOptions(
+    second = gw.studies.SecondParameter("mean.q1", 0.25, 0.26)
+    options = gw.studies.MapStudyOptions(
         "frequency", 0.85, 0.79, "half.q1", second=second, sections=(0.25,), max_period=1, workers=1
     )
     path = tmp_path / "map.gapwalk"

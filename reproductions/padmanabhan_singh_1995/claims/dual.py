@@ -202,7 +202,7 @@ def _rises(branch: gw.Branch) -> float:
 _BARE = (0.3, 0.45)
 
 
-def isolated(result: gw.Result) -> list[gw.DiagramBranch]:
+def isolated(result: gw.Result) -> list[gw.records.DiagramBranch]:
     """Return the branches of period 1 that closed on themselves, the widest first."""
     closed = [member for member in members(result, 1) if member.branch.closed]
     return sorted(closed, key=lambda member: -extent(member.branch).width)

@@ -24,7 +24,7 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
 @dataclass(frozen=True)
-class Check:
+class BasinCheck:
     """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong.
 
     Attributes
@@ -114,7 +114,7 @@ class Basins(Shown):
     window: Window
     labels: NDArray[np.int_]
     attractors: tuple[Attractor, ...]
-    check: Check
+    check: BasinCheck
     error: float = 0.0
     complete: bool = True
     notes: tuple[str, ...] = ()
@@ -229,7 +229,7 @@ class BasinShares:
     confidence: float
     complete: bool = True
     notes: tuple[str, ...] = ()
-    check: Check = Check(0)
+    check: BasinCheck = BasinCheck(0)
     error: float = 0.0
 
     @property

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
-from gapwalk.attractors.convergence import exact_returns
 from gapwalk.attractors.lyapunov import Lyapunov, LyapunovOptions, lyapunov_run, of_multipliers
 from gapwalk.attractors.rotation import Rotation, rotation
 from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settling_judge import exact_returns
 from gapwalk.attractors.trapping_region import nearby_orbit, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System

@@ -135,7 +135,7 @@ class LyapunovOptions:
                 raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
 
 
-def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
+def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
     """Compute the Lyapunov exponents of the motion from a settled state at theta = 0.
 
     Raises
@@ -145,7 +145,7 @@ def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOption
     FlowError
         If the motion diverges.
     """
-    return lyapunov_run(system, state, options)[0]
+    return lyapunov_run(system, start, options)[0]
 
 
 def lyapunov_run(

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import check_count
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import contact_deflections, contact_forces
 from gapwalk.flow.motion import Motion, sample, signal_factor, switch_names
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit

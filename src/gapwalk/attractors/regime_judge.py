@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.classify import classify
-from gapwalk.attractors.convergence import judge_returns
 from gapwalk.attractors.many_motions import ExactMotions, ManyMotions
 from gapwalk.attractors.regimes import Regime
 from gapwalk.attractors.section import check_count
 from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settling_judge import judge_returns
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
 

@@ -120,7 +120,7 @@ class Plane:
         return f"{' + '.join(terms)} = {self.level:g}{where}".replace("+ -", "− ")
 
 
-def section(system: System, state: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
+def section(system: System, start: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
     """Find the states at which a motion crosses a plane, each to rounding on the exact flow.
 
     Crossings are bracketed between 128 samples per forcing period. Two crossings between successive samples are found
@@ -130,7 +130,7 @@ def section(system: System, state: NDArray[np.float64], plane: Plane, periods: i
     ----------
     system
         The system.
-    state : shape (2n,)
+    start : shape (2n,)
         A state of the settled motion at theta = 0.
     plane
         The plane, and the direction of crossing.
@@ -146,10 +146,10 @@ def section(system: System, state: NDArray[np.float64], plane: Plane, periods: i
     """
     check_count("periods", periods)
     crossings = _Crossings(system, plane)
-    current, start = check_state(system, state), 0.0
+    current, theta = check_state(system, start), 0.0
     for _ in range(periods):
-        current = crossings.follow(current, start)
-        start += PERIOD
+        current = crossings.follow(current, theta)
+        theta += PERIOD
     thetas = np.array([theta for theta, _ in crossings.found])
     states = np.array([found for _, found in crossings.found]).reshape(-1, 2 * system.size)
     return Section(system, thetas, states, plane.text)
@@ -261,14 +261,14 @@ def size_of(system: System, states: NDArray[np.float64], least: float = 0.0) -> 
     return size * np.concatenate((np.ones(n), np.full(n, w)))
 
 
-def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
+def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
     """Compute the stroboscopic section: states one forcing period apart.
 
     Parameters
     ----------
     system
         The system.
-    state : shape (2n,)
+    start : shape (2n,)
         A state of the settled motion at theta = 0.
     periods
         Number of states.
@@ -285,7 +285,7 @@ def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phas
     check_count("periods", periods)
     if not 0.0 <= phase < PERIOD:
         raise ModelError(f"phase is {phase!r}; it must be an angle in radians, at least 0 and less than 2 pi")
-    first = at_phase(system, check_state(system, state), phase)
+    first = at_phase(system, check_state(system, start), phase)
     states = np.vstack((first, Strobe(system, phase).run(first, periods - 1)))
     thetas = phase + PERIOD * np.arange(periods, dtype=np.float64)
     return Section(system, thetas, states, f"phase {phase / PERIOD:.4g} of the period")

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
-from gapwalk.attractors.convergence import TOLERANCES, Drift, drift_of, exact_returns, recurrences
 from gapwalk.attractors.section import Strobe, check_count, size_of
+from gapwalk.attractors.settling_judge import TOLERANCES, Drift, drift_of, exact_returns, recurrences
 from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system

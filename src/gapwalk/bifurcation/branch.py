@@ -1,4 +1,4 @@
-"""Records of a finished walk: the branch, its ends, and its special points."""
+"""Record of a branch: its points, its ends, and its special points."""
 
 from __future__ import annotations
 
@@ -10,109 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Table
 
 if TYPE_CHECKING:
     import pandas
-
-
-REACH = 0.01
-"""Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
-_WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
-VERTEX = 1e-3
-"""Parameter component of the tangent below which the branch counts as turning back."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpecialPoint(Shown):
-    """Point at which orbits appear, vanish, bifurcate, or touch a stop.
-
-    Attributes
-    ----------
-    kind
-        Kind of the special point.
-    point
-        The located point of the branch.
-    before, after
-        Unstable multipliers on either side, in the direction of the walk.
-    uncertainty
-        Estimated error of its parameter value. It is four times the difference from the same point computed with
-        another discretisation (by shooting with another number of segments, by harmonic balance with more harmonics,
-        so that truncation is included), plus the bracket in which the point was located. Infinite if unknown.
-    contact
-        For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
-    nature
-        Criticality: ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or
-        ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
-    judged
-        Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
-        the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
-    """
-
-    kind: Kind
-    point: BranchPoint
-    before: Instability
-    after: Instability
-    uncertainty: float
-    contact: str = ""
-    nature: str = ""
-    judged: float = 0.0
-
-    @property
-    def value(self) -> float:
-        """Value of the parameter."""
-        return self.point.value
-
-    @property
-    def orbit(self) -> Orbit:
-        """Orbit at the point."""
-        return self.point.orbit
-
-    @property
-    def multiplier(self) -> complex:
-        """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
-        return self.kind.critical_multiplier(self.point.orbit.multipliers)
-
-    @property
-    def is_vertex(self) -> bool:
-        """True for a branch point at which this branch turns back, because it branches off from the other one."""
-        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < VERTEX
-
-    @property
-    def nature_words(self) -> str:
-        """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
-        whole = self.kind is not Kind.FLIP or not self.nature
-        if whole or self.judged >= _WHOLE * REACH * magnitude(self.orbit.state, self.orbit.system):
-            return self.nature
-        return f"{self.nature} up to {self.judged:.1g}"
-
-    @property
-    def multiplier_words(self) -> str:
-        """Critical multiplier with six digits, a complex one with its conjugate; empty at a grazing point."""
-        multiplier = self.multiplier
-        if np.isnan(multiplier):
-            return ""
-        if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
-            return f"{multiplier.real:+.6f}"
-        return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
-
-    @property
-    def change(self) -> str:
-        """Change of stability in the direction of the walk, in words."""
-        texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
-        return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
-
-    def __repr__(self) -> str:
-        place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
-        return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
 @dataclass(frozen=True)
@@ -206,8 +115,8 @@ class Branch(Shown):
         """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
-    def summary(self) -> Iterator[str]:
-        """Return range, points and special points of the branch in a line, then where and why it ends."""
+    def summary(self, points: bool = True) -> Iterator[str | Table]:
+        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield (
             f"period-{self.period} motions over {symbol} from {self.values[0]:.10g} to {self.values[-1]:.10g}: "
@@ -215,6 +124,9 @@ class Branch(Shown):
         )
         for end in self.ends:
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
+        if points and self.special_points:
+            rows = [special.words for special in self.special_points]
+            yield Table(list(rows[0]), [list(row.values()) for row in rows])
 
     @property
     def counts(self) -> str:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite
-from gapwalk.continuation.walk_options import Range, check_range
-from gapwalk.continuation.walk_scales import scales_of, with_natural_change
+from gapwalk.continuation.walk_scales import Range, check_range, scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
@@ -24,7 +23,7 @@ from gapwalk.orbit.orbit import Orbit, true_period
 from gapwalk.orbit.orbit_equation import OrbitEquation, solve
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.branch import SpecialPoint
+    from gapwalk.bifurcation.special_point import SpecialPoint
 
 _MERGED = 1e-7  # relative difference between the halves of an orbit below which it has half the period
 _CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import (
     BranchStart,
     has_merged,
@@ -19,13 +18,14 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
-from gapwalk.bifurcation.kinds.event import Event
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.kinds.user_event import Event
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.stiff_graze import pass_graze
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.length_unit import magnitude

@@ -17,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import VERTEX, Branch, SpecialPoint, Unexplained
+from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.branch_point import BranchPoint
@@ -217,4 +218,5 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         grazes = sum(each.kind is Kind.GRAZING and each.contact == name for each in special)
         change = abs(then - now)
         if change > grazes or (grazes - change) % 2:
-            yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"
+            times = f"{now} times per period before this step, {then} times after it"
+            yield f"{name} closes {times}, and grazes {grazes} times in it"

@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchResult
-from gapwalk.bifurcation.membership import meets, parent_flip
+from gapwalk.bifurcation.orbit_on_branch import meets, parent_flip
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown

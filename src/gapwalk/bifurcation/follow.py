@@ -6,15 +6,16 @@ import reprlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
-from gapwalk.bifurcation.kinds.event import Event, check_events
+from gapwalk.bifurcation.kinds.user_event import Event, check_events
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.tracing import Tracing, TracingState, in_one_direction
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.continuation.walk_options import WalkOptions
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
@@ -41,7 +42,7 @@ def follow(
     ----------
     start
         The orbit to start from, as from `find_orbit`; or a flip or a branch point. Then the branch that begins there is
-        followed: the branch of twice the period, or the crossing branch; see `switch`.
+        followed: the branch of twice the period, or the crossing branch.
     parameter
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
@@ -60,7 +61,10 @@ def follow(
     Raises
     ------
     ModelError
-        For an unknown parameter, a range that does not contain the start, or a special point at which no branch begins.
+        For an unknown parameter, a range that does not contain the start, or a kind of special point at which no branch
+        begins.
+    NumericalError
+        If no branch begins at this special point in the range.
     VerificationError
         If the branch is to be verified, and a check fails.
     Interrupted
@@ -79,7 +83,7 @@ def walk(
     parameter: str,
     to: float | tuple[float, float],
     *,
-    options: WalkOptions | None = None,
+    walk: WalkOptions | None = None,
     method: Method | None = None,
     events: Sequence[Event] = (),
     resume: WalkProgress | None = None,
@@ -88,10 +92,8 @@ def walk(
 
     Parameters
     ----------
-    start, parameter, to, method, events
+    start, parameter, to, walk, method, events
         As in `follow`.
-    options
-        Options of the walk.
     resume
         `BranchWalk.state` of a stopped walk from the same start; it can be pickled.
 
@@ -113,7 +115,7 @@ def walk(
     ...         break
     >>> steps.branch.plot()
     """
-    return BranchWalk(_beginnings(start, parameter, to, method), options, events, resume)
+    return BranchWalk(_beginnings(start, parameter, to, method), walk, events, resume)
 
 
 WalkProgress = TracingState[Step]
@@ -180,7 +182,10 @@ def _beginnings(
     if isinstance(start, SpecialPoint):
         value = start.orbit.system[parameter]
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))
-        return switch(start, parameter, within, method)
+        beginnings = switch(start, parameter, within, method)
+        if not beginnings:
+            raise NumericalError("no branch begins at this point between these values; choose a wider range")
+        return beginnings
     return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 
 

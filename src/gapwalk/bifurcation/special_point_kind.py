@@ -18,12 +18,12 @@ from gapwalk.errors import ModelError
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.branch import SpecialPoint
     from gapwalk.bifurcation.branch_start import BranchStart
     from gapwalk.bifurcation.error_estimate import ErrorEstimator
-    from gapwalk.bifurcation.kinds.condition import Criticality
+    from gapwalk.bifurcation.kinds.defining_functions import Criticality
+    from gapwalk.bifurcation.special_point import SpecialPoint
     from gapwalk.bifurcation.step_interval import Search, Zero
-    from gapwalk.continuation.walk_options import Range
+    from gapwalk.continuation.walk_scales import Range
     from gapwalk.orbit.method import Method
     from gapwalk.orbit.orbit import Orbit
 

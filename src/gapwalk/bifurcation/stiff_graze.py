@@ -19,9 +19,10 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.error_estimate import ROUNDING
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import ConvergenceError, NumericalError

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -16,32 +18,43 @@ app = App(
     version=lambda: __import__("gapwalk").__version__,
 )
 
-Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+_SWITCH = Parameter(negative=(), show_default=False)
+Flag = Annotated[bool, _SWITCH]
+Json = Annotated[bool, _SWITCH, Parameter(help="Print one JSON document.")]
+Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
+Names = Annotated[list[str] | None, Parameter(negative=())]
 
 
-@app.command(sort_key=1)
-def new(file: Path, /, *, debug: Flag = False) -> int:
+def command(sort_key: float) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Add a function to the commands: its errors are reported, in JSON if that is wanted, and become exit codes."""
+
+    def add(job: Callable[..., int]) -> Callable[..., int]:
+        @wraps(job)
+        def guarded(*arguments: Any, debug: bool = False, **options: Any) -> int:
+            return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug)
+
+        return app.command(guarded, sort_key=sort_key)
+
+    return add
+
+
+@command(1)
+def new(file: Path, /, *, debug: Debug = False) -> int:
     """Write a template of a model file; its comments explain every key.
 
     Parameters
     ----------
     file
         The file to write, such as model.toml.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.file_commands import new_file
 
-    def job() -> int:
-        from gapwalk.cli.file_commands import new_file
-
-        return new_file(file)
-
-    return guard(job, debug=debug)
+    return new_file(file)
 
 
-@app.command(sort_key=2)
-def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: Flag = False) -> int:
+@command(2)
+def check(file: Path, /, *, changes: Changes = None, json: Json = False, debug: Debug = False) -> int:
     """Check a model file; print a summary, or everything that is wrong with it.
 
     Parameters
@@ -50,29 +63,21 @@ def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: 
         The model file.
     changes
         A changed value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.file_commands import check_file
 
-    def job() -> int:
-        from gapwalk.cli.file_commands import check_file
-
-        return check_file(file, changes or [], json=json)
-
-    return guard(job, json=json, debug=debug)
+    return check_file(file, changes or [], json=json)
 
 
-@app.command(sort_key=3)
+@command(3)
 def modes(
     file: Path,
     /,
     *,
     changes: Changes = None,
     picture: Path | None = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> int:
     """Show the static equilibria of a system under its mean load, its open clearances there, and its natural modes.
 
@@ -84,35 +89,27 @@ def modes(
         A changed value, as in --set stage2.clearance=0.5; may be repeated.
     picture
         Draw the modes of the lowest frequencies into this file, PNG, SVG or PDF.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.modes_command import show_modes
 
-    def job() -> int:
-        from gapwalk.cli.modes_command import show_modes
-
-        return show_modes(file, changes or [], picture, json=json)
-
-    return guard(job, json=json, debug=debug)
+    return show_modes(file, changes or [], picture, json=json)
 
 
-@app.command(sort_key=4)
+@command(4)
 def run(
     file: Path,
     /,
     *,
     output: Path | None = None,
-    study: Annotated[list[str] | None, Parameter(negative=())] = None,
+    study: Names = None,
     changes: Changes = None,
     units: Literal["none"] | None = None,
     resume: Flag = False,
     force: Flag = False,
     scheduler: str | None = None,
-    json: Flag = False,
+    json: Json = False,
     quiet: Flag = False,
-    debug: Flag = False,
+    debug: Debug = False,
 ) -> int:
     """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
 
@@ -137,25 +134,17 @@ def run(
         Overwrite an existing result.
     scheduler
         Scheduler of a Dask cluster (gapwalk[cluster]) for the work, such as tcp://node7:8786, or its scheduler file.
-    json
-        Print one JSON document.
     quiet
         Print only errors.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.run_command import run_file
 
-    def job() -> int:
-        from gapwalk.cli.run_command import run_file
-
-        how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
-        return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
-
-    return guard(job, json=json, debug=debug)
+    how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
+    return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
 
 
-@app.command(sort_key=5)
-def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
+@command(5)
+def show(result: Path, /, *, points: Flag = False, json: Json = False, debug: Debug = False) -> int:
     """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
 
     Parameters
@@ -164,21 +153,13 @@ def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Fl
         The result file.
     points
         Also show the special points of a diagram or a map.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.file_commands import show_result
 
-    def job() -> int:
-        from gapwalk.cli.file_commands import show_result
-
-        return show_result(result, points=points, json=json)
-
-    return guard(job, json=json, debug=debug)
+    return show_result(result, points=points, json=json)
 
 
-@app.command(sort_key=6)
+@command(6)
 def export(
     result: Path,
     /,
@@ -187,7 +168,7 @@ def export(
     output: Path | None = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
-    debug: Flag = False,
+    debug: Debug = False,
 ) -> int:
     """Write the tables or the picture of a result file, or a web page with its diagram and motions (html).
 
@@ -207,19 +188,13 @@ def export(
     size
         Size of a picture: for a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
         slide (250 mm), or a screen.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.file_commands import export_result
 
-    def job() -> int:
-        from gapwalk.cli.file_commands import export_result
-
-        return export_result(result, format, output, measure, size)
-
-    return guard(job, debug=debug)
+    return export_result(result, format, output, measure, size)
 
 
-@app.command(sort_key=6)
+@command(6)
 def compare(
     first: str,
     second: str,
@@ -229,8 +204,8 @@ def compare(
     output: Path | None = None,
     measure: str | None = None,
     changes: Changes = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> int:
     """Compare two results, for example of two methods: their distance, and what only one of them contains.
 
@@ -249,23 +224,15 @@ def compare(
         The quantity on the vertical axis of the picture, as in max.q1; by default that of the first study.
     changes
         A changed value in model files, as in --set stage2.clearance=0.5; may be repeated.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.compare_command import compare_files
 
-    def job() -> int:
-        from gapwalk.cli.compare_command import compare_files
-
-        options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
-        return compare_files(first, second, tolerance, **options)
-
-    return guard(job, json=json, debug=debug)
+    options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
+    return compare_files(first, second, tolerance, **options)
 
 
-@app.command(sort_key=6)
-def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
+@command(6)
+def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
     """Check a result by independent means: orbits, gaps between them, special points, and counts.
 
     The exit code is 0 if all checks pass, and 5 if one fails.
@@ -274,31 +241,23 @@ def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
     ----------
     result
         The result file of a response, a diagram, a map or a family.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.file_commands import verify_file
 
-    def job() -> int:
-        from gapwalk.cli.verify_command import verify_file
-
-        return verify_file(result, json=json)
-
-    return guard(job, json=json, debug=debug)
+    return verify_file(result, json=json)
 
 
-@app.command(sort_key=7)
+@command(7)
 def measure(
     file: Path,
     record: Path,
     /,
     *,
-    fit: Annotated[list[str] | None, Parameter(negative=())] = None,
+    fit: Names = None,
     changes: Changes = None,
     output: Path | None = None,
-    json: Flag = False,
-    debug: Flag = False,
+    json: Json = False,
+    debug: Debug = False,
 ) -> int:
     """Compare a measured record with the computed motion, and fit parameters to it.
 
@@ -317,21 +276,13 @@ def measure(
         A changed value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
     output
         The picture to write; by default named after the record. The tables are named after it.
-    json
-        Print one JSON document.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.cli.measure_command import measure_file
 
-    def job() -> int:
-        from gapwalk.cli.measure_command import measure_file
-
-        return measure_file(file, record, fit or [], changes or [], output, json=json)
-
-    return guard(job, json=json, debug=debug)
+    return measure_file(file, record, fit or [], changes or [], output, json=json)
 
 
-@app.command(sort_key=3.5)
+@command(3.5)
 def explore(
     file: Path | None = None,
     /,
@@ -339,7 +290,7 @@ def explore(
     port: int = 0,
     host: str = "127.0.0.1",
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
-    debug: Flag = False,
+    debug: Debug = False,
 ) -> int:
     """Open a model or a result in the browser: its diagram grows during the computation, any point shows its motion.
 
@@ -356,14 +307,8 @@ def explore(
         the printed address.
     browser
         Open the page in the browser.
-    debug
-        Show the traceback of an error.
     """
+    from gapwalk.explorer.serve import serve
 
-    def job() -> int:
-        from gapwalk.explorer.serve import serve
-
-        serve(file, host, port, browser=browser)
-        return DONE
-
-    return guard(job, debug=debug)
+    serve(file, host, port, browser=browser)
+    return DONE

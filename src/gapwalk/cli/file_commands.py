@@ -1,4 +1,4 @@
-"""``gapwalk new``, ``check``, ``show`` and ``export``: commands on files that compute nothing."""
+"""``gapwalk new``, ``check``, ``show``, ``export`` and ``verify``: commands on one file that run no study."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapwalk.cli.output import DONE, console, print_json, show, show_files
+from gapwalk.cli.output import BROKEN, DONE, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
@@ -49,22 +49,12 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         ]
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
-    structure = studies[0].system.structure
-    units = structure.units
-    turns = (units.turns if units else None) or 1
-    contacts = [
-        f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
-        for form in structure.contacts
-    ]
-    terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
+    system = studies[0].system
     doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
     lines = [
         (len(studies) == 1 and studies[0].title) or str(file),
-        *train_lines(studies[0].system),
-        f"  coordinates: {', '.join(structure.coordinates)}",
-        f"  contacts: {', '.join(contacts) or 'none'}",
-        f"  excitation: {terms or 'none'}",
-        *([f"  units: {units.words}"] if units else []),
+        *train_lines(system),
+        *(f"  {text}" for text in system.contents),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
@@ -78,7 +68,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
 def show_result(path: Path, *, points: bool, json: bool) -> int:
     """Show the contents of a result file; special points of a diagram or a map only if requested."""
     from gapwalk.cli.run_command import show_heading
-    from gapwalk.studies.load import load_result
+    from gapwalk.studies.read_result import load_result
 
     result = load_result(path)
     if json:
@@ -100,9 +90,8 @@ def export_result(
     path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
 ) -> int:
     """Write the tables or the picture of a result, or a page with its motions."""
-    from gapwalk.cli.run_command import table_paths
     from gapwalk.studies.export import export_csv
-    from gapwalk.studies.load import load_result
+    from gapwalk.studies.read_result import load_result
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
     if form not in ("csv", "html", *_PICTURES):
@@ -117,11 +106,11 @@ def export_result(
     if form == "csv":
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
-        tables = table_paths(result, path if output is None else output)
+        names, stem = list(result.tables()), path if output is None else output
+        written = [stem.with_name(f"{stem.stem}-{name}.csv") for name in names]
         if output is not None:
-            tables[next(iter(tables))] = output
-        export_csv(result, tables)
-        written = list(tables.values())
+            written[0] = output
+        export_csv(result, dict(zip(names, written, strict=True)))
     else:
         written = [output or path.with_suffix(f".{form}")]
         if form == "html":
@@ -134,3 +123,21 @@ def export_result(
             save(result, written[0], form=form, measure=measure, size=size)
     show_files(written)
     return DONE
+
+
+def verify_file(path: Path, *, json: bool) -> int:
+    """Verify a result file; return the exit code."""
+    from gapwalk.cli.progress import verify_line
+    from gapwalk.studies.verify import verified_result
+
+    with verify_line(str(path)) as progress:
+        result, found = verified_result(path, progress)
+    if json:
+        print_json({"file": str(path), "complete": result.complete, **found.document()})
+    else:
+        screen = console()
+        if not result.complete:
+            show([f"{path} is not complete; its stored part was verified"], screen)
+        show(found.summary(), screen)
+        show_title(found.words, screen)
+    return DONE if found.ok else BROKEN

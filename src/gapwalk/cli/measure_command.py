@@ -9,8 +9,8 @@ from pathlib import Path
 from gapwalk.cli.output import DONE, FAILED, console, print_json, printable, show, show_files, show_title
 from gapwalk.errors import ModelError
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.export import table_csv, write_whole
-from gapwalk.studies.measure import Measured, measure, read_measured_model
+from gapwalk.studies.export import save_tables
+from gapwalk.studies.measure import measure, read_measured_model
 
 _PICTURES = (".png", ".svg")
 
@@ -24,10 +24,15 @@ def measure_file(
         model = replace(
             model, fit=tuple(names), bounds={name: model.bounds[name] for name in names if name in model.bounds}
         )
-    paths = _paths(record, output, fitted=bool(model.fit))
+    if output is not None and output.suffix not in _PICTURES:
+        raise ModelError(f"{output} is not a name for a picture; give it the ending .png or .svg")
     found = measure(model, model.read(record))
-    _write(found, paths)
-    files = [str(path) for path in paths]
+    from gapwalk.plot import save  # imported late: only pictures need matplotlib
+
+    base = output or record.with_name(f"{record.stem}-measured.png")
+    pictures = [base.with_suffix(ending) for ending in _PICTURES]
+    save(found.alignment, *pictures, title=found.model.title or None)
+    files = [str(path) for path in (*pictures, *save_tables(found, base.with_suffix("")))]
     if json:
         print_json({**found.document(), "files": files})
     else:
@@ -38,24 +43,3 @@ def measure_file(
     for text in found.failures:
         print(f"gapwalk: {printable(text)}", file=sys.stderr)
     return FAILED if found.failures else DONE
-
-
-def _paths(record: Path, output: Path | None, *, fitted: bool) -> list[Path]:
-    """Return the names of the pictures, then of the tables."""
-    if output is not None and output.suffix not in _PICTURES:
-        raise ModelError(f"{output} is not a name for a picture; give it the ending .png or .svg")
-    base = output or record.with_name(f"{record.stem}-measured.png")
-    tables = [*(["parameters"] if fitted else []), "history", "lines"]
-    return [
-        *(base.with_suffix(ending) for ending in _PICTURES),
-        *(base.with_name(f"{base.stem}-{name}.csv") for name in tables),
-    ]
-
-
-def _write(found: Measured, paths: list[Path]) -> None:
-    from gapwalk.plot import save  # imported late: only pictures need matplotlib
-
-    save(found.alignment, *paths[: len(_PICTURES)], title=found.model.title or None)
-    for path, rows in zip(paths[len(_PICTURES) :], found.tables().values(), strict=True):
-        header, *rest = rows()
-        write_whole(path, table_csv(header, rest).encode())

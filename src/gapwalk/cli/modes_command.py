@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from gapwalk.cli.output import DONE, print_json, show, show_files
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
-from gapwalk.model.equilibria import Equilibrium, Rest, rest_of
+from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import read_source
-from gapwalk.model.modes import Modes, modes_of
+from gapwalk.model.modes import Modes, find_modes
 from gapwalk.model.problems import ModelFileError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import parameter_symbol
+from gapwalk.results.plain import plain
 from gapwalk.studies.changes import change_source, change_system, parse_changes
-from gapwalk.studies.kind import plain_numbers
 from gapwalk.summary import Table
 
 _COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named
@@ -31,9 +31,9 @@ _ROWS = 30  # modes that are printed; --json has all of them
 def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
     title, system = _read(file, changes)
-    rest = rest_of(system)
-    found = {f"about the static equilibrium ({each})": modes_of(system, each) for each in rest.equilibria}
-    closed = modes_of(system, "closed")
+    rest = find_equilibria(system)
+    found = {f"about the static equilibrium ({each})": find_modes(system, each) for each in rest.equilibria}
+    closed = find_modes(system, "closed")
     if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
         found["with the first stage of every contact closed"] = closed
     if picture is not None:
@@ -142,9 +142,7 @@ def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Pa
         "complete": rest.complete,
         "rest": [_rest_document(system, each) for each in rest.equilibria],
         "closed": _modes_document(closed),
-        "resonances": {
-            name: plain_numbers(values.tolist()) for name, values in resonance_values(system, closed).items()
-        },
+        "resonances": plain(resonance_values(system, closed)),
         "picture": None if picture is None else str(picture),
     }
 
@@ -152,32 +150,20 @@ def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Pa
 def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
     return {
         "position": dict(zip(system.coordinates, rest.position.tolist(), strict=True)),
-        "contacts": [
-            {
-                "name": contact.name,
-                "open": contact.is_open,
-                "side": contact.side,
-                "closed": list(contact.closed),
-                "deflection": contact.deflection,
-                "force": contact.force,
-            }
-            for contact in rest.contacts
-        ],
+        "contacts": [{**plain(contact), "open": contact.is_open} for contact in rest.contacts],
         "loose": rest.loose,
         "stable": rest.stable,
-        "modes": _modes_document(modes_of(system, rest)),
+        "modes": _modes_document(find_modes(system, rest)),
     }
 
 
 def _modes_document(modes: Modes) -> list[dict[str, Any]]:
+    columns = (modes.frequencies, modes.damping_ratios, modes.shapes.T, modes.angles.T)
     return [
         {
-            "frequency": frequency,
-            "damping_ratio": ratio,
-            "shape": dict(zip(modes.coordinates, modes.shapes[:, number].tolist(), strict=True)),
-            "angles": dict(zip(modes.inertias, modes.angles[:, number].tolist(), strict=True)),
+            **{"frequency": frequency, "damping_ratio": ratio},
+            "shape": dict(zip(modes.coordinates, shape, strict=True)),
+            "angles": dict(zip(modes.inertias, angles, strict=True)),
         }
-        for number, (frequency, ratio) in enumerate(
-            zip(plain_numbers(modes.frequencies.tolist()), plain_numbers(modes.damping_ratios.tolist()), strict=True)
-        )
+        for frequency, ratio, shape, angles in zip(*map(plain, columns), strict=True)
     ]

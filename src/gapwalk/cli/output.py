@@ -85,9 +85,8 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except OSError as error:
-        if error.filename is not None:
-            return _told(error, json=json, debug=debug)
-            # Errors of files carry the file name; the others concern the output of the command.
+        if error.filename is not None:  # of a file; other errors concern the output of the command
+            return report_error(error, json=json, debug=debug)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _tell(f"the output of the command cannot be written: {error.strerror or error}", {}, json=False)
         return BAD_INPUT
@@ -96,7 +95,7 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
         _tell(text, {"type": "KeyboardInterrupt", "message": text}, json=json)
         return INTERRUPTED
     except Exception as error:
-        return _told(error, json=json, debug=debug)
+        return report_error(error, json=json, debug=debug)
 
 
 def failure_code(error: BaseException) -> int:
@@ -108,8 +107,10 @@ def failure_code(error: BaseException) -> int:
     return BAD_INPUT if isinstance(error, GapwalkError) else BUG
 
 
-def report_error(error: Exception, *, json: bool = False) -> None:
-    """Print an error on stderr, and in JSON on stdout if requested."""
+def report_error(error: Exception, *, json: bool = False, debug: bool = False) -> int:
+    """Print an error on stderr, and in JSON on stdout if requested; return its exit code."""
+    if debug:
+        traceback.print_exc()
     text = str(error)
     if not isinstance(error, GapwalkError) and type(error).__module__.partition(".")[0] != "cyclopts":
         text = f"this is a bug in gapwalk, please report it: {type(error).__name__}: {text} (see --debug)"
@@ -120,6 +121,7 @@ def report_error(error: Exception, *, json: bool = False) -> None:
             {"file": each.file, "line": each.line, "path": each.path, "message": each.message} for each in problems
         ]
     _tell(text, document, json=json)
+    return failure_code(error)
 
 
 def print_json(document: object) -> None:
@@ -130,14 +132,6 @@ def print_json(document: object) -> None:
 def printable(text: str) -> str:
     """Make a text from a file safe for a terminal."""
     return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
-
-
-def _told(error: Exception, *, json: bool, debug: bool) -> int:
-    """Report an error and return its exit code."""
-    if debug:
-        traceback.print_exc()
-    report_error(error, json=json)
-    return failure_code(error)
 
 
 def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:

@@ -32,12 +32,12 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.export import export_csv, table_names
-from gapwalk.studies.kind import found_by
-from gapwalk.studies.load import check_claim
+from gapwalk.studies.export import save_tables
+from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.result import Result
 from gapwalk.studies.runner import run
 from gapwalk.studies.study_file import Study, read_studies
+from gapwalk.studies.study_kind import found_by
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
 
@@ -48,65 +48,48 @@ def run_file(
     changes: list[str],
     names: list[str],
     *,
-    resume: bool,
-    force: bool,
-    json: bool,
-    quiet: bool,
     plain: bool = False,
     scheduler: str | None = None,
+    **how: bool,
 ) -> int:
     """Run the studies of a model file, or the named ones; return the highest exit code.
 
     With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
+    The keywords `how` are resume, force, json and quiet.
     """
-    with nullcontext() if scheduler is None else on_cluster(scheduler):
-        return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet, plain=plain)
-
-
-def _run_all(
-    file: Path,
-    output: Path | None,
-    changes: list[str],
-    names: list[str],
-    *,
-    resume: bool,
-    force: bool,
-    json: bool,
-    quiet: bool,
-    plain: bool,
-) -> int:
     studies = chosen(read_studies(file, parse_changes(changes)), names, file)
     if plain:
-        from gapwalk.studies.units import without_units  # imported late: it needs the options of all kinds
+        from gapwalk.studies.without_units import without_units  # imported late: it needs the options of all kinds
 
         studies = [without_units(study) for study in studies]
-    outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
+    alone = len(studies) == 1
+    outputs = [result_path(file, output, study.name, alone=alone) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
-        check_claim(path, study, resume=resume, force=force)  # before anything is computed
+        check_claim(path, study, resume=how["resume"], force=how["force"])  # before anything is computed
+    resume_words = ["gapwalk", "run", str(file), *(["--units", "none"] if plain else []), "--resume"]
+    resume_words += [each for name in names for each in ("--study", name)]
+    resume_words += [each for change in changes for each in ("--set", change)]
     codes: list[int] = []
     documents: list[Any] = []
-    for study, path in zip(studies, outputs, strict=True):
-        try:
-            result = _run_study(study, path, resume=resume, force=force, json=json, quiet=quiet)
-            code = exit_code(result)
-            document = {**result.to_dict(), "files": _files(result, path)} if json else {}
+    with nullcontext() if scheduler is None else on_cluster(scheduler):
+        for study, path in zip(studies, outputs, strict=True):
+            try:
+                code, document = _run_study(study, path, **how)
+            except (GapwalkError, KeyboardInterrupt) as error:
+                if alone:
+                    if isinstance(error, KeyboardInterrupt) and path.exists():
+                        _say_how_to_resume(resume_words, path)
+                    raise
+                code, text = failure_code(error), str(error) or "interrupted"
+                document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
+                print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
+            codes.append(code)
+            documents.append(document)
             if code == INTERRUPTED:
-                show([_stored_words(result)], console(stderr=True))
-        except (GapwalkError, KeyboardInterrupt) as error:
-            if len(studies) == 1:
-                if isinstance(error, KeyboardInterrupt) and path.exists():
-                    _say_how_to_resume(file, path, changes, names, plain=plain)
-                raise
-            code, text = failure_code(error), str(error) or "interrupted"
-            document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
-            print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
-        codes.append(code)
-        documents.append(document)
-        if code == INTERRUPTED:
-            _say_how_to_resume(file, output if len(studies) > 1 else path, changes, names, plain=plain)
-            break
-    if json:
-        print_json(documents[0] if len(studies) == 1 else documents)
+                _say_how_to_resume(resume_words, path if alone else output)
+                break
+    if how["json"]:
+        print_json(documents[0] if alone else documents)
     return max(codes)
 
 
@@ -120,27 +103,25 @@ def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[S
     return [study for study in studies if not names or study.name in names]
 
 
-def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool) -> Result:
-    """Run one study, write its files, and print its result."""
+def _run_study(
+    study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool
+) -> tuple[int, dict[str, Any]]:
+    """Run one study, write its files, and print its result; return the exit code and the JSON document, if wanted."""
     screen = console(stderr=json)
     with progress_of(study.options, study.name, show=not quiet) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
-    if exit_code(result) != INTERRUPTED:
-        write_products(result, path)
+    code = exit_code(result)
+    files = [path, *(write_products(result, path) if code != INTERRUPTED else ())]
     if not quiet and not json:
         show_heading(study, screen)
         show(result.summary(), screen)
-        show_files(_files(result, path), screen)
-    if exit_code(result) == FAILED:
+        show_files(files, screen)
+    if code == FAILED:
         for text in result.failures:
             print(f"gapwalk: {printable(text)}", file=sys.stderr)
-    return result
-
-
-def _files(result: Result, path: Path) -> list[str]:
-    """Return the names of the files that a run has written."""
-    products = [] if exit_code(result) == INTERRUPTED else product_paths(result, path)
-    return [str(file) for file in (path, *products)]
+    if code == INTERRUPTED:
+        show([_stored_words(result)], console(stderr=True))
+    return code, {**result.to_dict(), "files": list(map(str, files))} if json else {}
 
 
 def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool = True) -> Path:
@@ -154,29 +135,14 @@ def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool 
 
 
 def write_products(result: Result, output: Path) -> list[Path]:
-    """Write picture and tables next to a result file; return their names."""
+    """Write pictures, if there is something to draw, and tables next to a result file; return their names."""
     from gapwalk.plot import save  # imported late: only pictures need matplotlib
 
-    if pictures := _picture_paths(result, output):
+    can_be_drawn = result.finding is None or result.finding.can_be_drawn
+    pictures = [output.with_suffix(ending) for ending in (".png", ".svg")] if can_be_drawn else []
+    if pictures:
         save(result, *pictures)
-    export_csv(result, table_paths(result, output))
-    return product_paths(result, output)
-
-
-def product_paths(result: Result, output: Path) -> list[Path]:
-    """Return the names of the picture and tables of a result file."""
-    return [*_picture_paths(result, output), *table_paths(result, output).values()]
-
-
-def _picture_paths(result: Result, output: Path) -> list[Path]:
-    """Return the names of the pictures; none if there is nothing to draw."""
-    is_empty = result.finding is not None and not result.finding.can_be_drawn
-    return [] if is_empty else [output.with_suffix(ending) for ending in (".png", ".svg")]
-
-
-def table_paths(result: Result, output: Path) -> dict[str, Path]:
-    """Return the names of the tables of a result file, by their contents."""
-    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in table_names(result)}
+    return [*pictures, *save_tables(result, output.with_suffix(""))]
 
 
 def exit_code(result: Result) -> int:
@@ -208,12 +174,7 @@ def _stored_words(result: Result) -> str:
     return f"interrupted at {place}; all {len(branch.points)} points are stored"
 
 
-def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str], *, plain: bool) -> None:
-    words = ["gapwalk", "run", str(file)]
-    words += [] if output is None else ["--output", str(output)]
-    words += ["--units", "none"] if plain else []
-    words.append("--resume")
-    for option, values in (("--study", names), ("--set", changes)):
-        for value in values:
-            words += [option, value]
-    show([f"resume with\n    {shlex.join(words)}"], console(stderr=True))
+def _say_how_to_resume(words: list[str], output: Path | None) -> None:
+    """Print the command that resumes a run; the output comes after the model file."""
+    named = words if output is None else [*words[:3], "--output", str(output), *words[3:]]
+    show([f"resume with\n    {shlex.join(named)}"], console(stderr=True))

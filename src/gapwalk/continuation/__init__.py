@@ -1,7 +1,8 @@
 """Continuation of a branch of orbits: corrector, predictor, step size, and the records of the walk."""
 
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason, Walk
-from gapwalk.continuation.walk_options import Range, WalkOptions
+from gapwalk.continuation.walk_scales import Range
 
 __all__ = ["BranchPoint", "End", "EndReason", "Range", "Walk", "WalkOptions"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,13 @@ class BranchPoint:
     memo
         Cache of values derived from the point that are needed repeatedly.
     """
+
+    _row: ClassVar = {
+        "parameter": "value",
+        "stable": "stable",
+        "instability": "instability.label",
+        "contacts": "orbit.pattern",
+    }
 
     value: float
     orbit: Orbit

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
-from gapwalk.continuation.walk_options import Range, WalkOptions, next_step, shorter_step
+from gapwalk.continuation.step_size import WalkOptions, next_step, shorter_step
+from gapwalk.continuation.walk_scales import Range
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated

@@ -1,15 +1,15 @@
-"""Scales of a branch: the change of each unknown that weighs as much as a given change of the parameter."""
+"""Range of a walk, and scales of a branch: changes of the unknowns that weigh as much as one of the parameter."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.walk_options import Range
+from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System
@@ -17,6 +17,8 @@ from gapwalk.orbit.harmonic_balance.linear_part import linear_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
+_OWN = 12.5  # a wider range is measured near a value by this many times the size of the value
+_OCTAVES = 2.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
 _REACH = 20.0  # clearances larger than this many times the first orbit are assumed never to close
 _SLOWEST, _FASTEST = 0.25, 16.0  # limits, in natural frequencies, of the frequency by which velocities are scaled
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the natural change of the parameter
@@ -24,6 +26,65 @@ _EVEN, _BY_RATIO = 33, 65  # values at which the response is computed: evenly sp
 _LOWEST = 1e-9  # share of the highest value at which the equal ratios begin in a range that begins at zero
 _PEAKS = 3  # number of peaks that are refined
 _SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two values
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Range of a parameter.
+
+    Attributes
+    ----------
+    low, high
+        Its limits.
+    is_relative
+        True if the parameter is the frequency. Frequencies are compared by ratio: the response at a hundredth of the
+        frequency is no less rich, and half the frequency is equally far away everywhere.
+    natural
+        Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
+    """
+
+    low: float
+    high: float
+    is_relative: bool = False
+    natural: float = math.inf
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, float) and self.low <= value <= self.high
+
+    @property
+    def width(self) -> float:
+        """Difference of the limits."""
+        return self.high - self.low
+
+    def bound(self, value: float) -> float:
+        """Return the limit of the range that a value outside it has passed."""
+        return self.low if value < self.low else self.high
+
+    def nearness(self, value: float) -> float:
+        """Return the width that counts near a value, as a share of the width of the range."""
+        size = abs(value) if self.is_relative else max(abs(value), self.natural)
+        return min(1.0, _OWN * size / self.width)
+
+    def weight(self, value: float, scale: float) -> float:
+        """Return the weight of a parameter measured in units of `scale`, near a value, relative to the unknowns.
+
+        With this weight, angles and distances do not depend on the width of the range.
+        """
+        return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
+
+    def along(self, parameter: str, system: System) -> Range:
+        """Return this range for a parameter of a system."""
+        return replace(self, is_relative=system.structure.place(parameter) == 0)
+
+
+def check_range(start: float, to: float | tuple[float, float]) -> Range:
+    """Return the range from the start to `to`, or the range given; raise a ModelError if the start is outside it."""
+    low, high = sorted((start, to) if isinstance(to, int | float) else to)
+    if not low < high:
+        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: the range is empty")
+    if not low <= start <= high:
+        raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
+    return Range(float(low), float(high))
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:

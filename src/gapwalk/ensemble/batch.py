@@ -105,7 +105,7 @@ class BatchOptions:
                 raise ModelError(f"{name} is {value!r}; it must be an integer from {least} to {most}")
 
     @property
-    def hands(self) -> int:
+    def thread_count(self) -> int:
         """Number of threads."""
         if self.threads is not None:
             return self.threads

@@ -116,7 +116,7 @@ class BatchFlow:
     def _carry(self, batch: Batch, plan: _Plan, steps: int) -> BatchRun:
         """Integrate all trajectories over all periods, and compare some of them with the exact flow meanwhile."""
         block_plan = BlockPlan(batch.linear, batch.pattern, steps)
-        blocks = Blocks(block_plan, batch.states, plan.noted, plan.every, bool(plan.survey), self.options.hands)
+        blocks = Blocks(block_plan, batch.states, plan.noted, plan.every, bool(plan.survey), self.options.thread_count)
         random = np.random.default_rng(_SEED + 1)
         looked_at = random.choice(batch.count, min(self.options.sample, batch.count), replace=False)
         trials: list[Trial] = []

@@ -100,7 +100,7 @@ class Chunk:
         return [name for name in self.needs if name.startswith("c")]
 
     def loads(self, rows: Mapping[str, int]) -> list[str]:
-        """Return the lines that load the other names from their rows."""
+        """Return source lines that read the variables of earlier chunks from their rows of the storage."""
         return [f"{name} = S[{rows[name] * LANES} + l]" for name in self.needs if not name.startswith("c")]
 
     def stores(self, rows: Mapping[str, int]) -> list[str]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.explorer.exploration import Line
 from gapwalk.model.system import System
+from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import CODIM2, symbol_style
@@ -34,6 +36,19 @@ _PART = 40  # orbits of which a measure is computed at once: a click waits no lo
 def measure_name(measure: str, system: System) -> str:
     """Return the name of a measure in requests, which differs from those of parameters (see `MEASURE`)."""
     return f"{MEASURE}{measure}" if measure in system.parameters else measure
+
+
+def quantity_words(names: Iterable[str], system: System) -> list[dict[str, str]]:
+    """Describe quantities for the page: names as in requests, and words with units."""
+    return [
+        {
+            "name": name,
+            "words": parameter_words(name, system.units)
+            if name in system.parameters
+            else measure_words(name.removeprefix(MEASURE), system.units),
+        }
+        for name in names
+    ]
 
 
 class Node(NamedTuple):
@@ -69,10 +84,8 @@ class Quantities:
     def of(self, orbit: Orbit) -> tuple[float, float]:
         """Return both quantities of one orbit."""
         x, y = (self._computed.get((id(orbit), name)) for name in self.names)
-        return (
-            quantity(orbit, self.names[0]) if x is None else x,
-            quantity(orbit, self.names[1]) if y is None else y,
-        )
+        first, second = self.names
+        return quantity(orbit, first) if x is None else x, quantity(orbit, second) if y is None else y
 
     def parts(self) -> Iterator[Callable[[], None]]:
         """Yield the computations that need integrations, part by part."""
@@ -159,35 +172,21 @@ def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Ki
 
 
 def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
-    """Describe a special point for the page."""
+    """Describe a special point for the page: symbol, lines of text, and what can begin at it."""
     if isinstance(special, Codim2Point):
-        return _codim2(special)
-    style, multiplier = symbol_style(special.kind), special.multiplier
+        style = CODIM2[special.kind]
+        lines = [f"at {', '.join(f'{value:.9g}' for value in special.values)}", special.contact]
+        return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
+    style, kind, words = symbol_style(special.kind), special.kind, special.words
+    at = " ± ".join(filter(None, (f"at {words['at']}", words["±"])))
     return {
-        "kind": special.kind.value,
+        "kind": kind.value,
         "text": style.text,
         "label": style.label,
         "value": special.value,
-        "uncertainty": special.uncertainty,
-        "change": special.change,
-        "nature": special.nature_words,
-        "contact": special.contact,
-        "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
-        "has_locus": not special.kind.no_locus,
-        "switches": special.kind.ways > 0,
-    }
-
-
-def _codim2(codim2: Codim2Point) -> dict[str, Any]:
-    style = CODIM2[codim2.kind]
-    return {
-        "kind": f"codim2 {codim2.kind.value}",
-        "text": style.legend,
-        "label": style.label,
-        "values": list(codim2.values),
-        "contact": codim2.contact,
-        "has_locus": False,
-        "switches": False,
+        "lines": [at, words["stability"], words["criticality"], words["contact"]],
+        "has_locus": not kind.no_locus,
+        "switches": kind.ways > 0,
     }
 
 

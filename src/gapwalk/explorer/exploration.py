@@ -10,23 +10,25 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gapwalk.attractors.attractor import Settled
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
-from gapwalk.explorer.events import Progress
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
+from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
 from gapwalk.model.model_file import matrix_paths
 from gapwalk.model.model_source import read_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
-from gapwalk.studies.load import load_result
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.read_result import load_result
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study, check_studies
 
@@ -123,25 +125,22 @@ class Entry:
         begun = self.action is not None and self.state is State.STOPPED
         return begun and (self.result is None or not self.result.complete)
 
-    def hear(self, news: Progress) -> None:
-        """Add new progress."""
-        self.live.add(news)
+    def change(self, **values: Any) -> None:
+        """Set some of its attributes, and count the change."""
+        for name, value in values.items():
+            setattr(self, name, value)
         self.version += 1
 
     def lines(self) -> list[Line]:
-        """Return its branches, then its loci, as the page shows them."""
-        if self.result is None:
-            found = [_line(member.name, member.branch, _NOWHERE) for member in self.live.members]
-            loci = [_locus(name, locus, _NOWHERE) for name, locus in self.live.loci]
-            return [*found, *loci, *_growing(self.live)]
-        if not isinstance(self.result.options, BranchOptions):
+        """Return its branches, then its loci, as the page shows them; while it is computed, in the order of finding."""
+        result = self.result
+        if result is None:
+            return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
+        if not isinstance(result.options, BranchOptions):
             return []
-        walked, chart = self.result.walked, self.result.map
-        within = (min(walked.begin, walked.end), max(walked.begin, walked.end))
-        found = [_line(*each, within) for each in zip(self.result.names, self.result.branches, strict=True)]
-        if chart is not None:
-            found += [_locus(name, locus, within) for name, locus in zip(chart.names, chart.loci, strict=True)]
-        return found
+        first, last = sorted((result.walked.begin, result.walked.end))
+        loci = zip(result.map.names, result.map.loci, strict=True) if result.map is not None else ()
+        return [_line(*each, (first, last)) for each in (*result.named, *loci)]
 
     @property
     def saves(self) -> list[str]:
@@ -159,47 +158,12 @@ class Entry:
         record = None if self.result is None or self.result.finding is None else self.result.finding.record
         return record if isinstance(record, Settled) else None
 
-    def motion(self, place: Place) -> Orbit | Settled:
-        """Return the orbit at a place, or the settled motion.
 
-        Raises
-        ------
-        ModelError
-            If there is no such place.
-        """
-        settled = self.settled()
-        if settled is not None:
-            return settled
-        lines = self.lines()
-        if place.branch < len(lines):
-            line = lines[place.branch]
-            kinds = ((place.point, line.points), (place.special, line.special_points))
-            for number, places in kinds:
-                if number is not None and number < len(places):
-                    return places[number].orbit
-        raise ModelError(f"{self.title} has no such point any more; reload the page")
-
-    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
-        """Return the special point at a place, and its branch; errors as in `motion`."""
-        lines = self.lines()
-        if place.branch < len(lines) and place.special is not None:
-            line = lines[place.branch]
-            if line.kind is not None:
-                raise ModelError("choose a special point of a branch; this is a point of a locus")
-            if place.special < len(line.special_points):
-                special = line.special_points[place.special]
-                assert isinstance(special, SpecialPoint)  # it is no locus
-                return line, special
-        raise ModelError(f"{self.title} has no such special point any more; reload the page")
-
-
-def _line(name: str, branch: Branch, within: tuple[float, float]) -> Line:
-    return Line(name, branch.parameter, within, branch.period, branch.points, branch.special_points)
-
-
-def _locus(name: str, locus: Locus, within: tuple[float, float]) -> Line:
-    points = locus.points, locus.codim2_points
-    return Line(name, locus.first, within, locus.period, *points, kind=locus.kind, second=locus.second)
+def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line:
+    if isinstance(curve, Branch):
+        return Line(name, curve.parameter, within, curve.period, curve.points, curve.special_points)
+    points = curve.points, curve.codim2_points
+    return Line(name, curve.first, within, curve.period, *points, curve.kind, curve.second)
 
 
 def _growing(live: Progress) -> Iterator[Line]:
@@ -295,14 +259,29 @@ class Exploration:
             return self.entries[key]
 
     def motion(self, place: Place) -> Orbit | Settled:
-        """Return the motion at a place; raise a ModelError if there is none."""
+        """Return the orbit at a place, or the settled motion; raise a ModelError if there is no such place."""
         with self.guard:
-            return self.entry(place.result).motion(place)
+            entry = self.entry(place.result)
+            if (settled := entry.settled()) is not None:
+                return settled
+            for line in entry.lines()[place.branch : place.branch + 1]:
+                for number, places in ((place.point, line.points), (place.special, line.special_points)):
+                    if number is not None and number < len(places):
+                        return places[number].orbit
+        raise ModelError(f"{entry.title} has no such point any more; reload the page")
 
     def special(self, place: Place) -> tuple[Line, SpecialPoint]:
         """Return the special point at a place, and its branch; raise a ModelError if there is none."""
         with self.guard:
-            return self.entry(place.result).special(place)
+            entry = self.entry(place.result)
+            for line in entry.lines()[place.branch : place.branch + 1]:
+                if place.special is not None and line.kind is not None:
+                    raise ModelError("choose a special point of a branch; this is a point of a locus")
+                if place.special is not None and place.special < len(line.special_points):
+                    special = line.special_points[place.special]
+                    assert isinstance(special, SpecialPoint)  # it is no locus
+                    return line, special
+        raise ModelError(f"{entry.title} has no such special point any more; reload the page")
 
     def origin(self, place: Place) -> Study:
         """Return the study of the result at a place, which may differ from the file after an edit."""
@@ -342,13 +321,11 @@ class Exploration:
             result = load_result(entry.path)
         except GapwalkError as error:
             with self.guard:
-                entry.message = entry.message or str(error)
-                entry.version += 1
+                entry.change(message=entry.message or str(error))
             return
         with self.guard:
             entry.result = result
-            entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
-            entry.version += 1
+            entry.change(message=entry.message or "; ".join(result.failures) or _ends(entry))
 
     def _refuse_unfinished(self, action: Action) -> None:
         """Raise a ModelError if an action starts from an unfinished result, whose points may be renumbered."""
@@ -389,11 +366,12 @@ class Exploration:
                 entry = Entry(path.stem, str(record.get("title", path.stem))[:200], path, action)
                 self.entries[entry.key] = entry
                 self.read(entry)
-                if entry.result is not None:
-                    entry.model = mark_of(entry.result.study)
-                if entry.result is not None and not entry.result.complete:
+                if entry.result is None:
+                    continue
+                entry.model = mark_of(entry.result.study)
+                if not entry.result.complete:
                     entry.state = State.STOPPED
-                elif entry.result is not None:  # it will not be resumed, so this is the time to tidy up after a kill
+                else:  # it will not be resumed, so this is the time to tidy up after a kill
                     with suppress(StoreError):
                         tidy(path)
 
@@ -415,9 +393,7 @@ class Exploration:
         with self.guard:
             # the file may have changed since then; a resumed job keeps the study with which it began
             study = task.study if entry.result is None else entry.result.study
-            entry.result, entry.state, entry.message = None, State.QUEUED, ""
-            entry.live = Progress()
-            entry.version += 1
+            entry.change(result=None, state=State.QUEUED, message="", live=Progress())
         return replace(task, study=study, output=Path(entry.path), resume=True)
 
 

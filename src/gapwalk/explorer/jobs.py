@@ -17,39 +17,10 @@ from multiprocessing import get_context
 from typing import Any
 
 from gapwalk.errors import GapwalkError, ModelError, WorkError
-from gapwalk.explorer.events import Progress
 from gapwalk.explorer.exploration import Entry, Exploration, State
+from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task, do
 from gapwalk.parallel.processes import undisturbed
-
-
-class ProcessControl:
-    """The end of the control pipe on the server.
-
-    Parameters
-    ----------
-    connection
-        The writable end of a pipe.
-    """
-
-    def __init__(self, connection: Any) -> None:
-        self._connection = connection
-
-    def pause(self) -> None:
-        """Pause the process until `resume`."""
-        self._say("pause")
-
-    def resume(self) -> None:
-        """Resume the process; nothing happens if it is not paused."""
-        self._say("resume")
-
-    def close(self) -> None:
-        """Close the pipe, so that the process ends."""
-        self._connection.close()
-
-    def _say(self, word: str) -> None:
-        with suppress(OSError):  # the process has died
-            self._connection.send(word)
 
 
 def obey_control(held: Any) -> None:
@@ -139,11 +110,11 @@ class Engine:
 
     def pause(self) -> None:
         """Pause the process until `resume`."""
-        self._control.pause()
+        self._say("pause")
 
     def resume(self) -> None:
-        """Resume a paused process."""
-        self._control.resume()
+        """Resume the process; nothing happens if it is not paused."""
+        self._say("resume")
 
     def close(self) -> None:
         """End the process."""
@@ -155,8 +126,7 @@ class Engine:
         self._line.close()
 
     def _start(self) -> None:
-        held, control = self._context.Pipe(duplex=False)
-        self._control = ProcessControl(control)
+        held, self._control = self._context.Pipe(duplex=False)
         self._line, far = self._context.Pipe()
         self._count = 0
         self._process = self._context.Process(target=_work, args=(far, held), name="gapwalk-engine")
@@ -164,6 +134,10 @@ class Engine:
             self._process.start()
         far.close()
         held.close()
+
+    def _say(self, word: str) -> None:
+        with suppress(OSError):  # the process has died
+            self._control.send(word)
 
     def _end_if_busy(self, process: Any, count: int) -> None:
         if process is self._process and count == self._count and process.is_alive():
@@ -234,8 +208,7 @@ class Jobs:
             if entry is self._current:
                 self._engine.stop()
             elif entry.state is State.QUEUED:
-                entry.state, entry.message = State.STOPPED, "it was stopped before it began"
-                entry.version += 1
+                entry.change(state=State.STOPPED, message="it was stopped before it began")
         self._changed()
 
     def pause(self, entry: Entry) -> None:
@@ -261,8 +234,7 @@ class Jobs:
             if entry is not self._current or entry.state is not before:
                 raise ModelError(f"{entry.title} is {entry.state}, not {before}")
             act()
-            entry.state = after
-            entry.version += 1
+            entry.change(state=after)
         self._changed()
 
     def _work(self) -> None:
@@ -271,26 +243,24 @@ class Jobs:
             with self._guard:
                 if self._closing or entry.state is not State.QUEUED:
                     continue
-                self._current, entry.state = entry, State.RUNNING
-                entry.version += 1
+                self._current = entry
+                entry.change(state=State.RUNNING)
             self._changed()
-            state, message = self._do(exploration, entry, task)
+
+            def hear(news: Progress, exploration: Exploration = exploration, entry: Entry = entry) -> None:
+                with exploration.guard:
+                    entry.live.add(news)
+                    entry.change()
+                self._changed()
+
+            message = ""
+            try:
+                state = State.DONE if self._engine.do(task, hear) else State.STOPPED
+            except GapwalkError as error:
+                state, message = State.FAILED, str(error)
             with self._guard:
                 self._current = None
             entry.message = message
             exploration.read(entry)
-            entry.state = state
-            entry.version += 1
+            entry.change(state=state)
             self._changed()
-
-    def _do(self, exploration: Exploration, entry: Entry, task: Task) -> tuple[State, str]:
-        def hear(news: Progress) -> None:
-            with exploration.guard:
-                entry.hear(news)
-            self._changed()
-
-        try:
-            complete = self._engine.do(task, hear)
-        except GapwalkError as error:
-            return State.FAILED, str(error)
-        return (State.DONE, "") if complete else (State.STOPPED, "")

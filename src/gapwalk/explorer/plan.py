@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from gapwalk.attractors.attractor import Settled
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.continuation.walk_options import check_range
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import ModelError
-from gapwalk.explorer.tasks import LocusFollowUp, SearchFollowUp, SwitchFollowUp, Task
+from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words, parameter_symbol
 from gapwalk.orbit.method import Method, chosen
@@ -26,7 +26,7 @@ from gapwalk.studies.settle_study import SettleStudyOptions
 from gapwalk.studies.study_file import Study
 
 if TYPE_CHECKING:
-    from gapwalk.explorer.exploration import Line
+    from gapwalk.explorer.exploration import Exploration
 
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
@@ -151,35 +151,7 @@ def plain_action(action: Action) -> dict[str, object]:
     return action.model_dump(mode="json")
 
 
-class Shown(Protocol):
-    """Contents of the page, as far as a plan needs them."""
-
-    def motion(self, place: Place) -> Orbit | Settled:
-        """Return the motion at a place."""
-        ...
-
-    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
-        """Return the special point at a place, and its branch."""
-        ...
-
-    def branches(self, key: str) -> tuple[Branch, ...]:
-        """Return the branches of a result."""
-        ...
-
-    def study(self, name: str, values: Mapping[str, float]) -> Study:
-        """Return a study of the file that was opened, with changed values."""
-        ...
-
-    def base(self) -> Study:
-        """Return the first study of the file that was opened."""
-        ...
-
-    def origin(self, place: Place) -> Study:
-        """Return the study of the result at a place."""
-        ...
-
-
-def plan(action: Action, shown: Shown) -> tuple[str, Task]:
+def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
     """Return the title of the result of an action, and its task, still without a result file.
 
     Raises
@@ -187,21 +159,13 @@ def plan(action: Action, shown: Shown) -> tuple[str, Task]:
     ModelError
         If the action is not possible, for example because a range is empty.
     """
-    match action:
-        case Compute():
-            study = shown.study(action.study, action.values)
-            title = f"{study.options.kind}{f' {study.name}' if study.name else ''}{_changed(action.values)}"
-            return title, Task(study, Path())
-        case Walk():
-            return _walk(action, shown)
-        case Switch():
-            return _switch(action, shown)
-        case Search():
-            return _search(action, shown)
-        case FollowLocus():
-            return _locus(action, shown)
-        case Settle():
-            return _settle(action, shown)
+    return _PLANS[type(action)](action, shown)
+
+
+def _compute(action: Compute, shown: Exploration) -> tuple[str, Task]:
+    study = shown.study(action.study, action.values)
+    title = f"{study.options.kind}{f' {study.name}' if study.name else ''}{_changed(action.values)}"
+    return title, Task(study, Path())
 
 
 def _changed(values: Mapping[str, float]) -> str:
@@ -211,7 +175,7 @@ def _changed(values: Mapping[str, float]) -> str:
     return f", {', '.join(shown)}{more}" if shown else ""
 
 
-def known_branches(action: Search, shown: Shown, system: System) -> list[tuple[str, int]]:
+def known_branches(action: Search, shown: Exploration, system: System) -> list[tuple[str, int]]:
     """Return the branches that a search need not find: those along its parameter that belong to the searched system.
 
     Each is given by the key of its result and its index there.
@@ -224,11 +188,6 @@ def known_branches(action: Search, shown: Shown, system: System) -> list[tuple[s
     ]
 
 
-def search_system(action: Search, shown: Shown) -> System:
-    """Return the system to search."""
-    return shown.base().system if action.start is None else shown.motion(action.start).system
-
-
 def _is_same_system(branch: Branch, system: System) -> bool:
     """Return True if a branch belongs to a system, at any value of its parameter."""
     own = branch.points[0].orbit.system
@@ -236,7 +195,7 @@ def _is_same_system(branch: Branch, system: System) -> bool:
     return own.structure == same.structure and bool((own.values == same.values).all())
 
 
-def orbit_at(place: Place, shown: Shown) -> Orbit:
+def orbit_at(place: Place, shown: Exploration) -> Orbit:
     """Return the orbit at a place; raise a ModelError if the motion there is not periodic."""
     motion = shown.motion(place)
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
@@ -245,26 +204,18 @@ def orbit_at(place: Place, shown: Shown) -> Orbit:
     return orbit
 
 
-def _walk(action: Walk, shown: Shown) -> tuple[str, Task]:
+def _walk(action: Walk, shown: Exploration) -> tuple[str, Task]:
     orbit, origin = orbit_at(action.start, shown), shown.origin(action.start)
     begin = orbit.system[action.parameter]
     check_range(begin, action.to)
     orbit.system.at({action.parameter: action.to})
-    options = ResponseOptions(
-        action.parameter,
-        begin,
-        action.to,
-        _measure(origin, orbit.system),
-        orbit.period,
-        tuple(orbit.state.tolist()),
-        method=method_of(orbit, origin),
-    )
+    options = _from_orbit(ResponseOptions, orbit, origin, action.parameter, begin, action.to)
     symbol = parameter_symbol(action.parameter)
     title = f"period {orbit.period}, {symbol} from {begin:.6g} to {action.to:.6g}"
     return title, Task(_study_of(orbit.system, options, title, origin), Path())
 
 
-def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
+def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
     if not special.kind.ways:
@@ -275,21 +226,15 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     check_range(special.value, (action.low, action.high))
     for bound in (action.low, action.high):
         orbit.system.at({parameter: bound})
-    options = DiagramStudyOptions(
-        parameter,
-        action.low,
-        action.high,
-        _measure(origin, orbit.system),
-        orbit.period * special.kind.times,
-        tuple(orbit.state.tolist()),
-        method=method_of(orbit, origin),
-    )
+    period = orbit.period * special.kind.times
+    options = _from_orbit(DiagramStudyOptions, orbit, origin, parameter, action.low, action.high, period=period)
     title = f"from the {special.kind.value} of {line.name} at {parameter_symbol(parameter)} = {special.value:.6g}"
-    return title, Task(_study_of(orbit.system, options, title, origin), Path(), SwitchFollowUp(special))
+    return title, Task(_study_of(orbit.system, options, title, origin), Path(), partial(follow_switch, special))
 
 
-def _search(action: Search, shown: Shown) -> tuple[str, Task]:
-    system, parameter = search_system(action, shown), action.parameter
+def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
+    system = shown.base().system if action.start is None else shown.motion(action.start).system
+    parameter = action.parameter
     for bound in (action.low, action.high):
         system.at({parameter: bound})
     if not action.low < action.high:
@@ -299,7 +244,7 @@ def _search(action: Search, shown: Shown) -> tuple[str, Task]:
     origin = shown.base() if action.start is None else shown.origin(action.start)
     options = _others_options(action, system, origin)
     title = f"isolated branches, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
-    return title, Task(_study_of(system, options, title, origin), Path(), SearchFollowUp(known))
+    return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_others, known))
 
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
@@ -323,7 +268,7 @@ def _others_options(action: Search, system: System, origin: Study) -> DiagramStu
     return DiagramStudyOptions(*where, measure, method=method, search_values=action.count)
 
 
-def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
+def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     first, second, system = line.parameter, action.second, special.orbit.system
     origin = shown.origin(action.start)
@@ -338,13 +283,11 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
         if not low <= system[name] <= high or low == high:
             given = f"the range of {name} is from {low:g} to {high:g}"
             raise ModelError(f"{given}; it must contain the value of the point, {system[name]:.8g}")
-    options = MapStudyOptions(
-        first,
-        action.low,
-        action.high,
-        _measure(origin, system),
-        special.orbit.period,
-        tuple(special.orbit.state.tolist()),
+    options = _from_orbit(
+        MapStudyOptions,
+        special.orbit,
+        origin,
+        *(first, action.low, action.high),
         method=locus_method(special.orbit, origin),
         second=SecondParameter(second, second_low, second_high),
         sections=(system[second],),
@@ -352,7 +295,7 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
     )
     plane = f"{parameter_symbol(first)} and {parameter_symbol(second)}"
     title = f"locus of the {special.kind.value} of {line.name} at {special.value:.6g}, in {plane}"
-    return title, Task(_study_of(system, options, title, origin), Path(), LocusFollowUp(special))
+    return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_special_point, special))
 
 
 def locus_method(orbit: Orbit, origin: Study) -> Method:
@@ -360,7 +303,7 @@ def locus_method(orbit: Orbit, origin: Study) -> Method:
     return method_of(orbit, origin).for_loci()
 
 
-def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
+def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
     if action.start is None:
         origin = shown.base()
         system, start = origin.system, "rest"
@@ -371,6 +314,14 @@ def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
     options = SettleStudyOptions(signal=system.coordinates[0], start=start)
     title = f"settled at {pace_words(system)}"
     return title, Task(_study_of(system, options, title, origin), Path())
+
+
+def _from_orbit(
+    kind: Callable[..., BranchOptions], orbit: Orbit, origin: Study, *where: str | float, **options: Any
+) -> BranchOptions:
+    """Return the options of a kind of study that starts from an orbit, along a parameter between two values."""
+    start = {"period": orbit.period, "start": tuple(orbit.state.tolist()), "method": method_of(orbit, origin)}
+    return kind(*where, _measure(origin, orbit.system), **(start | options))
 
 
 def method_of(orbit: Orbit, origin: Study) -> Method:
@@ -389,3 +340,13 @@ def _measure(origin: Study, system: System) -> str:
 def _study_of(system: System, options, title: str, origin: Study) -> Study:
     whole = f"{origin.title.partition(': ')[0]}: {title}" if origin.title else title
     return Study(system, options, whole, origin.text, reduced=origin.reduced)
+
+
+_PLANS: dict[type[Action], Callable[[Any, Exploration], tuple[str, Task]]] = {
+    Compute: _compute,
+    Walk: _walk,
+    Switch: _switch,
+    Search: _search,
+    FollowLocus: _locus,
+    Settle: _settle,
+}

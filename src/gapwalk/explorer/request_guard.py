@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections.abc import Awaitable, Callable, Mapping
-from http.cookies import SimpleCookie
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from ipaddress import ip_address
 from typing import Any
-from urllib.parse import parse_qs
+
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Send
 
 MAX_BODY = 64_000
 """Largest size of a request, in bytes."""
@@ -23,9 +26,6 @@ _HEADERS = {
     "referrer-policy": "no-referrer",
     "cross-origin-resource-policy": "same-origin",
 }
-
-Receive = Callable[[], Awaitable[Mapping[str, Any]]]
-Send = Callable[[Any], Awaitable[None]]
 
 
 def is_loopback(host: str) -> bool:
@@ -63,32 +63,29 @@ class Guard:
     def __init__(self, app: Callable[..., Awaitable[None]], token: str = "") -> None:
         self._app, self._token = app, token
 
-    async def __call__(self, scope: Mapping[str, Any], receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: MutableMapping[str, Any], receive: Receive, send: Send) -> None:
         """Answer one request."""
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self._app(scope, receive, send)
             return
-        headers = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in scope["headers"]}
-        problem, brings_token = self._problem(scope, headers), False
+        request = HTTPConnection(scope)
+        problem, brings_token = self._problem(scope, request.headers), False
         if not problem and self._token:
-            given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-            brings_token = self._is_token(given)
-            if not brings_token and not self._is_token(_cookie(headers)):
+            brings_token = self._is_token(request.query_params.get("token", ""))
+            if not brings_token and not self._is_token(request.cookies.get(_COOKIE, "")):
                 problem = (403, "this page needs its token; open the address that the command printed")
         if problem:
-            await _refuse(send, *problem)
+            status, sentence = problem
+            await PlainTextResponse(sentence, status)(scope, receive, send)
             return
 
         async def send_guarded(message: Any) -> None:
             if message["type"] == "http.response.start":
-                extra = dict(_HEADERS)
+                headers = MutableHeaders(scope=message)
+                headers.update(_HEADERS)
                 if brings_token:
-                    extra["set-cookie"] = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-                message["headers"] = [
-                    *message.get("headers", ()),
-                    *((key.encode(), value.encode()) for key, value in extra.items()),
-                ]
+                    headers.append("set-cookie", f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/")
             await send(message)
 
         await self._app(scope, _bounded(receive), send_guarded)
@@ -124,7 +121,7 @@ def _bounded(receive: Receive) -> Receive:
     """Return the same messages; raise an error once their bodies exceed the limit, whatever the stated length."""
     total = 0
 
-    async def bounded() -> Mapping[str, Any]:
+    async def bounded() -> MutableMapping[str, Any]:
         nonlocal total
         message = await receive()
         total += len(message.get("body", b""))
@@ -135,23 +132,8 @@ def _bounded(receive: Receive) -> Receive:
     return bounded
 
 
-async def _refuse(send: Send, status: int, sentence: str) -> None:
-    body = sentence.encode()
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(body)).encode())]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body})
-
-
 def _name_of(host: str) -> str:
     """Return the name in a Host header without its port."""
     if host.startswith("["):
         return host[1:].partition("]")[0]
     return host.rpartition(":")[0] if ":" in host else host
-
-
-def _cookie(headers: Mapping[str, str]) -> str:
-    try:
-        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
-    except Exception:  # a foreign client may send anything
-        return ""
-    return found.value if found else ""

@@ -17,17 +17,17 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gapwalk.attractors.attractor import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import MEASURE, Node, measure_name, nodes_of, quantity, special_words
-from gapwalk.explorer.panels import panels_of
+from gapwalk.explorer.curve_data import Node, measure_name, nodes_of, quantity, quantity_words, special_words
+from gapwalk.explorer.motion_panels import panels_of
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.model.words import full_measure
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.family import Family
@@ -42,7 +42,7 @@ _HEAD = re.compile(r"<title>.*?(?=</head>)", re.S)
 _ICON = "/static/icon.svg"
 
 
-def html_file(title: str, shown: Any, numbers: bytes) -> bytes:
+def html_file(title: str, shown: Any, numbers: bytes | bytearray) -> bytes:
     """Return the whole file.
 
     Parameters
@@ -91,7 +91,7 @@ def _data(kind: str, text: str) -> str:
     return f"data:{kind};base64,{base64.b64encode(text.encode()).decode()}"
 
 
-def _zipped(content: bytes) -> str:
+def _zipped(content: bytes | bytearray) -> str:
     return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
 
 
@@ -106,16 +106,16 @@ _SHORTEST = 8  # of a list that is packed
 
 
 class Blob:
-    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads."""
+    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads.
+
+    Attributes
+    ----------
+    content
+        All bytes.
+    """
 
     def __init__(self) -> None:
-        self._parts: list[bytes] = []
-        self._size = 0
-
-    @property
-    def content(self) -> bytes:
-        """Return all bytes."""
-        return b"".join(self._parts)
+        self.content = bytearray()
 
     def exact(self, values: ArrayLike, kind: str) -> dict[str, Any]:
         """Store an array as it is; `kind` is its little-endian dtype: ``f8``, ``f4``, ``i4`` or ``u1``."""
@@ -127,7 +127,7 @@ class Blob:
         array = np.asarray(values, dtype=float)
         low, high = float(array.min()), float(array.max())
         levels = np.rint((array - low) * ((STEPS - 1) / ((high - low) or 1.0))).astype(np.int64)
-        steps = _differences(_differences(levels)).astype(np.uint16)  # modulo 2**16: nothing is lost
+        steps = np.diff(np.diff(levels, prepend=0), prepend=0).astype(np.uint16)  # modulo 2**16: nothing is lost
         content = (steps & 0xFF).astype(np.uint8).tobytes() + (steps >> 8).astype(np.uint8).tobytes()
         return {"kind": "drawn", "at": self._take(content, 1), "n": len(array), "low": low, "high": high}
 
@@ -143,15 +143,10 @@ class Blob:
 
     def _take(self, content: bytes, size: int) -> int:
         """Append bytes, and return their place, a multiple of the size of an element."""
-        pad = -self._size % size
-        self._parts += [b"\0" * pad, content]
-        at = self._size + pad
-        self._size = at + len(content)
+        self.content += b"\0" * (-len(self.content) % size)
+        at = len(self.content)
+        self.content += content
         return at
-
-
-def _differences(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.diff(values, prepend=0)
 
 
 Found = Result | Branch | Diagram | Family | Settled | Orbit
@@ -187,7 +182,7 @@ def lines_of(found: Found) -> Lines:
         case Settled() | Orbit():
             return Lines((), (), found)
         case Result(finding=None, map=None):
-            return _along(zip(found.names, found.branches, strict=True))
+            return _along(found.named)
         case Result(finding=finding) if finding is not None and isinstance(finding.record, Family | Settled):
             return lines_of(finding.record)
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
@@ -240,14 +235,14 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
         "y": measure_name(measure, system),
         "signal": signal,
         "signals": _signals(system),
-        "quantities": [{"name": name, "words": _words(name, system)} for name in names],
+        "quantities": quantity_words(names, system),
         "note": _note(nodes, kept),
         "branches": [
             {
                 "name": name,
                 "period": branch.period,
                 "count": len(branch.points),
-                "quantities": {each: blob.exact(*_values(found, each, system)) for each in names},
+                "quantities": {each: _stored(found, each, blob) for each in names},
                 "node": blob.exact([node.number for node in found], "i4"),
                 "label": blob.exact([node.label for node in found], "u1"),
                 "special": [special_words(each) for each in branch.special_points],
@@ -278,9 +273,10 @@ def _chosen(nodes: Sequence[Node], stride: int) -> set[int]:
     }
 
 
-def _values(nodes: Sequence[Node], name: str, system: System) -> tuple[np.ndarray, str]:
-    """Return the values of a quantity, and their precision: zooming in on a parameter must not show steps."""
-    return np.array([quantity(node.orbit, name) for node in nodes]), "f8" if name in system.parameters else "f4"
+def _stored(nodes: Sequence[Node], name: str, blob: Blob) -> dict[str, Any]:
+    """Store a quantity: a parameter in double precision, because zooming in on it must not show steps."""
+    is_parameter = name in nodes[0].orbit.system.parameters
+    return blob.exact([quantity(node.orbit, name) for node in nodes], "f8" if is_parameter else "f4")
 
 
 def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
@@ -291,13 +287,6 @@ def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
 def _signals(system: System) -> list[str]:
     names = [f"{each}{dashes}" for each in system.coordinates[:_COORDINATES] for dashes in ("", "'", "''")]
     return [*names, *map(force_of, system.structure.contacts[:_COORDINATES])]
-
-
-def _words(name: str, system: System) -> str:
-    units = system.units
-    if name in system.parameters:
-        return parameter_words(name, units)
-    return measure_words(name.removeprefix(MEASURE), units)
 
 
 def _note(nodes: Sequence[Sequence[Node]], kept: Sequence[set[int]]) -> str:

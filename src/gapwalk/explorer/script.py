@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from gapwalk.errors import ModelError
+from gapwalk.explorer import plan
 from gapwalk.explorer.exploration import Entry, Exploration, State
-from gapwalk.explorer.plan import (
-    Compute,
-    FollowLocus,
-    Place,
-    Search,
-    Settle,
-    Switch,
-    Walk,
-    known_branches,
-    locus_method,
-    method_of,
-    orbit_at,
-    plan,
-    search_system,
-)
 from gapwalk.explorer.workspace import RESULT
 from gapwalk.model.model_file import MATRICES
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.studies.diagram_study import DiagramStudyOptions
-from gapwalk.studies.whole_diagram import DiagramOptions
+from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 
 _MOST = 100  # results from which one may start
 
@@ -72,23 +58,12 @@ class _Script:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
             raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
-        action = entry.action
-        if isinstance(action, Settle):
-            name = self._settle(entry, action)
-        elif isinstance(action, Walk):
-            name = self._walk(entry, action)
-        elif isinstance(action, Switch):
-            name = self._switch(entry, action)
-        elif isinstance(action, Search):
-            name = self._search(entry, action)
-        elif isinstance(action, FollowLocus):
-            name = self._locus(entry, action)
-        else:
-            name = self._compute(entry, action)
+        write: Callable[..., str] = getattr(self, f"_{entry.action.do}") if entry.action else self._compute
+        name = write(entry, entry.action)
         self.names[entry.key] = name
         return name
 
-    def _compute(self, entry: Entry, action: Compute | None) -> str:
+    def _compute(self, entry: Entry, action: plan.Compute | None) -> str:
         name = _name("branches", entry)
         file = Path(self.exploration.name).name
         self._comment(entry)
@@ -103,7 +78,7 @@ class _Script:
             self.lines += [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
         return name
 
-    def _study(self, entry: Entry, action: Compute) -> str:
+    def _study(self, entry: Entry, action: plan.Compute) -> str:
         """Return the study of an entry, from the model as it was then."""
         source = self._source(entry)
         if source is None:
@@ -130,12 +105,12 @@ class _Script:
         return f"{entry.path.parent.name}/{entry.path.name}"
 
     def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
-        """Return lines for the branches of a result; of a map its loci follow, as on the page."""
+        """Return lines of the script that name the branches of a result and, for a map, its loci after them."""
         if entry.result is None or entry.result.map is None:
             return [f"{name} = {result}.branches", ""]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]
 
-    def _walk(self, entry: Entry, action: Walk) -> str:
+    def _walk(self, entry: Entry, action: plan.Walk) -> str:
         orbit, name = self._motion(action.start), _name("branches", entry)
         self._comment(entry)
         # Newton's method from the state, which is on the orbit already, as the walk began
@@ -148,32 +123,30 @@ class _Script:
         ]
         return name
 
-    def _switch(self, entry: Entry, action: Switch) -> str:
+    def _switch(self, entry: Entry, action: plan.Switch) -> str:
         parent = self.exploration.entry(action.start.result)
         line, _ = self.exploration.special(action.start)
         special, name = self._place(action.start), _name("branches", entry)
-        self.imports.add("from gapwalk.bifurcation import walk_out")
         self._comment(entry)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
         self.lines += [
-            f"beginnings = gw.switch({special}, {line.parameter!r}, {within}{options})",
-            f"{name} = (walk_out(beginnings),)",
+            f"{name} = (gw.follow({special}, {line.parameter!r}, {within}{options}),)",
             "",
         ]
         assert parent.key in self.names
         return name
 
-    def _search(self, entry: Entry, action: Search) -> str:
+    def _search(self, entry: Entry, action: plan.Search) -> str:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
-        searched = search_system(action, self.exploration) if entry.result is None else entry.result.study.system
+        study = plan.plan(action, self.exploration)[1].study if entry.result is None else entry.result.study
+        options = study.options
+        assert isinstance(options, DiagramStudyOptions)
         known = [
             f"{self.repeat(self.exploration.entry(key))}[{n}]"
-            for key, n in known_branches(action, self.exploration, searched)
+            for key, n in plan.known_branches(action, self.exploration, study.system)
         ]
         name = _name("branches", entry)
         self._comment(entry)
-        options = (plan(action, self.exploration)[1].study if entry.result is None else entry.result.study).options
-        assert isinstance(options, DiagramStudyOptions)
         changed = {
             field.name: value
             for field in fields(DiagramOptions)
@@ -190,17 +163,17 @@ class _Script:
         ]
         return name
 
-    def _locus(self, entry: Entry, action: FollowLocus) -> str:
+    def _locus(self, entry: Entry, action: plan.FollowLocus) -> str:
         line, special = self.exploration.special(action.start)
         place, name = self._place(action.start), _name("loci", entry)
         self._comment(entry)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
-        options = _option(locus_method(special.orbit, self.exploration.origin(action.start)))
+        options = _option(plan.locus_method(special.orbit, self.exploration.origin(action.start)))
         self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
         return name
 
-    def _settle(self, entry: Entry, action: Settle) -> str:
+    def _settle(self, entry: Entry, action: plan.Settle) -> str:
         name = _name("settled", entry)
         if action.start is None:
             system, start = self._base_system(entry), "'rest'"
@@ -220,13 +193,17 @@ class _Script:
         if self.exploration.file.suffix == RESULT:
             return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
-        return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
+        return (
+            f"gw.load({self._result(entry)!r}).system"
+            if source is None
+            else f"gw.studies.read_studies({source})[0].system"
+        )
 
-    def _motion(self, place: Place) -> str:
+    def _motion(self, place: plan.Place) -> str:
         """Return the motion at a place: an orbit, or a settled motion."""
         return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
 
-    def _place(self, place: Place) -> str:
+    def _place(self, place: plan.Place) -> str:
         """Return the orbit, or the special point, at a place."""
         entry = self.exploration.entry(place.result)
         name = self.repeat(entry)
@@ -241,9 +218,9 @@ class _Script:
             raise ModelError(f"a place in {entry.title} names no point of a branch")
         return f"{line}.points[{place.point}].orbit"
 
-    def _method(self, place: Place) -> str:
+    def _method(self, place: plan.Place) -> str:
         """Return the method of an orbit as an argument, if it is not the default."""
-        return _option(method_of(orbit_at(place, self.exploration), self.exploration.origin(place)))
+        return _option(plan.method_of(plan.orbit_at(place, self.exploration), self.exploration.origin(place)))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import measure_name
-from gapwalk.explorer.events import Events
+from gapwalk.explorer.curve_data import measure_name, quantity_words
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
-from gapwalk.explorer.panels import Flows
+from gapwalk.explorer.motion_panels import Flows
 from gapwalk.explorer.plan import read_action
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.model.words import full_measure
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import Study
 
@@ -114,7 +114,6 @@ class Session:
         system, options = study.system, study.options
         self.flows.warm(system)
         walked = isinstance(options, BranchOptions)
-        parameters = _parameters(system)
         measures = [f"{kind}.{q}" for q in system.coordinates[:50] for kind in ("half", "max", "min", "mean", "rms")]
         shown = full_measure(options.measure, system.coordinates) if walked and options.measure else measures[0]
         if shown not in measures:
@@ -130,8 +129,8 @@ class Session:
             "coordinates": list(system.coordinates),
             "signals": signal_names(system)[:400],
             "contacts": [contact.name for contact in system.structure.contacts],
-            "parameters": parameters,
-            "measures": [{"name": measure_name(each, system), "words": measure_words(each)} for each in measures],
+            "parameters": _parameters(system),
+            "measures": quantity_words([measure_name(each, system) for each in measures], system),
             "x": options.parameter if walked else "frequency",
             "y": measure_name(shown, system),
             "range": [options.begin, options.end] if walked else [],
@@ -159,7 +158,7 @@ def _parameters(system: System) -> list[dict[str, Any]]:
     items = list(system.parameters.items())
     if len(items) > _PARAMETERS:
         items = [(name, value) for name, value in items if value][:_PARAMETERS]
-    return [{"name": name, "value": value, "words": parameter_words(name)} for name, value in items]
+    return [{**words, "value": system[words["name"]]} for words in quantity_words([name for name, _ in items], system)]
 
 
 def exploration_progress(exploration: Exploration) -> list[dict[str, Any]]:

@@ -11,33 +11,27 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
-from gapwalk.bifurcation import switch
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
-from gapwalk.bifurcation.follow import BranchWalk
+from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.loci.follow_locus import trace_locus, traced_locus
 from gapwalk.bifurcation.loci.locus_start import start_locus
-from gapwalk.errors import NumericalError
-from gapwalk.explorer.events import News, Progress
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.explorer.progress_stream import News, Progress
 from gapwalk.results.result_file import lock
-from gapwalk.studies.diagram_study import DiagramStudyOptions, OthersWork, whole_diagram
-from gapwalk.studies.kind import found_by
+from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram
 from gapwalk.studies.map import Map
 from gapwalk.studies.map_study import MapStudyOptions, whole_map
-from gapwalk.studies.request import request_file
+from gapwalk.studies.read_result import request_file
 from gapwalk.studies.runner import run, run_study
 from gapwalk.studies.study_file import Study
-from gapwalk.studies.whole_diagram import empty_diagram
+from gapwalk.studies.study_kind import found_by
 
-
-class FollowUp(Protocol):
-    """Work that starts from an orbit and is not a study of a model file; see `gapwalk.explorer.tasks`."""
-
-    def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
-        """Do the work and write the result file; return True if it was completed, False after Ctrl-C."""
-        ...
+FollowUp = Callable[..., bool]
+"""Work that starts from an orbit: a function of a study, its result file and a `News`; `resume` is True to continue an
+earlier result. It returns True if it was completed, False after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +59,14 @@ class Task:
 def do(task: Task, report: Callable[[Progress], object]) -> bool:
     """Do a task and report its progress, at most four times a second; return True if it was completed.
 
-    Ctrl-C stops it; what has been found is stored. Errors as `gapwalk.run`, `gapwalk.switch`, `gapwalk.find_others` and
+    Ctrl-C stops it; what has been found is stored. Errors as `gapwalk.run`, `gapwalk.follow`, `gapwalk.find_others` and
     `gapwalk.follow_locus`.
     """
     news = News(report)
     try:
         if task.follow_up is None:
             return _run(task, news)
-        return task.follow_up.do(task.study, task.output, news, resume=task.resume)
+        return task.follow_up(task.study, task.output, news, resume=task.resume)
     finally:
         with suppress(OSError):  # the server has ended
             news.report()
@@ -88,85 +82,47 @@ def _run(task: Task, news: News) -> bool:
 S = TypeVar("S")
 
 
-@dataclass(frozen=True)
-class SwitchFollowUp:
-    """Follow the branch that begins or crosses at a special point.
+def follow_switch(special: SpecialPoint, study: Study, output: Path, news: News, *, resume: bool) -> bool:
+    """Follow the branch that begins or crosses at a special point, from there also after an interruption."""
+    del resume
+    options = study.options
+    assert isinstance(options, DiagramStudyOptions)
+    within = (options.begin, options.end)
+    steps = walk(special, options.parameter, within, walk=options.walk, method=options.method)
+    complete = _to_end(steps, lambda point: news.point(point, list(steps.special_points)))
+    member = DiagramBranch(f"P{steps.branch.period}-1", steps.branch)
+    known = empty_diagram(options.parameter, within)
+    tree = Diagram(options.parameter, known.within, (member,), complete=complete)
+    with lock(output), request_file(study, output) as file:
+        file.write(*whole_diagram(tree, finished=complete))
+    return complete
 
-    Parameters
-    ----------
-    special
-        The special point.
+
+def follow_others(known: tuple[Branch, ...], study: Study, output: Path, news: News, *, resume: bool) -> bool:
+    """Search for isolated branches other than the known ones along the parameter, and follow those that are found.
+
+    An interrupted search begins again, but after a completed one its branches are kept.
     """
-
-    special: SpecialPoint
-
-    def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
-        """Follow the branch from the special point, also after an interruption."""
-        del resume
-        options = study.options
-        assert isinstance(options, DiagramStudyOptions)
-        within = (options.begin, options.end)
-        beginnings = switch(self.special, options.parameter, within, options.method)
-        if not beginnings:
-            raise NumericalError("no branch begins at this point between these values; choose a wider range")
-        steps = BranchWalk(beginnings, options.walk)
-        complete = _to_end(steps, lambda point: news.point(point, list(steps.special_points)))
-        member = DiagramBranch(f"P{steps.branch.period}-1", steps.branch)
-        known = empty_diagram(options.parameter, within)
-        tree = Diagram(options.parameter, known.within, (member,), complete=complete)
-        with lock(output), request_file(study, output) as file:
-            file.write(*whole_diagram(tree, finished=complete))
-        return complete
+    options = study.options
+    assert isinstance(options, DiagramStudyOptions)
+    work = options.search_work(study.system, known, news.part)
+    return found_by(run_study, study, output, resume=resume, force=not resume, report=news.member, work=work).complete
 
 
-@dataclass(frozen=True)
-class SearchFollowUp:
-    """Search for isolated branches, and follow those that are found.
-
-    Parameters
-    ----------
-    known
-        The known branches along the parameter.
-    """
-
-    known: tuple[Branch, ...]
-
-    def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
-        """Search and follow; an interrupted search begins again, but after a completed one its branches are kept."""
-        options = study.options
-        assert isinstance(options, DiagramStudyOptions)
-        work = OthersWork(study.system, options, self.known, news.part)
-        found = found_by(run_study, study, output, resume=resume, force=not resume, report=news.member, work=work)
-        return found.complete
-
-
-@dataclass(frozen=True)
-class LocusFollowUp:
-    """Follow a special point in the plane of two parameters.
-
-    Parameters
-    ----------
-    special
-        The special point.
-    """
-
-    special: SpecialPoint
-
-    def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
-        """Follow the locus from the special point, also after an interruption."""
-        del resume
-        options = study.options
-        assert isinstance(options, MapStudyOptions)
-        first, second = options.parameter, options.second.parameter
-        news.locus(self.special.kind, second)
-        beginnings = start_locus(self.special, first, second, options.within, options.method)
-        steps = trace_locus(beginnings, options.walk)
-        complete = _to_end(steps, lambda step: news.point(*step))
-        locus = traced_locus(steps)
-        chart = Map(first, second, options.within, (locus,), complete=complete)
-        with lock(output), request_file(study, output) as file:
-            file.write(*whole_map(chart))
-        return complete
+def follow_special_point(special: SpecialPoint, study: Study, output: Path, news: News, *, resume: bool) -> bool:
+    """Follow a special point in the plane of two parameters, from its beginning also after an interruption."""
+    del resume
+    options = study.options
+    assert isinstance(options, MapStudyOptions)
+    first, second = options.parameter, options.second.parameter
+    news.locus(special.kind, second)
+    beginnings = start_locus(special, first, second, options.within, options.method)
+    steps = trace_locus(beginnings, options.walk)
+    complete = _to_end(steps, lambda step: news.point(*step))
+    chart = Map(first, second, options.within, (traced_locus(steps),), complete=complete)
+    with lock(output), request_file(study, output) as file:
+        file.write(*whole_map(chart))
+    return complete
 
 
 def _to_end(steps: Iterator[S], report: Callable[[S], None]) -> bool:

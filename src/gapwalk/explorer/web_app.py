@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -20,19 +21,17 @@ from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, labels, quantity
-from gapwalk.explorer.events import Events
-from gapwalk.explorer.panels import SupersededError, check_signal, details_of, panels_of
+from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
 from gapwalk.explorer.plan import Place, orbit_at
+from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.request_guard import Guard, TooLargeError
 from gapwalk.explorer.script import script_of
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.workspace import model_file
-from gapwalk.studies.export import table_names, table_of
+from gapwalk.studies.export import table_of
 
 _PAGE = files("gapwalk.explorer") / "page"
 _NAME = 200  # longest name of a quantity in a request
-
-Answer = Callable[[Request], Awaitable[Response]]
 
 
 def application(session: Session, token: str = "") -> Callable[..., Awaitable[None]]:
@@ -44,43 +43,28 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         yield
         session.close()
 
-    def get(path: str, answer: Answer) -> Route:
-        return Route(path, _with_errors(answer), methods=["GET"])
-
-    def post(path: str, answer: Answer) -> Route:
-        return Route(path, _with_errors(answer), methods=["POST"])
-
     routes = [
-        get("/", api.page),
-        get("/plotly.js", api.plotly),
-        get("/api/files", api.files),
-        get("/api/about", api.about),
-        get("/api/curve", api.curve),
-        get("/api/motion", api.motion),
-        get("/api/details", api.details),
-        get("/api/events", api.events),
-        get("/api/export/{what}", api.export),
-        post("/api/act", api.act),
-        post("/api/job/{word}", api.job),
+        Route("/", api.page),
+        Route("/plotly.js", api.plotly),
+        Route("/api/files", api.files),
+        Route("/api/about", api.about),
+        Route("/api/curve", api.curve),
+        Route("/api/motion", api.motion),
+        Route("/api/details", api.details),
+        Route("/api/events", api.events),
+        Route("/api/export/{what}", api.export),
+        Route("/api/act", api.act, methods=["POST"]),
+        Route("/api/job/{word}", api.job, methods=["POST"]),
         Mount("/static", StaticFiles(directory=str(_PAGE))),
     ]
-    return Guard(Starlette(routes=routes, lifespan=lifespan), token)
+    errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
+    handlers = {kind: partial(_sentence, status=status) for kind, status in errors.items()}
+    return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)
 
 
-def _with_errors(answer: Answer) -> Answer:
-    """Return the same handler, which answers errors with sentences."""
-
-    async def guarded(request: Request) -> Response:
-        try:
-            return await answer(request)
-        except TooLargeError as error:
-            return _Json({"error": str(error)}, 413)
-        except SupersededError:
-            return _Json({"error": "superseded by a newer request"}, 409)
-        except GapwalkError as error:
-            return _Json({"error": str(error)}, 400)
-
-    return guarded
+async def _sentence(_: Request, error: Exception, *, status: int) -> Response:
+    """Answer an error with its message."""
+    return _Json({"error": str(error)}, status)
 
 
 class _Json(JSONResponse):
@@ -132,11 +116,8 @@ class _Api:
     async def curve(self, request: Request) -> Response:
         """Return a branch, or a settled motion, as arrays."""
         exploration = self.session.exploration(_text(request, "file"))
-        entry, branch, first = (
-            exploration.entry(_text(request, "result")),
-            _count(request, "branch"),
-            _count(request, "from"),
-        )
+        entry = exploration.entry(_text(request, "result"))
+        branch, first = _count(request, "branch"), _count(request, "from")
         x, y = _text(request, "x"), _text(request, "y")
         with exploration.guard:
             settled, lines = entry.settled(), entry.lines()
@@ -156,19 +137,17 @@ class _Api:
 
     async def motion(self, request: Request) -> Response:
         """Return the motion at a place; of several requests of a tab only the last one is answered."""
-        exploration, place, signal = self._asked(request)
-        motion = exploration.motion(place)
-        name = check_signal(motion.system, signal)
-        (found,) = await self.session.flows.do_last(_text(request, "tab"), [lambda: panels_of(motion, name)])
-        return _Json(found)
+        return await self._of_motion(request, panels_of, "")
 
     async def details(self, request: Request) -> Response:
         """Return spectrum and section of the motion at a place; only the last request of a tab is answered."""
+        return await self._of_motion(request, details_of, "/details")
+
+    async def _of_motion(self, request: Request, compute: Callable[..., dict[str, Any]], what: str) -> Response:
         exploration, place, signal = self._asked(request)
         motion = exploration.motion(place)
         name = check_signal(motion.system, signal)
-        tab = f"{_text(request, 'tab')}/details"
-        (found,) = await self.session.flows.do_last(tab, [lambda: details_of(motion, name)])
+        found = await self.session.flows.do_last(_text(request, "tab") + what, lambda: compute(motion, name))
         return _Json(found)
 
     async def events(self, _: Request) -> Response:
@@ -212,7 +191,7 @@ class _Api:
             raise ModelError(f"{entry.title} is {entry.state}; wait for its end, or stop it")
         result = entry.result
         if what == "table":
-            text = await self.session.flows.do(lambda: table_of(result, table_names(result)[0]))
+            text = await self.session.flows.do(lambda: table_of(result, next(iter(result.tables()))))
             return _file(text, f"{stem}.csv", "text/csv")
         if what == "result":
             return FileResponse(entry.path, filename=entry.path.name, media_type="application/vnd.sqlite3")
@@ -260,7 +239,7 @@ def _count(request: Request, name: str) -> int:
 
 
 def _is_count(text: str) -> bool:
-    """Whether a text is a number from 0; ``isdigit`` takes others too, such as ²."""
+    """Return True if a text is a number from 0; ``isdigit`` accepts others too, such as ²."""
     return text.isascii() and text.isdigit() and len(text) < 10
 
 

@@ -137,7 +137,7 @@ _HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
 
 
 def model_file(text: str, name: str, within: str, orbit: Orbit, parameter: str, to: float, measure: str) -> str:
-    """Return the text of a model file whose study is a response from an orbit.
+    """Return the text of a model file with a response study that starts at the orbit.
 
     Parameters
     ----------

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
+from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
-from gapwalk.flow.switching import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System

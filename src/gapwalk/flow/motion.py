@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.problems import did_you_mean
@@ -65,7 +65,7 @@ class Motion:
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
-        """Contact deflections ``e_k . q``, shape (samples, contacts)."""
+        """Contact deflections ``e_k^T q``, shape (samples, contacts)."""
         return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
 
     @cached_property
@@ -139,7 +139,7 @@ class ContactRecord:
 
 
 def integrate(
-    system: System, state: NDArray[np.float64], periods: float = 1.0, samples: int = 256, start: float = 0.0
+    system: System, start: NDArray[np.float64], periods: float = 1.0, samples: int = 256, phase: float = 0.0
 ) -> Motion:
     """Integrate a system from a state, and sample the motion.
 
@@ -147,13 +147,13 @@ def integrate(
     ----------
     system
         The system.
-    state : shape (2n,)
-        Positions, then velocities, at `start`.
+    start : shape (2n,)
+        Positions, then velocities, at `phase`.
     periods
         Length in forcing periods.
     samples
         Samples per forcing period.
-    start
+    phase
         Angle of the fundamental excitation at the start, in radians.
 
     Raises
@@ -164,7 +164,7 @@ def integrate(
         If the state has the wrong length.
     """
     count = max(1, round(samples * periods))
-    return sample(system, state, start + PERIOD * periods * np.arange(count + 1) / count)
+    return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
 
 
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.contrast import Agreement, agreement, lines_of, orders_of
+from gapwalk.attractors.compare_motions import Agreement, agreement, lines_of, orders_of
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.signal import Signal, signal_of

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.contrast import Contrast, contrast
+from gapwalk.attractors.compare_motions import Contrast, contrast
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.hysteresis import hysteresis, pick_contact
@@ -21,7 +21,7 @@ from gapwalk.measurement.fit import fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import Contact
-from gapwalk.model.laws.springs import HuntCrossley
+from gapwalk.model.laws.contact_laws import HuntCrossley
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -69,11 +69,11 @@ class DampingMatch:
     impact: Orbit
 
     def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
-        """Compare the two motions; see `gapwalk.contrast`."""
+        """Compare the two motions; see `gapwalk.analysis.contrast`."""
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 
 
-def impact_damping_of(
+def find_impact_damping(
     system: System | Contact, viscous_damping: float, amplitude: float, contact: str | None = None, *, mean: float = 0.0
 ) -> float:
     """Compute the impact damping that dissipates as much as a viscous damper under one harmonic, in closed form.
@@ -146,7 +146,7 @@ def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = N
     damper, astray = _damper(viscous.system, impact, place)
     if viscous.system.structure.contacts[place].law.is_damped:
         damper += hysteresis(viscous.system, amplitude, contact, mean=float(x.mean())).equivalent_damping
-    one = impact_damping_of(impact, damper, amplitude, contact, mean=float(x.mean()))
+    one = find_impact_damping(impact, damper, amplitude, contact, mean=float(x.mean()))
     name = f"{contact}.impact_damping"
     begun = find_orbit(impact.at({name: one}, frequency=viscous.system.frequency), viscous.period, viscous.state)
     vector = viscous.system.values[viscous.system.structure.block(f"{contact}.deflection", viscous.system.size)]

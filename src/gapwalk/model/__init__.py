@@ -1,7 +1,7 @@
 """The model: contacts, excitation, and the system that they form."""
 
 from gapwalk.model.contact import Contact, Side, Stage, backlash, stop
-from gapwalk.model.damping import ModalDamping, ProportionalDamping
+from gapwalk.model.damping_matrix import ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.structure import Structure

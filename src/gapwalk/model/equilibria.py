@@ -129,7 +129,7 @@ def tangent(
     return stiffness, damping
 
 
-def rest_of(system: System) -> Rest:
+def find_equilibria(system: System) -> Rest:
     """Find the static equilibria of a system under its mean load, without its excitation.
 
     Where no spring ever softens and forces follow from an energy, the equilibrium is that of least energy, found by

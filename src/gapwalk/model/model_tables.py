@@ -22,7 +22,7 @@ from pydantic import (
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
-from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.parameter import Parameter

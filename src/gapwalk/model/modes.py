@@ -67,7 +67,7 @@ class Modes(Shown):
         return f"Modes({shown}{', ...' if len(self) > 6 else ''})"
 
 
-def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes:
+def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes:
     """Compute natural frequencies and modes of a system.
 
     Parameters
@@ -76,7 +76,7 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
         Any system; the modes of a `Train` are also given by its inertias.
     at
         ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; or an equilibrium from
-        `rest_of`, with the stages that are closed there.
+        `find_equilibria`, with the stages that are closed there.
 
     Raises
     ------

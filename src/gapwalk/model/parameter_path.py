@@ -96,7 +96,7 @@ def on_the_way(system: System, to: Mapping[str, float]) -> System:
             f"{structure.pace} cannot move together with others: everything is scaled by it; follow it by itself"
         )
     if isinstance(structure.assembly, PathAssembly):
-        raise ModelError("the system is on a way already; leave from the system without it")
+        raise ModelError("the system already has a parameter path; start from the system without one")
     assembly = PathAssembly(structure, tuple(to))
     whole = Structure(structure.coordinates, structure.contacts, structure.harmonics, assembly)
     return System.from_values(whole, np.concatenate((system.values, [0.0], list(to.values()))))

@@ -12,7 +12,7 @@ from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
-from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units
@@ -276,6 +276,25 @@ class System(Shown):
 
     def __hash__(self) -> int:
         return hash((self.structure, self.values.tobytes()))
+
+    def summary(self) -> Iterator[str]:
+        """Return the frequency or speed, then coordinates, contacts, excitation and units in words."""
+        yield f"{self.structure.pace} = {pace_number(self, 6)}"
+        yield from self.contents
+
+    @property
+    def contents(self) -> Iterator[str]:
+        """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
+        contacts = (
+            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
+            for form in self.structure.contacts
+        )
+        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        yield f"coordinates: {', '.join(self.coordinates)}"
+        yield f"contacts: {', '.join(contacts) or 'none'}"
+        yield f"excitation: {', '.join(orders) or 'none'}"
+        if self.units:
+            yield f"units: {self.units.words}"
 
     def __repr__(self) -> str:
         contacts = ", ".join(contact.name for contact in self.structure.contacts) or "none"

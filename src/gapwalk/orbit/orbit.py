@@ -14,10 +14,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import Motion, sample
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown

@@ -10,14 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
@@ -44,8 +45,8 @@ class Shooting(Method):
 
     name: ClassVar[str] = "shooting"
 
-    segments: int = 1
-    tolerance: float = 1e-10
+    segments: Annotated[int, Ge(1)] = 1
+    tolerance: Annotated[float, Gt(0)] = 1e-10
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:

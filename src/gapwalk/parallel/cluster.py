@@ -69,7 +69,7 @@ class Cluster:
         return self._executor.submit(do_piece, function, piece, self._versions)
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether workers died over a piece."""
+        """Return True if workers died over a piece."""
         return isinstance(error, self._killed)
 
     def check(self) -> None:
@@ -80,7 +80,7 @@ class Cluster:
             )
 
     def close(self, *, at_once: bool) -> None:
-        """Part from the cluster, which goes on running; results that nobody has taken are forgotten there."""
+        """Leave the cluster, which keeps running; results that were not fetched are forgotten there."""
         self._executor.shutdown(wait=not at_once)
         self._client.close()
 

@@ -29,7 +29,7 @@ def local_cores() -> int:
 class Processes:
     """Some processes on this machine; a `Executor`.
 
-    Each is a pool of its own: in a larger pool the death of one process ends all the others. They are started afresh
+    Each is a pool of its own: in a larger pool the death of one process ends all the others. They are spawned
     (not forked), because the compiled flows of a forked process are not its own. They die with this one, however it
     dies.
 
@@ -66,7 +66,7 @@ class Processes:
         return future
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether an error says that a process died, and nothing of its piece of work."""
+        """Return True if an error says that a process died, and nothing of its piece of work."""
         return isinstance(error, BrokenProcessPool)
 
     def check(self) -> None:

@@ -30,5 +30,5 @@ def children_in_one_thread() -> Iterator[None]:
 
 
 def _wanted() -> dict[str, str]:
-    """What to set: nothing if the user has set one of the variables, for any of them may be meant for all."""
+    """Return the variables to set: none if the user has set one of them, which may be meant for all."""
     return {} if any(name in os.environ for name in _VARIABLES) else dict.fromkeys(_VARIABLES, "1")

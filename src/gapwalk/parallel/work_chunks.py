@@ -1,4 +1,4 @@
-"""Do many small independent items of work in chunks, and tell how far a job has come and how long it will take."""
+"""Do many small independent items of work in chunks, and estimate the time until a job is done."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -71,47 +72,23 @@ _LEAST, _AIM = 0.1, 0.5  # seconds of work in a chunk: at least, and what is aim
 _GROWTH = 16  # at most, from one chunk to the next: the first one may have waited for a compiler
 
 
-@dataclass(frozen=True)
-class Chunk(Generic[Item, Result]):
-    """Some items in a row: one piece of work.
-
-    Attributes
-    ----------
-    function
-        What to do with them.
-    first
-        Number of the first of them.
-    items
-        The items.
-    seed
-        Of the whole job.
-    """
-
-    function: Function[Item, Result]
-    first: int
-    items: tuple[Item, ...]
-    seed: int
-
-
-def seed_of(seed: int, number: int) -> np.random.SeedSequence:
-    """The seed of an item: always the same, in whatever chunk and by whomever it is done."""
-    return np.random.SeedSequence(seed, spawn_key=(number,))
-
-
-def do_chunk(chunk: Chunk[Any, Result]) -> tuple[list[Result], float]:
-    """Do the items of a chunk; their results, and the seconds that it took."""
-    begun = time.perf_counter()
-    seeds = [seed_of(chunk.seed, number) for number in range(chunk.first, chunk.first + len(chunk.items))]
-    results = list(chunk.function(chunk.items, seeds))
-    if len(results) != len(chunk.items):
-        raise ValueError(f"{len(chunk.items)} items have {len(results)} results")
+def _do_chunk(
+    function: Function[Item, Result], seed: int, chunk: tuple[int, Sequence[Item]]
+) -> tuple[list[Result], float]:
+    """Do some items in a row, given with the number of the first; their results, and the seconds that it took."""
+    begun, (first, items) = time.perf_counter(), chunk
+    # the seed of an item is always the same, in whatever chunk and by whomever it is done
+    seeds = [np.random.SeedSequence(seed, spawn_key=(number,)) for number in range(first, first + len(items))]
+    results = list(function(items, seeds))
+    if len(results) != len(items):
+        raise ValueError(f"{len(items)} items have {len(results)} results")
     return results, time.perf_counter() - begun
 
 
 def do_in_chunks(
     function: Function[Item, Result],
     items: Sequence[Item],
-    hands: Workers,
+    workers: Workers,
     *,
     seed: int = 0,
     size: int | None = None,
@@ -129,7 +106,7 @@ def do_in_chunks(
         What to do with the items of a chunk.
     items
         The items.
-    hands
+    workers
         Who does the work.
     seed
         From which each item has a seed of its own.
@@ -158,7 +135,7 @@ def do_in_chunks(
         raise ModelError(f"size is {size!r}; it must be an integer >= 1 (items in a chunk), or None")
     results = dict(known or {})
     before, begun = len(results), time.monotonic()
-    cutter = _Cutter(function, items, seed, set(results), size, hands)
+    cutter = _Cutter(items, set(results), size, workers)
     chunks = cutter.chunks
 
     def is_needed(number: int) -> bool:
@@ -166,31 +143,28 @@ def do_in_chunks(
             cutter.cut()  # there is always one more, of a size that is up to date
         return True
 
-    def accept(number: int, done: tuple[list[Result], float]) -> None:
-        found, seconds = done
-        first = chunks[number].first
-        cutter.learn(len(found), seconds)
-        if keep is not None:
-            keep(first, found)
-        results.update(enumerate(found, start=first))
-        if report is not None:
-            report(Pace(len(results), len(items), before, time.monotonic() - begun))
-
     try:
         cutter.cut()
-        hands.run(do_chunk, chunks, accept, is_needed, in_order=False)
+        done = workers.each(partial(_do_chunk, function, seed), chunks, is_needed, in_order=False)
+        for number, (found, seconds) in done:
+            first, _ = chunks[number]
+            cutter.learn(len(found), seconds)
+            if keep is not None:
+                keep(first, found)
+            results.update(enumerate(found, start=first))
+            if report is not None:
+                report(Pace(len(results), len(items), before, time.monotonic() - begun))
     except KeyboardInterrupt:
         pass
     return dict(sorted(results.items()))
 
 
 class _Cutter:
-    """Cuts items into chunks, one at a time."""
+    """Cuts items into chunks, one at a time: the number of the first item, and the items."""
 
-    def __init__(self, function, items, seed: int, known: set[int], size: int | None, hands: Workers) -> None:
-        self.chunks: list[Chunk[Any, Any]] = []
-        self._function, self._items, self._seed = function, items, seed
-        self._known, self._size, self._hands = known, size, hands
+    def __init__(self, items: Sequence[Any], known: set[int], size: int | None, workers: Workers) -> None:
+        self.chunks: list[tuple[int, Sequence[Any]]] = []
+        self._items, self._known, self._size, self._workers = items, known, size, workers
         self._next, self._left = 0, len(items) - len(known)
         self._wanted, self._least = 1, 1
 
@@ -201,19 +175,17 @@ class _Cutter:
         self._wanted = min(_GROWTH * count, math.ceil(_AIM / each))
 
     def cut(self) -> None:
-        """Add the next chunk, if there is any: items in a row that are not known."""
+        """Add the next chunk, if there is any: items in a row that are not known.
+
+        Towards the end a chunk has only a share of the rest, so that all workers end at the same time.
+        """
         while self._next in self._known:
             self._next += 1
-        size, stop = self._size or self._fair_size(), self._next
+        share = math.ceil(self._left / (2 * self._workers.count))
+        size, stop = self._size or max(1, self._least, min(self._wanted, share)), self._next
         while stop < min(self._next + size, len(self._items)) and stop not in self._known:
             stop += 1
         if stop > self._next:
-            items = tuple(self._items[self._next : stop])
-            self.chunks.append(Chunk(self._function, self._next, items, self._seed))
-            self._left -= len(items)
+            self.chunks.append((self._next, tuple(self._items[self._next : stop])))
+            self._left -= stop - self._next
             self._next = stop
-
-    def _fair_size(self) -> int:
-        """What is wanted, but towards the end only a share of the rest, so that all end at the same time."""
-        share = math.ceil(self._left / (2 * self._hands.count))
-        return max(1, self._least, min(self._wanted, share))

@@ -46,7 +46,7 @@ class Executor(Protocol):
         ...
 
     def is_loss(self, error: BaseException) -> bool:
-        """Whether an error says that the process died, and nothing of the piece of work."""
+        """Return True if an error says that the process died, and nothing of the piece of work."""
         ...
 
     def check(self) -> None:
@@ -59,7 +59,7 @@ class Executor(Protocol):
 
 
 class Workers:
-    """Does independent pieces of work, several at a time; see `workers`.
+    """Does independent pieces of work, several at a time; see `local_workers`.
 
     Parameters
     ----------
@@ -202,11 +202,11 @@ class _Run:
         return bool(self._again) or (self._begun < len(self._pieces) and not self._has_failed())
 
     def _has_failed(self) -> bool:
-        """Whether a piece waits for its turn to raise an error: nothing after it will be accepted."""
+        """Return True if a piece waits for its turn to raise an error: nothing after it will be accepted."""
         return any(future is not None and future.exception() is not None for future in self._waiting.values())
 
     def _has_last_try(self) -> bool:
-        """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
+        """Return True if a piece is on its last try: alone, so that no other one is to blame or takes memory."""
         return any(self._losses[index] == self._executor.tries - 1 for index in self._running.values())
 
     def _end(self, index: int, future: Future[Any]) -> Iterator[tuple[int, Any]]:
@@ -256,16 +256,26 @@ _around: ContextVar[Workers | None] = ContextVar("workers", default=None)
 
 
 @contextmanager
-def workers(count: int | None = None) -> Iterator[Workers]:
-    """Workers for a while: local processes, or inside of `on_cluster` those of the cluster.
+def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
+    """Start workers for a while: local processes, or inside of `on_cluster` those of the cluster.
 
     What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
 
     Parameters
     ----------
     count
-        As many local processes; by default one for each local core. 1 works in this process.
+        Number of local processes; by default one for each local core. 1 works in this process. Workers that were
+        started before are used as they are.
+
+    Examples
+    --------
+    >>> with gw.parallel.local_workers(2) as workers:
+    ...     up = gw.sweep(system, "frequency", (0.4, 0.8), workers=workers)
+    ...     down = gw.sweep(system, "frequency", (0.8, 0.4), workers=workers)
     """
+    if isinstance(count, Workers):
+        yield count
+        return
     around = _around.get()
     if around is not None:
         yield around
@@ -274,20 +284,31 @@ def workers(count: int | None = None) -> Iterator[Workers]:
     if count == 1:
         yield Workers()
         return
-    with _hired(Processes(count)) as hands:
-        yield hands
+    with _hired(Processes(count)) as workers:
+        yield workers
 
 
 @contextmanager
-def sharing(count: int | None = None) -> Iterator[Workers]:
-    """Have all work of a while done by the same processes, so that each starts once; `count` as in `workers`."""
-    with workers(count) as hands, _for_all(hands):
-        yield hands
+def on_cores(count: int | None = None) -> Iterator[Workers]:
+    """Use the same local processes for all work inside the `with` block, so that each starts only once.
+
+    Parameters
+    ----------
+    count
+        Number of local processes; by default one for each local core.
+
+    Examples
+    --------
+    >>> with gw.parallel.on_cores(4):
+    ...     family = gw.family(system, "frequency", (0.5, 1.5), over={"mean.q1": [0.2, 0.3]})
+    """
+    with local_workers(count) as workers, _for_all(workers):
+        yield workers
 
 
 @contextmanager
 def on_cluster(scheduler: str) -> Iterator[Workers]:
-    """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
+    """Use the workers of a Dask cluster for all work inside the `with` block; see `docs/cluster.md`.
 
     Parameters
     ----------
@@ -302,8 +323,8 @@ def on_cluster(scheduler: str) -> Iterator[Workers]:
     """
     from gapwalk.parallel.cluster import Cluster  # it needs Dask, which is an extra
 
-    with _hired(Cluster(scheduler)) as hands, _for_all(hands):
-        yield hands
+    with _hired(Cluster(scheduler)) as workers, _for_all(workers):
+        yield workers
 
 
 @contextmanager
@@ -317,9 +338,9 @@ def _hired(executor: Executor) -> Iterator[Workers]:
 
 
 @contextmanager
-def _for_all(hands: Workers) -> Iterator[None]:
-    """Have these workers do all work of a while."""
-    token = _around.set(hands)
+def _for_all(workers: Workers) -> Iterator[None]:
+    """Use these workers for all work inside the `with` block."""
+    token = _around.set(workers)
     try:
         yield
     finally:

@@ -15,25 +15,14 @@ from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.plot import style
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, open_window, write_legend
-from gapwalk.plot.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    LINES,
-    UNEXPLAINED,
-    VERMILLION,
-    LineStyle,
-    broken,
-    in_order,
-    in_style,
-    symbol_style,
-)
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
 """Function that returns the heights of the curves to draw at a point of a branch, shape (curves,)."""
@@ -44,10 +33,10 @@ _MARKERS = (0.015, 0.035)  # position of the first marker along a line, and mark
 _PAD = 0.06  # margin above and below, as a fraction of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
 _OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
-    (BLACK, "-"),
-    (VERMILLION, (0, (4.5, 1.6))),
-    (BLUE, (0, (1.3, 1.3))),
-    (GREEN, (0, (6, 1.5, 1.3, 1.5))),
+    (style.BLACK, "-"),
+    (style.VERMILLION, (0, (4.5, 1.6))),
+    (style.BLUE, (0, (1.3, 1.3))),
+    (style.GREEN, (0, (6, 1.5, 1.3, 1.5))),
 )
 _STABLE, _UNSTABLE = 1.7, 0.7  # widths of the lines in an overlay, in points
 
@@ -116,6 +105,25 @@ def joined(
     return x, y
 
 
+def curve_of(pieces: Sequence[Piece]) -> NDArray[np.float64]:
+    """Return the points of pieces with one measure, one after the other, shape (points, 2)."""
+    return np.concatenate([np.column_stack((piece.x, piece.y)) for piece in pieces])
+
+
+def extent_of(curve: NDArray[np.float64], left: float, right: float) -> tuple[float, float]:
+    """Return the smallest and the largest height of a curve within a range of the parameter, with a margin."""
+    inside = curve[(curve[:, 0] >= left) & (curve[:, 0] <= right), 1]
+    low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
+    pad = _PAD * ((high - low) or 1.0)
+    return low - pad, high + pad
+
+
+def name_axes(ax: Axes, branch: Branch, measure: str) -> None:
+    """Write the parameter of a branch and a measure next to the axes."""
+    ax.set_xlabel(parameter_words(branch.parameter, branch.system.units))
+    ax.set_ylabel(style.broken(measure_words(measure, branch.system.units)))
+
+
 def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, float]]:
     """Return places where a special point was missed: the middle of each unexplained step, on each curve."""
     if not branch.unexplained:
@@ -131,12 +139,12 @@ def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, floa
 def draw_unexplained(ax: Axes, places: Sequence[tuple[float, float]], clip_on: bool = True) -> None:
     """Draw question marks at missed special points; without clipping they are complete at the border of the axes."""
     if places:
-        ax.plot(*np.array(places).T, zorder=6, **UNEXPLAINED.options(clip_on=clip_on))
+        ax.plot(*np.array(places).T, zorder=6, **style.UNEXPLAINED.options(clip_on=clip_on))
 
 
 def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """Return the legend entry of the question marks, if there are any."""
-    return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
+    return [style.UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
 
 
 def overlay(
@@ -172,25 +180,21 @@ def overlay(
     first = next(iter(branches.values()))[0]
     measure = full_measure(measure, first.system.coordinates)
     window = open_window(WIDE) if ax is None else None
-    with in_style():
+    with style.in_style():
         place = window.add_subplot() if window is not None else ax
         assert place is not None
-        entries, heights = [], []
+        entries, pieces = [], []
         for number, (name, each) in enumerate(branches.items()):
             color, dashes = _OVERLAID[number % len(_OVERLAID)]
-            styles = [LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
+            styles = [style.LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
             for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
                 place.plot(piece.x, piece.y, **styles[piece.label != "stable"])
-                heights.append(piece.y if within is None else piece.y[(piece.x >= within[0]) & (piece.x <= within[1])])
+                pieces.append(piece)
             entries.append((name, styles[0]))
-        entries.append(("thin: unstable", LineStyle("", BLACK, "-", _UNSTABLE).options()))
+        entries.append(("thin: unstable", style.LineStyle("", style.BLACK, "-", _UNSTABLE).options()))
         if within:
-            shown = np.concatenate(heights)
-            low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 1.0)
-            pad = _PAD * ((high - low) or 1.0)
-            place.set(xlim=within, ylim=(low - pad, high + pad))
-        place.set_xlabel(parameter_words(first.parameter, first.system.units))
-        place.set_ylabel(broken(measure_words(measure, first.system.units)))
+            place.set(xlim=within, ylim=extent_of(curve_of(pieces), *within))
+        name_axes(place, first, measure)
         write_legend(place, entries, "inside")
     return place
 
@@ -230,12 +234,11 @@ def draw_branches(
     measure = full_measure(measure, first.system.coordinates)
     drawing = _Drawing(branches, measure)
     drawing.draw_lines(ax)
-    ax.set_xlabel(parameter_words(first.parameter, first.system.units))
-    ax.set_ylabel(broken(measure_words(measure, first.system.units)))
+    name_axes(ax, first, measure)
     ax.margins(x=0.02, y=0.06)
     ax.autoscale_view()
     if within:
-        ax.set(xlim=within, ylim=drawing.extent(*within))
+        ax.set(xlim=within, ylim=extent_of(drawing.curve, *within))
     ax.set_autoscale_on(False)  # labels are placed for these limits
     if legend:
         write_legend(ax, _entries(branches), "above" if legend == "above" else "below")
@@ -246,9 +249,9 @@ def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """List lines and symbols that occur, for a legend; a piece between special points may have no point of its own."""
     counts = {count.label for branch in branches for count in branch.instabilities}
     counts |= {special.after.label for branch in branches for special in branch.special_points}
-    entries = [style.entry for name, style in LINES.items() if name in counts]
+    entries = [look.entry for name, look in style.LINES.items() if name in counts]
     kinds = {special.kind for branch in branches for special in branch.special_points}
-    entries += [symbol_style(kind).entry for kind in in_order(kinds)]
+    entries += [style.symbol_style(kind).entry for kind in style.in_order(kinds)]
     return entries + unexplained_entries(branches)
 
 
@@ -257,7 +260,7 @@ class _Drawing:
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
-        self.curve = np.concatenate([np.column_stack((piece.x, piece.y)) for piece in self.pieces])
+        self.curve = curve_of(self.pieces)
         self.special_points = [
             (special.kind, special.value, special.point.measure(measure))
             for branch in branches
@@ -269,17 +272,10 @@ class _Drawing:
             for place in unexplained_places(branch, lambda point: np.array([point.measure(measure)]))
         ]
 
-    def extent(self, left: float, right: float) -> tuple[float, float]:
-        """Return the smallest and the largest measure within a range of the parameter, with a margin."""
-        inside = self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1]
-        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
-        pad = _PAD * ((high - low) or 1.0)
-        return low - pad, high + pad
-
     def draw_lines(self, ax: Axes) -> None:
         for piece in self.pieces:
-            marked = bool(LINES[piece.label].marker)
-            options = LINES[piece.label].options(markevery=_MARKERS if marked else None)
+            marked = bool(style.LINES[piece.label].marker)
+            options = style.LINES[piece.label].options(markevery=_MARKERS if marked else None)
             ax.plot(piece.x, piece.y, zorder=2.5 if marked else 3, **options)
 
     def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
@@ -294,18 +290,18 @@ class _Drawing:
 
     def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
         """Draw the symbols, and the labels outside a given region."""
-        for kind in in_order(kind for kind, _, _ in self.special_points):
+        for kind in style.in_order(kind for kind, _, _ in self.special_points):
             places = np.array([(x, y) for each, x, y in self.special_points if each is kind])
             if len(places) and kind is Kind.GRAZING:
                 _draw_ticks(ax, places, self.curve)
             elif len(places):
-                ax.plot(*places.T, zorder=5, **symbol_style(kind).options())
+                ax.plot(*places.T, zorder=5, **style.symbol_style(kind).options())
         draw_unexplained(ax, self.unexplained)
         inside = Region(*ax.get_xlim(), *ax.get_ylim())
         texts = [
-            Label(symbol_style(kind).label, x, y)
+            Label(style.symbol_style(kind).label, x, y)
             for kind, x, y in self.special_points
-            if symbol_style(kind).label and inside.holds(x, y) and not (without and without.holds(x, y))
+            if style.symbol_style(kind).label and inside.holds(x, y) and not (without and without.holds(x, y))
         ]
         if labels and texts:
             place_labels(ax, texts, self.curve, np.array([(x, y) for _, x, y in self.special_points]))
@@ -320,7 +316,7 @@ def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64
         along = pixels[min(here + 1, len(pixels) - 1)] - pixels[max(here - 1, 0)]
         across = np.array([-along[1], along[0]]) / (float(np.hypot(*along)) or 1.0)
         ticks.append(Path([-0.5 * across, 0.5 * across]))
-    style = symbol_style(Kind.GRAZING).options()
+    look = style.symbol_style(Kind.GRAZING).options()
     ax.add_collection(
         PathCollection(
             ticks,
@@ -328,8 +324,8 @@ def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64
             offsets=places,
             offset_transform=ax.transData,
             transform=IdentityTransform(),
-            edgecolors=style["markeredgecolor"],
-            linewidths=style["markeredgewidth"],
+            edgecolors=look["markeredgecolor"],
+            linewidths=look["markeredgewidth"],
             zorder=4,
         ),
         autolim=False,

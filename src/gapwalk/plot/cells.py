@@ -15,27 +15,14 @@ from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import contact_to_show
 from gapwalk.model.words import coordinate_words, parameter_words, state_words
+from gapwalk.plot import style
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
-from gapwalk.plot.style import (
-    BLACK,
-    BLUE,
-    NAMED_PERIODS,
-    VERMILLION,
-    dots,
-    locus_options,
-    locus_style,
-    period_of,
-    points,
-    regime_color,
-    regime_entries,
-    symbols,
-)
 from gapwalk.studies.sweep import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -49,7 +36,7 @@ _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a s
 _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
 
 _SWEEP: Inches = (8.0, 5.4)
-_WAYS = {Way.UP: ("up", BLUE), Way.DOWN: ("down", VERMILLION), Way.AFRESH: ("afresh", BLACK)}
+_WAYS = {Way.UP: ("up", style.BLUE), Way.DOWN: ("down", style.VERMILLION), Way.AFRESH: ("afresh", style.BLACK)}
 _STRIP = 0.16  # height of a strip, in inches
 _MOST_STRIPS = 12
 _SPARSE = 6e4  # number of points up to which they are opaque and large; more are fainter and smaller, so that the shape
@@ -100,7 +87,7 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
         if count := int(np.sum(found.labels == label)):
             entries.append((f"{text} ({share * count:.2g} %)", color))
     for index, states in _marked(found, strobes):
-        marker = symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
+        marker = style.symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
         ax.plot(*states.T, zorder=4, **marker)
         entries.append((f"orbit of {found.names[index]}", marker))
     write_legend(ax, entries, note=found.check.text)
@@ -215,13 +202,13 @@ def _contact_index(found: Regimes, contact: int | str | None) -> int:
 def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
     """Yield the regimes of a map, periodic ones first: text, colour, and the cells with this regime."""
     kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
-    for text, word in regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
-        m = period_of(word)
+    for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
+        m = style.period_of(word)
         if m is None:
             cells = found.regimes == next(regime for regime in Regime if regime.text == word)
         else:
-            cells = found.periods == m if m <= NAMED_PERIODS else found.periods > NAMED_PERIODS
-        yield text, regime_color(word), cells
+            cells = found.periods == m if m <= style.NAMED_PERIODS else found.periods > style.NAMED_PERIODS
+        yield text, style.regime_color(word), cells
 
 
 def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
@@ -233,14 +220,14 @@ def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[st
                 f"and {found.second}"
             )
         x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
-        ax.plot(x, y, color="white", linewidth=points(2.6), zorder=3)
+        ax.plot(x, y, color="white", linewidth=style.points(2.6), zorder=3)
         ax.plot(x, y, zorder=4, **_black(locus))
     firsts = {locus.kind: locus for locus in loci}
-    return [(locus_style(kind).text, _black(firsts[kind])) for kind in Kind.with_locus() if kind in firsts]
+    return [(style.locus_style(kind).text, _black(firsts[kind])) for kind in Kind.with_locus() if kind in firsts]
 
 
 def _black(locus: Locus) -> dict[str, Any]:
-    return locus_options(locus.kind) | {"color": BLACK, "linewidth": points(1.1)}
+    return style.locus_options(locus.kind) | {"color": style.BLACK, "linewidth": style.points(1.1)}
 
 
 # ---------------------------------------------------------------------------------------------------------- sweeps
@@ -296,7 +283,7 @@ def draw_points(sweep: Sweep, ax: Axes, signal: str | None = None) -> None:
     for lane in lanes:
         color = _WAYS[sweep.lanes[lane].way][1]
         x, y = sweep.section(coordinate, lane)
-        ax.plot(x, y, **dots(size, color, alpha=alpha, rasterized=True, zorder=2))
+        ax.plot(x, y, **style.dots(size, color, alpha=alpha, rasterized=True, zorder=2))
     ax.set(xlabel=parameter_words(sweep.parameter, units), ylabel=state_words(coordinate, units))
     ax.set_xlim(sweep.values[0], sweep.values[-1])
 
@@ -310,11 +297,11 @@ def _shown_lanes(sweep: Sweep) -> list[int]:
 def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
     for row, lane in enumerate(shown):
         for band in sweep.bands(lane):
-            color = regime_color(band.regime)
+            color = style.regime_color(band.regime)
             ax.barh(row, band.high - band.low, left=band.low, height=0.84, color=color, linewidth=0)
         frame = {"fill": False, "edgecolor": "#8a8a8a", "linewidth": 0.5}
         ax.barh(row, sweep.values[-1] - sweep.values[0], left=sweep.values[0], height=0.84, **frame)
-    ax.set_yticks(range(len(shown)), [_lane_words(sweep, lane, len(shown)) for lane in shown], fontsize=points(8))
+    ax.set_yticks(range(len(shown)), [_lane_words(sweep, lane, len(shown)) for lane in shown], fontsize=style.points(8))
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.tick_params(axis="both", length=0)
     ax.tick_params(axis="x", labelbottom=False)
@@ -335,13 +322,13 @@ def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
     """Write the regime into each band that is wide enough, so that no information depends on colour alone."""
     width = ax.get_window_extent().width / ax.figure.dpi * 72.0  # known only when the layout is final
     span = sweep.values[-1] - sweep.values[0]
-    centered: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": points(6.5)}
+    centered: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": style.points(6.5)}
     for row, lane in enumerate(shown):
         for band in sweep.bands(lane):
-            text = f"P{m}" if (m := period_of(band.regime)) is not None else band.regime
-            if (band.high - band.low) / span * width > points(_LETTER) * len(text) + 2.0:
-                red, green, blue = to_rgb(regime_color(band.regime))
-                color = "white" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.5 else BLACK
+            text = f"P{m}" if (m := style.period_of(band.regime)) is not None else band.regime
+            if (band.high - band.low) / span * width > style.points(_LETTER) * len(text) + 2.0:
+                red, green, blue = to_rgb(style.regime_color(band.regime))
+                color = "white" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.5 else style.BLACK
                 ax.text(0.5 * (band.low + band.high), row, text, color=color, **centered)
 
 
@@ -349,8 +336,8 @@ def _sweep_entries(sweep: Sweep, shown: Sequence[int]) -> list[tuple[str, Any]]:
     ways = list(dict.fromkeys(lane.way for lane in sweep.lanes))
     top = min(way.number for way in ways)
     entries: list[tuple[str, Any]] = [
-        (_WAYS[way][0] + " (beneath)" * (way.number > top), symbols("o", 4.0, _WAYS[way][1], _WAYS[way][1]))
+        (_WAYS[way][0] + " (beneath)" * (way.number > top), style.symbols("o", 4.0, _WAYS[way][1], _WAYS[way][1]))
         for way in ways
     ]
     regimes = {band.regime for lane in shown for band in sweep.bands(lane)}
-    return entries + [(text, regime_color(regime)) for text, regime in regime_entries(regimes).items()]
+    return entries + [(text, style.regime_color(regime)) for text, regime in style.regime_entries(regimes).items()]

@@ -12,29 +12,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.attractors.contrast import Contrast, LinePair, SignalPair
-from gapwalk.bifurcation.branch import Kind
+from gapwalk.attractors.compare_motions import Contrast, LinePair, SignalPair
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
 from gapwalk.model.words import full_measure, measure_words, order_words, pace_words, parameter_words
 from gapwalk.orbit.sensitivity import signal_along
+from gapwalk.plot import style
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import (
-    AXIS,
-    BLACK,
-    BLUE,
-    GREY,
-    VERMILLION,
-    LineStyle,
-    SymbolStyle,
-    dots,
-    points,
-    symbol_style,
-    symbols,
-)
 from gapwalk.studies.compare import ResultComparison
 from gapwalk.studies.result import Result
 
@@ -46,11 +34,14 @@ _SHOWN = 3  # periods of the orbit in the history of a record
 _SMOOTH = 600  # points of the computed history per period of the orbit
 _FEW = 120  # samples per period of the orbit up to which they are drawn as dots
 
-_FIRST, _SECOND = LineStyle("", BLACK, "-", 1.2), LineStyle("", VERMILLION, (0, (4, 1.5)), 1.2)
-_PALE, _THIN = LineStyle("", "#8fc3e8", "-", 4.6), LineStyle("", BLACK, "-", 1.1)  # of the two results
-_UNSTABLE = LineStyle("unstable in the second", BLACK, (0, (3.2, 1.6)), 1.1)
-_TOLERANCE = LineStyle("tolerance", VERMILLION, (0, (5, 2)), 1.0)
-_RING = SymbolStyle("only in one result", "", "o", "none", 12.0, VERMILLION, 1.1)
+_FIRST, _SECOND = style.LineStyle("", style.BLACK, "-", 1.2), style.LineStyle("", style.VERMILLION, (0, (4, 1.5)), 1.2)
+_PALE, _THIN = (
+    style.LineStyle("", "#8fc3e8", "-", 4.6),
+    style.LineStyle("", style.BLACK, "-", 1.1),
+)  # of the two results
+_UNSTABLE = style.LineStyle("unstable in the second", style.BLACK, (0, (3.2, 1.6)), 1.1)
+_TOLERANCE = style.LineStyle("tolerance", style.VERMILLION, (0, (5, 2)), 1.0)
+_RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.VERMILLION, 1.1)
 
 _ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
@@ -67,11 +58,11 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | N
     top = float(orders[shown][-1]) + 0.6 * max(1.0, float(orders[0]))
     gap = min(_SHIFT * top, _WIDEST * float(orders[0]))
     for shift, heights, color, marker in (
-        (-gap, amplitudes[0, shown], BLACK, symbols("o", 3.2, BLACK)),
-        (gap, amplitudes[1, shown], VERMILLION, symbols("s", 3.2, edge=VERMILLION)),
+        (-gap, amplitudes[0, shown], style.BLACK, style.symbols("o", 3.2, style.BLACK)),
+        (gap, amplitudes[1, shown], style.VERMILLION, style.symbols("s", 3.2, edge=style.VERMILLION)),
     ):
         tops = np.maximum(heights, floor)
-        ax.vlines(orders[shown] + shift, floor, tops, color=color, linewidth=points(1.1))
+        ax.vlines(orders[shown] + shift, floor, tops, color=color, linewidth=style.points(1.1))
         ax.plot(orders[shown] + shift, tops, **marker)
     _set_spectrum(ax, top, (floor, 2.5 * largest), signal, turns)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -108,7 +99,7 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
         left.set(xlabel="forcing periods", ylabel=pair.signal)
         if pair.agreement is not None:
             text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
-            left.set_title(text, fontsize=points(8.5))
+            left.set_title(text, fontsize=style.points(8.5))
         _draw_spectra(right, pair)
     write_legend(figure, list(zip(found.names, (_FIRST.options(), _SECOND.options()), strict=True)))
     write_heading(figure, _contrast_title(found) if title is None else title)
@@ -120,8 +111,8 @@ def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
         _draw_lines(ax, pair.agreement.lines, pair.signal, turns)
         return
     largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
-    for found, style in zip(pair.spectra, (_FIRST, _SECOND), strict=True):
-        ax.plot(found.orders[1:], found.amplitudes[1:], **style.options(0.7))
+    for found, look in zip(pair.spectra, (_FIRST, _SECOND), strict=True):
+        ax.plot(found.orders[1:], found.amplitudes[1:], **look.options(0.7))
     _set_spectrum(ax, 8.0 * (turns or 1), (1e-4 * largest, 3.0 * largest), pair.signal, turns)
 
 
@@ -182,7 +173,7 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
     length = PERIOD * found.orbit.period
     shown = found.theta <= found.theta[0] + min(_SHOWN, found.periods) * length
     theta = found.theta[shown]
-    measured = symbols("o", 2.4, BLACK) if np.count_nonzero(shown) <= _FEW * _SHOWN else _FIRST.options()
+    measured = style.symbols("o", 2.4, style.BLACK) if np.count_nonzero(shown) <= _FEW * _SHOWN else _FIRST.options()
     ax.plot(theta / PERIOD, found.measured[shown], **measured)
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
@@ -196,8 +187,8 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
 def _draw_rest(ax: Axes, found: Alignment) -> None:
     """Draw the residual over the phase in the period of the orbit: noise has no pattern there, a model error has."""
     phase = (found.theta / PERIOD) % found.orbit.period
-    ax.axhline(0.0, **AXIS.options())
-    ax.plot(phase, found.measured - found.computed, **dots(4.0))
+    ax.axhline(0.0, **style.AXIS.options())
+    ax.plot(phase, found.measured - found.computed, **style.dots(4.0))
     ax.set(xlim=(0.0, found.orbit.period), xlabel="phase in the motion, forcing periods")
     ax.set_ylabel("measured minus computed")
 
@@ -254,18 +245,18 @@ def draw_comparison(
 def _draw_branches(ax: Axes, result: Result, measure: str, is_first: bool) -> None:
     for branch in result.branches:
         for piece in pieces_of(branch, measure):
-            style = _PALE if is_first else _THIN if piece.label == "stable" else _UNSTABLE
-            ax.plot(piece.x, piece.y, **style.options(zorder=2 if is_first else 3))
+            look = _PALE if is_first else _THIN if piece.label == "stable" else _UNSTABLE
+            ax.plot(piece.x, piece.y, **look.options(zorder=2 if is_first else 3))
         for special in branch.special_points:
             ax.plot(special.value, special.point.measure(measure), **_symbol(special.kind, is_first))
 
 
 def _symbol(kind: Kind, is_first: bool) -> dict[str, Any]:
     """Return the symbol of a special point: large and pale for the first result, small and filled for the second."""
-    style = symbol_style(kind)
+    look = style.symbol_style(kind)
     if is_first:
-        return symbols(style.marker, style.size + 4.0, edge=BLUE, width=1.2, zorder=4)
-    return symbols(style.marker, style.size - 0.5, style.color, style.edge, 0.6, zorder=5)
+        return style.symbols(look.marker, look.size + 4.0, edge=style.BLUE, width=1.2, zorder=4)
+    return style.symbols(look.marker, look.size - 0.5, look.color, look.edge, 0.6, zorder=5)
 
 
 def _ring_lone(ax: Axes, found: ResultComparison, measure: str) -> None:
@@ -285,10 +276,14 @@ def _ring_lone(ax: Axes, found: ResultComparison, measure: str) -> None:
 def _draw_distances(ax: Axes, found: ResultComparison, tolerance: float | None) -> None:
     """Draw the distance of each point from the other result, and of each special point from its counterpart."""
     for pair in found.pairs:
-        ax.plot(pair.places[:, 0], np.maximum(pair.distances, _ZERO), **dots(4.6, GREY, zorder=2))
+        ax.plot(pair.places[:, 0], np.maximum(pair.distances, _ZERO), **style.dots(4.6, style.GREY, zorder=2))
         for shift in pair.shifts:
             word = shift.label.partition(" ")[0]
-            options = _symbol(Kind.named(word), False) if word in Kind.known() else symbols("o", 4.0, GREY, GREY)
+            options = (
+                _symbol(Kind.named(word), False)
+                if word in Kind.known()
+                else style.symbols("o", 4.0, style.GREY, style.GREY)
+            )
             ax.plot(shift.first[0], max(shift.share, _ZERO), **options)
     if tolerance is not None:
         ax.axhline(tolerance, **_TOLERANCE.options())
@@ -302,8 +297,8 @@ def _comparison_entries(
     if found.results[0].map is None:
         entries.append(_UNSTABLE.entry)
     words = {shift.label.partition(" ")[0] for pair in found.pairs for shift in pair.shifts}
-    entries += [(symbol_style(kind).text, _symbol(kind, False)) for kind in Kind.known() if kind in words]
-    entries.append(("distance", dots(8.0, GREY)))
+    entries += [(style.symbol_style(kind).text, _symbol(kind, False)) for kind in Kind.known() if kind in words]
+    entries.append(("distance", style.dots(8.0, style.GREY)))
     if any(found.only) or any(any(pair.only) for pair in found.pairs):
         entries.append((_RING.text, _RING.options(0.7)))
     if tolerance is not None:

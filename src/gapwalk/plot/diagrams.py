@@ -21,7 +21,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import full_measure, parameter_words, state_words
 from gapwalk.orbit.orbit import stroboscopic
-from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, joined, unexplained_entries
+from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, extent_of, joined, unexplained_entries
 from gapwalk.plot.branches import unexplained_places as places_of
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
@@ -126,7 +126,7 @@ def draw_diagram(
     panels[0].sharex(panels[1])
     if crowd:
         panels[1].axvspan(*crowd, color=SHADE, linewidth=0, zorder=0.5)
-        panels[2].set(xlim=crowd, ylim=strobes.extent(*crowd))
+        panels[2].set(xlim=crowd, ylim=extent_of(strobes.curve, *crowd))
         panels[2].set_title("the shaded range of b", fontsize="small")
     for panel in panels[1:]:
         panel.set_autoscale_on(False)
@@ -179,7 +179,7 @@ def draw_strobes(
     strobes.draw(ax)
     left, right = within or diagram.within
     pad = 0.0 if within else 0.02 * (right - left)
-    ax.set(xlim=(left - pad, right + pad), ylim=strobes.extent(left, right))
+    ax.set(xlim=(left - pad, right + pad), ylim=extent_of(strobes.curve, left, right))
     ax.set_autoscale_on(False)
     if legend:
         strobes.write_legend(ax, (left, right))
@@ -258,17 +258,10 @@ class Strobes:
             if member.period in named and (label := self._label(member, pieces, ax.get_xlim(), without))
         ]
         if 0 < len(labels) <= _NAMED:
-            place_labels(ax, labels, self._curve, np.empty((0, 2)))
-
-    def extent(self, left: float, right: float) -> Range:
-        """Return the smallest and the largest state within a range of the parameter, with a margin."""
-        inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
-        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
-        pad = _PAD * ((high - low) or 1.0)
-        return low - pad, high + pad
+            place_labels(ax, labels, self.curve, np.empty((0, 2)))
 
     @cached_property
-    def _curve(self) -> NDArray[np.float64]:
+    def curve(self) -> NDArray[np.float64]:
         """All curves joined, with rows of nan between them, shape (points, 2)."""
         curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
         return np.column_stack(joined(curves))
@@ -283,7 +276,7 @@ class Strobes:
             inside &= (x < without[0]) | (x > without[1])
         if not inside.any():
             return None
-        middle = float(np.nanmedian(self._curve[:, 1]))
+        middle = float(np.nanmedian(self.curve[:, 1]))
         best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
         return Label(member.name, float(x[best]), float(y[best]))
 

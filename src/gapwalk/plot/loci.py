@@ -14,29 +14,17 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.plot import style
 from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, write_legend, write_letters
-from gapwalk.plot.style import (
-    BLACK,
-    CODIM2,
-    GREY,
-    LINES,
-    LineStyle,
-    SymbolStyle,
-    in_order,
-    locus_options,
-    locus_style,
-    stroke,
-    symbol_style,
-    symbols,
-)
 from gapwalk.studies.family import Connection, Family, Fate
 from gapwalk.studies.map import Map
 
@@ -49,15 +37,15 @@ _THIN = 0.75  # factor on the line width of members, of which there are several
 _MOST_TICKS = 12
 
 
-_SECTION = LineStyle("section", "#b9b1a0", "-", 0.7)
-_LOST = SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
-_TURN = SymbolStyle("two special points meet", "", "o", "white", 4.6, width=0.9)
-_NOWHERE = SymbolStyle("leads to no known branch", "", "s", "white", 4.0, GREY, 0.9)
-_GUESS = LineStyle("connected by proximity", GREY, (0, (1.0, 2.2)), 1.0)
+_SECTION = style.LineStyle("section", "#b9b1a0", "-", 0.7)
+_LOST = style.SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
+_TURN = style.SymbolStyle("two special points meet", "", "o", "white", 4.6, width=0.9)
+_NOWHERE = style.SymbolStyle("leads to no known branch", "", "s", "white", 4.0, style.GREY, 0.9)
+_GUESS = style.LineStyle("connected by proximity", style.GREY, (0, (1.0, 2.2)), 1.0)
 
 
 def _isola() -> dict[str, Any]:
-    return symbols("|", 9.0, width=1.3) | stroke(BLACK, 2.0)
+    return style.symbols("|", 9.0, width=1.3) | style.stroke(style.BLACK, 2.0)
 
 
 @draws(Map, size=(WIDE[0], 5.6), shows="its loci over two parameters")
@@ -82,12 +70,12 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     _draw_sections(ax, chart, labels)
     order, periods = Kind.with_locus(), _periods(chart)
     for locus in chart.loci:
-        options = locus_options(locus.kind, periods.index(locus.period))
+        options = style.locus_options(locus.kind, periods.index(locus.period))
         ax.plot(*_curve(locus).T, zorder=3.0 - 0.1 * order.index(locus.kind), **options)
     found = [point for locus in chart.loci for point in locus.codim2_points]
     for point in found:
-        style = CODIM2[point.kind]
-        ax.plot(*point.values, zorder=5 if style.label else 4, **style.options())
+        look = style.CODIM2[point.kind]
+        ax.plot(*point.values, zorder=5 if look.label else 4, **look.options())
     for place in _lost_ends(chart):
         ax.plot(*place, zorder=5, **_LOST.options())
     if legend:
@@ -107,11 +95,11 @@ def _curve(locus: Locus) -> NDArray[np.float64]:
 def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
     """Draw the sections, the isolas on them, and unexplained steps of their branches."""
     right = blended_transform_factory(ax.transAxes, ax.transData)
-    style = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
+    look = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
     for section in chart.sections:
         ax.axhline(section.value, zorder=1.5, **_SECTION.options())
         if labels:
-            ax.text(1.006, section.value, f"{section.value:.4g}", transform=right, va="center", **style)
+            ax.text(1.006, section.value, f"{section.value:.4g}", transform=right, va="center", **look)
         draw_unexplained(ax, _unexplained(section.branches, section.value), clip_on=False)
     for value, low, high in _isolas(chart):
         ax.plot((low, high), (value, value), zorder=3.5, **_isola())
@@ -140,12 +128,15 @@ def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, d
     for kind in Kind.with_locus():
         for rank, period in enumerate(periods):
             if any(locus.period == period for locus in chart.of_kind(kind)):
-                yield locus_style(kind).text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
+                yield (
+                    style.locus_style(kind).text + f", period {period}" * (len(periods) > 1),
+                    style.locus_options(kind, rank),
+                )
     if next(_isolas(chart), None):
         yield "isola on a section", _isola()
     kinds = {point.kind for point in points}
-    shown = dict.fromkeys(style for kind, style in CODIM2.items() if kind in kinds)
-    yield from (style.entry for style in shown)
+    shown = dict.fromkeys(look for kind, look in style.CODIM2.items() if kind in kinds)
+    yield from (look.entry for look in shown)
     if _lost_ends(chart):
         yield _LOST.entry
     yield from unexplained_entries(chart.branches)
@@ -157,7 +148,7 @@ def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
     """Write the short names of points of codimension two next to them; loci that meet in one share its name."""
     named: list[Codim2Point] = []
     unit = ax.figure.dpi / 72.0
-    for point in (each for each in points if CODIM2[each.kind].label):
+    for point in (each for each in points if style.CODIM2[each.kind].label):
         place = ax.transData.transform(point.values)
         known = (ax.transData.transform(other.values) for other in named if other.kind is point.kind)
         if all(np.hypot(*(place - other)) > _ONE * unit for other in known):
@@ -167,7 +158,7 @@ def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
     gap = np.full((1, 2), np.nan)
     lines = [part for locus in chart.loci if locus.kind is not Kind.GRAZING for part in (_curve(locus), gap)]
     places = np.array([point.values for point in points])
-    labels = [Label(CODIM2[point.kind].label, *point.values) for point in named]
+    labels = [Label(style.CODIM2[point.kind].label, *point.values) for point in named]
     place_labels(ax, labels, np.vstack(lines or [places]), places)
 
 
@@ -233,8 +224,8 @@ def draw_members(family: Family, ax: Axes, measure: str = "half") -> None:
         for branch in member.branches:
             width = _THIN * (1.0 if ranks[branch.period] == 0 else 0.6)
             for piece in pieces_of(branch, measure):
-                style = LINES[piece.label]
-                ax.plot(piece.x, piece.y, zorder=3, **stroke(color, width * style.width, style.line))
+                look = style.LINES[piece.label]
+                ax.plot(piece.x, piece.y, zorder=3, **style.stroke(color, width * look.width, look.line))
             for special in branch.special_points:
                 if special.kind is not Kind.GRAZING:
                     ax.plot(special.value, special.point.measure(measure), zorder=5, **_small(special.kind))
@@ -257,13 +248,13 @@ def _draw_connections(ax: Axes, family: Family) -> None:
             options = (
                 _GUESS.options()
                 if connection.fate is Fate.NEAR
-                else locus_options(connection.kind, ranks[connection.period])
+                else style.locus_options(connection.kind, ranks[connection.period])
             )
             ax.plot(*np.array(connection.curve).T, zorder=2.5 if connection.kind is Kind.GRAZING else 3.0, **options)
         for passage in connection.passages:
-            style = CODIM2[Codim2(passage.kind)]
-            if style.label:
-                ax.plot(passage.first, passage.value, zorder=6, **style.options())
+            look = style.CODIM2[Codim2(passage.kind)]
+            if look.label:
+                ax.plot(passage.first, passage.value, zorder=6, **look.options())
         if connection.at is not None and _leads_nowhere(connection):
             ax.plot(
                 *(connection.at if connection.fate is Fate.OUTSIDE else connection.curve[-1]),
@@ -281,28 +272,28 @@ def _leads_nowhere(connection: Connection) -> bool:
 
 def _turns(connection: Connection) -> bool:
     """Return True if two special points meet in an event without a symbol of its own."""
-    known = connection.event in list(Codim2) and bool(CODIM2[Codim2(connection.event)].label)
+    known = connection.event in list(Codim2) and bool(style.CODIM2[Codim2(connection.event)].label)
     return connection.fate is Fate.MET and not known
 
 
 def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
     labels = {each.label for branch in family.branches for each in branch.instabilities}
-    for name, style in LINES.items():
+    for name, look in style.LINES.items():
         if name in labels:
-            yield style.text, stroke(GREY, style.width, style.line)
+            yield look.text, style.stroke(style.GREY, look.width, look.line)
     ranks = _ranks(family)
     kinds = {(special.kind, special.orbit.period) for branch in family.branches for special in branch.special_points}
-    for kind in in_order(kind for kind, _ in kinds):
-        style = symbol_style(kind)
+    for kind in style.in_order(kind for kind, _ in kinds):
+        look = style.symbol_style(kind)
         for period, rank in ranks.items():
             if (kind, period) in kinds:
-                line = locus_options(kind, rank) if not kind.no_locus else {}
-                yield style.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
+                line = style.locus_options(kind, rank) if not kind.no_locus else {}
+                yield look.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
     connections = list(_connections(family))
     events = {passage.kind for connection in connections for passage in connection.passages}
     events |= {connection.event for connection in connections if connection.fate is Fate.MET}
-    shown = [style for kind, style in CODIM2.items() if kind.value in events and style.label]
-    yield from (style.entry for style in shown)
+    shown = [look for kind, look in style.CODIM2.items() if kind.value in events and look.label]
+    yield from (look.entry for look in shown)
     if any(map(_turns, connections)):
         yield _TURN.entry
     if any(map(_leads_nowhere, connections)):
@@ -313,7 +304,7 @@ def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _small(kind: Kind) -> dict[str, Any]:
-    return symbol_style(kind).options(_SMALL)
+    return style.symbol_style(kind).options(_SMALL)
 
 
 def _ranks(family: Family) -> dict[int, int]:

@@ -25,7 +25,6 @@ from gapwalk.flow.motion import Motion, integrate
 from gapwalk.flow.signal import contact_to_show
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, order_words, pace_words, parameter_words, signal_words
 from gapwalk.orbit.orbit import Orbit
@@ -91,13 +90,12 @@ def draw_history(
 
 def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
     system = motion.system
-    contacts = system.structure.contacts
-    names = [form.name for form in contacts]
+    names = [form.name for form in system.structure.contacts]
     if contact not in names:
         raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(names) or 'none at all'}")
     index = names.index(contact)
     ax.plot(motion.deflections[:, index], motion.forces[:, index], **stroke(BLACK, 0.9, solid_joinstyle="round"))
-    for level in _levels(system, contacts[index]):
+    for level in _levels(system, index):
         ax.axvline(level, **GUIDE.options(zorder=1))
     ax.set_xlabel(f"deflection of {signal_words(contact, system.units)}")
     ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
@@ -109,19 +107,15 @@ def breakpoints(system: System, signal: str) -> list[float]:
         return []
     place = system.coordinates.index(signal)
     found = []
-    for contact in system.structure.contacts:
+    for index, contact in enumerate(system.structure.contacts):
         vector = system.vector(f"{contact.name}.deflection")
         if vector[place] and np.count_nonzero(vector) == 1:
-            found += [level / float(vector[place]) for level in _levels(system, contact)]
+            found += [level / float(vector[place]) for level in _levels(system, index)]
     return found
 
 
-def _levels(system: System, contact: ContactForm) -> list[float]:
-    return [
-        side * system[f"{contact.stage_prefix(stage)}.clearance"]
-        for stage in contact.stages
-        for side in stage.side.signs
-    ]
+def _levels(system: System, index: int) -> list[float]:
+    return [side * clearance for contact, side, clearance in system.breakpoints if contact == index]
 
 
 @draws(Section)

@@ -23,7 +23,6 @@ from gapwalk.plot.sheet import (
     Inches,
     close_window,
     lay_out,
-    make_layout,
     new_sheet,
     open_window,
     sheet_bytes,
@@ -271,11 +270,11 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
         Draws the labels and close-ups. Call it when all panels are drawn and laid out, so that a figure of several
         panels is laid out only once.
     """
-    record, options, _ = _unpacked(record, options, None, in_axes=True)
+    record, options, _ = unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)
     with in_style():
         finish = drawing.draw(record, ax, **drawing.named(arguments, options, record))
-    return _in_style(finish)
+    return in_style()(finish or (lambda: None))
 
 
 def picture_of(record: Any, *arguments: Any, title: str | None = None, **options: Any) -> Figure:
@@ -338,7 +337,7 @@ def _draw(
     figure: AnyFigure | None = None,
 ) -> Any:
     """Draw a record into axes, a figure, or a new figure of the appropriate size."""
-    record, options, title = _unpacked(record, options, title, in_axes=ax is not None)
+    record, options, title = unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
     if title is not None and "title" in drawing.options:
         options["title"] = title.replace("$", r"\$")
@@ -355,9 +354,9 @@ def _draw(
             finish = drawing.draw(record, place, **options)
             postponed = _postponed.get()
             if finish and postponed is not None:
-                postponed.append(_in_style(finish))
+                postponed.append(in_style()(finish))
             elif finish:
-                make_layout(place if in_axes else place.axes[0])
+                lay_out((place if in_axes else place.axes[0]).get_figure(root=True), keep=True)
                 finish()
     except BaseException:
         if opened is not None:
@@ -366,16 +365,7 @@ def _draw(
     return place
 
 
-def _in_style(finish: Finish) -> Callable[[], None]:
-    def finished() -> None:
-        if finish:
-            with in_style():
-                finish()
-
-    return finished
-
-
-def _unpacked(
+def unpacked(
     record: Any, options: dict[str, Any], title: str | None, in_axes: bool
 ) -> tuple[Any, dict[str, Any], str | None]:
     """Extract from a result the record to draw, with those options of its study that the picture has too."""

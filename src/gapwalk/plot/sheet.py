@@ -59,27 +59,23 @@ def close_window(figure: Figure) -> None:
         sys.modules["matplotlib.pyplot"].close(figure)
 
 
-def make_layout(ax: Axes) -> None:
-    """Compute the layout of the picture of some axes, so that labels placed afterwards stay in place.
+def lay_out(figure: Figure, *, keep: bool = False) -> None:
+    """Compute the layout of a figure, so that labels placed afterwards stay in place.
 
-    If matplotlib has a layout engine, nothing is drawn for this.
+    Parameters
+    ----------
+    figure
+        The figure.
+    keep
+        True to keep its layout engine; otherwise it is removed, as it would repeat the layout for each file.
     """
-    figure = ax.get_figure(root=True)
-    assert figure is not None
     engine = figure.get_layout_engine()
     with in_style():
-        if engine is None:
+        if engine is not None:
+            engine.execute(figure)
+        elif keep:
             figure.draw_without_rendering()
-        else:
-            engine.execute(figure)
-
-
-def lay_out(figure: Figure) -> None:
-    """Compute the layout once and remove its engine, which would repeat it, and all drawing, for each file."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        with in_style():
-            engine.execute(figure)
+    if engine is not None and not keep:
         figure.set_layout_engine(None)
 
 

@@ -86,7 +86,7 @@ class Basis:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bases:
     """The bases of a system with different numbers of modes.
 

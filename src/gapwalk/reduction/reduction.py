@@ -306,7 +306,7 @@ def _check(system: System, modes: int | None, error: float | None, up_to: float 
 
 
 def _accuracy(matrices: Matrices, bases: Bases, highest: float) -> Accuracy:
-    """Prepare the comparison at the resonances of a reference with many modes."""
+    """Compute the resonances of a reference basis with many modes, at which smaller bases are compared."""
     reference = bases.with_modes(bases.modes_up_to(_REFERENCE * HARMONICS * highest) + 2)
     return Accuracy(matrices, highest, resonances_of(reference.reduce(matrices)))
 

@@ -1,4 +1,4 @@
-"""The bytes of a value that is kept: its arrays, one after the other, as its JSON refers to them."""
+"""Bytes of a stored value: its arrays, one after the other, in the order in which its JSON refers to them."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _KEYS = {"array", "shape"}
 
 
 class Writer:
-    """Takes the arrays of a value that is being written; `base` as in `encode`."""
+    """Collector of the arrays of a value that is being written; `base` as in `encode`."""
 
     def __init__(self, base: Any) -> None:
         self.base = base
         self.chunks: list[bytes] = []
 
     def put(self, array: NDArray[Any], code: str) -> Node:
-        """Keep an array of numbers aside; the node that stands for it."""
+        """Add an array of numbers; return the node that refers to it."""
         self.chunks.append(np.ascontiguousarray(array, dtype=f"<{code}").tobytes())
         return {"array": code, "shape": list(array.shape)}
 
 
 class Reader:
-    """Gives out the arrays of a value that is being read, in the order in which they were put; `base` as in `encode`.
+    """Source of the arrays of a value that is being read, in the order of writing; `base` as in `encode`.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Reader:
         self._data, self._at = data, 0
 
     def take(self, node: Node, code: str) -> NDArray[Any]:
-        """The next array, of numbers of one kind."""
+        """Return the next array, of numbers of one kind."""
         shape: Any = node.get("shape") if isinstance(node, dict) else None
         if not is_shape(shape) or set(node) != _KEYS or node["array"] != code:
             raise ValueError(f"there is {json.dumps(node):.60} where an array of the kind {code} should be")
@@ -58,13 +58,13 @@ class Reader:
         return found.reshape(shape)
 
     def check_empty(self) -> None:
-        """A ValueError unless all bytes were taken."""
+        """Raise a ValueError unless all bytes were taken."""
         if self._at != len(self._data):
             raise ValueError(f"{len(self._data) - self._at} bytes are left over")
 
 
 def is_shape(shape: Any) -> bool:
-    """Whether a value that was read can be the shape of an array."""
+    """Return True if a value that was read can be the shape of an array."""
     return (
         isinstance(shape, list)
         and len(shape) <= _DIMENSIONS

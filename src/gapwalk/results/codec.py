@@ -38,14 +38,14 @@ _WORDS = {bool: "true or false", int: "an integer", float: "a number", str: "a t
 
 
 class Packed(NamedTuple):
-    """A value as it is kept: JSON, and the bytes of its arrays."""
+    """Stored form of a value: JSON, and the bytes of its arrays."""
 
     head: str
     arrays: bytes
 
 
 def encode(value: Any, kind: Any, base: Any = None) -> Packed:
-    """A value as JSON and bytes.
+    """Return a value as JSON and bytes.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def encode(value: Any, kind: Any, base: Any = None) -> Packed:
 
 
 def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
-    """The value again; parameters as `encode`.
+    """Return the value of JSON and bytes; parameters as `encode`.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
 
 
 def checked(record: T) -> T:
-    """A record that was read, or made from what was read; a ValueError if its fields do not fit together."""
+    """Return a record that was read, or made from what was read; raise a ValueError if its fields do not fit."""
     check: Callable[[], object] | None = getattr(record, "_check_read", None)
     if check is not None:
         check()
@@ -89,17 +89,17 @@ def checked(record: T) -> T:
 
 
 class Column(ABC):
-    """How values of one type are written, many at once, and read again."""
+    """Writer and reader of the values of one type, many at once."""
 
     tag: str
     """The name of the type, which tells it from the others of a union."""
 
     @abstractmethod
     def fits(self, value: Any) -> bool:
-        """Whether a value is of the type."""
+        """Return True if a value is of the type."""
 
     def write(self, values: Sequence[Any], writer: Writer) -> Node:
-        """The node of some values; a ModelError if one of them is of another type."""
+        """Return the node of some values; raise a ModelError if one of them is of another type."""
         for value in values:
             if not self.fits(value):
                 raise MisfitError(f"{value!r:.60} cannot be kept in a file as {self.tag}")
@@ -107,11 +107,11 @@ class Column(ABC):
 
     @abstractmethod
     def put(self, values: Sequence[Any], writer: Writer) -> Node:
-        """The same of values that are known to be of the type."""
+        """Return the node of values that are known to be of the type."""
 
     @abstractmethod
     def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
-        """As many values from their node; ValueError, TypeError or LookupError if there are none of this type."""
+        """Return `count` values from their node; ValueError, TypeError or LookupError if it does not hold them."""
 
 
 class Scalar(Column):
@@ -243,7 +243,8 @@ class Record(Column):
 
     def __init__(self, kind: type) -> None:
         self.tag, self.kind = kind.__name__, kind
-        self._derived = {name: column_of(hint) for name, hint in _derived_hints(kind).items()}
+        derived = {name: get_type_hints(getattr(kind, name).func)["return"] for name in getattr(kind, "_kept", ())}
+        self._derived = {name: column_of(hint) for name, hint in derived.items()}
 
     @cached_property
     def _columns(self) -> dict[str, Column]:
@@ -317,7 +318,7 @@ class OneOf(Column):
 
     @classmethod
     def of(cls, columns: Iterable[Column], *, optional: bool = False) -> OneOf:
-        """The union of some columns."""
+        """Return the union of some columns."""
         known = {column.tag: column for column in columns}
 
         def tag_of(value: Any) -> str | None:
@@ -428,7 +429,7 @@ def register(kind: Any, column: Column) -> None:
 
 @cache
 def column_of(kind: Any) -> Column:
-    """How values of a type are written and read; a TypeError for a type hint that cannot be kept."""
+    """Return the column of a type; raise a TypeError for a type hint that cannot be stored."""
     if kind in _COLUMNS:
         return _COLUMNS[kind]
     origin, arguments = get_origin(kind), get_args(kind)
@@ -452,7 +453,7 @@ def column_of(kind: Any) -> Column:
 
 
 class MisfitError(ModelError):
-    """A value that is not of the type that its hint names, so that it cannot be kept."""
+    """Error: a value is not of the type that its hint names, so that it cannot be stored."""
 
 
 def _field_hints(kind: type) -> dict[str, Any]:
@@ -463,12 +464,8 @@ def _field_hints(kind: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in stored}
 
 
-def _derived_hints(kind: type) -> dict[str, Any]:
-    return {name: get_type_hints(getattr(kind, name).func)["return"] for name in getattr(kind, "_kept", ())}
-
-
 def _is_plain(value: Any) -> bool:
-    """Whether JSON can write a number without loss."""
+    """Return True if JSON can write a number without loss."""
     return not isinstance(value, float) or math.isfinite(value)
 
 

@@ -1,4 +1,4 @@
-"""In what two requests differ: a file holds the result of one, and continues no other."""
+"""Differences of two requests: a result file is continued only with the request that began it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def check_same(name: str, now: Any, then: Any, otherwise: str = "choose another 
 
 
 def differences(now: Any, then: Any, path: str = "") -> Iterator[str]:
-    """Each difference between two records, in a few words."""
+    """Yield each difference between two records, in a few words."""
     if isinstance(now, System) and isinstance(then, System):
         yield from _system_differences(now, then)
     elif type(now) is not type(then) and (is_dataclass(now) or is_dataclass(then)):
@@ -66,11 +66,11 @@ def _system_differences(now: System, then: System) -> Iterator[str]:
 
 
 def _kind_of(value: Any) -> str:
-    return getattr(value, "kind", None) or getattr(value, "asks", None) or type(value).__name__
+    return getattr(value, "kind", None) or type(value).__name__
 
 
 def _said(value: Any) -> Any:
-    """A value without the classes of enumerations."""
+    """Return a value with the values of enumerations in place of their members."""
     if isinstance(value, tuple):
         return tuple(map(_said, value))
     return value.value if isinstance(value, Enum) else value

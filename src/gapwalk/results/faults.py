@@ -1,4 +1,4 @@
-"""What goes wrong with a result file, in words."""
+"""Errors of SQLite and of the system about a result file, in words."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -17,7 +18,7 @@ from gapwalk.results.records import parameters_of
 
 
 def plain(value: Any) -> Any:
-    """A record, or anything in one, as plain JSON values.
+    """Return a record, or anything in one, as plain JSON values.
 
     Records become tables, named by the `kind` or `name` of their class if it has one. Complex numbers become pairs, and
     what is not finite becomes null. Force laws and loads are written by name; systems within records are left out.
@@ -39,6 +40,10 @@ def plain(value: Any) -> Any:
             return {str(plain(key)): plain(item) for key, item in value.items()}
         case list() | tuple():
             return [plain(item) for item in value]
+        case np.generic():
+            return plain(value.item())
+        case complex():
+            return [value.real, value.imag] if cmath.isfinite(value) else None
         case float():
             return value if math.isfinite(value) else None
         case _ if is_dataclass(value):
@@ -57,7 +62,7 @@ def _plain_record(record: Any) -> dict[str, Any]:
 
 
 def _plain_system(system: System) -> dict[str, Any]:
-    """What a system is made of, and its parameters by name."""
+    """Return the parts of a system, and its parameters by name."""
     structure = system.structure
     parts = {name: plain(getattr(structure, name)) for name in ("coordinates", "contacts", "harmonics")}
     train = {} if structure.assembly is None else {"train": plain(structure.assembly)}

@@ -1,4 +1,4 @@
-"""How the records of the numerics are kept that are more than their fields: systems, their structures, orbits."""
+"""Columns of records that are more than their fields: systems, their structures, orbits."""
 
 # ruff: noqa: D102 (the methods of columns are described in gapwalk.results.codec.Column)
 
@@ -31,7 +31,7 @@ _COORDINATES = 5_000  # at most, in a file
 
 
 class PlainStructure(NamedTuple):
-    """What a structure without an assembly is made of."""
+    """Parts of a structure without an assembly."""
 
     coordinates: tuple[str, ...]
     contacts: tuple[ContactForm, ...]
@@ -39,7 +39,7 @@ class PlainStructure(NamedTuple):
 
 
 class WholeSystem(NamedTuple):
-    """A system: what it is made of, and its parameters by name."""
+    """Structure of a system, and its parameters by name."""
 
     structure: Structure
     parameters: Mapping[str, float]
@@ -89,7 +89,7 @@ class Systems(Column):
 
 
 def parameters_of(system: System) -> dict[str, float]:
-    """The parameters by name; of very many, zeros in vectors and matrices are left out."""
+    """Return the parameters by name; of very many, zeros in vectors and matrices are left out."""
     if len(system.parameters) <= MANY:
         return dict(system.parameters)
     names, values = system.structure.names, system.values
@@ -98,7 +98,7 @@ def parameters_of(system: System) -> dict[str, float]:
 
 
 def system_of(whole: WholeSystem) -> System:
-    """The system; a ValueError (a ModelError is one) if there is none of this kind."""
+    """Return the system; raise a ValueError (a ModelError is one) if there is none of this kind."""
     structure, parameters = whole
     if len(structure.coordinates) > min(_COORDINATES, len(parameters)):  # before room is made for their matrices
         raise ValueError("a system has more parameters than are given")
@@ -112,7 +112,7 @@ def system_of(whole: WholeSystem) -> System:
 
 
 def _changes(systems: Sequence[System], base: System) -> list[dict[int, float]]:
-    """The parameters, by place, in which each system differs from the base. Equal zeros may differ in their signs."""
+    """Return the parameters, by place, in which each system differs from the base; zeros may differ in their signs."""
     shared: dict[int, dict[int, float]] = {}
     changes = []
     for system in systems:
@@ -157,13 +157,13 @@ def _structure_of(plain: Any) -> Structure:
 
 
 def _options_of(name: str) -> Column:
-    """How the options of a method are written, by its name."""
+    """Return the column of the options of a method, by its name."""
     return column_of(Method.named(name))
 
 
 @cache
 def _orbits_of(name: str) -> Column:
-    """How orbits of a class are written, by its name: those of a method may know more than others."""
+    """Return the column of orbits of a class, by its name: those of a method may have more fields than others."""
     return Record({kind.__name__: kind for kind in (Orbit, BalancedOrbit, *Orbit.__subclasses__())}[name])
 
 

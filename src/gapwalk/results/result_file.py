@@ -15,7 +15,7 @@ import os
 import sqlite3
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
@@ -55,7 +55,7 @@ _COLUMNS = {"name": str, "number": int, "head": str, "arrays": bytes, "checksum"
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A kind of part.
+    """Kind of part of a file.
 
     Attributes
     ----------
@@ -73,12 +73,12 @@ class Part:
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
-        """A value to write as such a part."""
+        """Return a value to write as such a part."""
         return Entry(self, number, value)
 
 
 class Entry(NamedTuple):
-    """A value that is written as a part."""
+    """Value that is written as a part."""
 
     part: Part
     number: int
@@ -86,7 +86,7 @@ class Entry(NamedTuple):
 
 
 class Parts:
-    """The parts of a file at one moment.
+    """Parts of a file at one moment.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Parts:
         self._connection = connection
 
     def all(self, part: Part) -> Iterator[tuple[int, Any]]:
-        """The number and the value of each part of a kind, in their order.
+        """Yield the number and the value of each part of a kind, in order.
 
         Raises
         ------
@@ -114,19 +114,19 @@ class Parts:
                 yield number, value
 
     def one(self, part: Part) -> Any:
-        """The part of a kind of which there is one; errors as `all`, and if it is missing."""
+        """Return the only part of a kind; errors as `all`, and if it is missing."""
         found = self.get(part)
         if found is None:
             raise StoreError(f"{os.fspath(self.path)} is damaged: its part {part.name} is missing")
         return found
 
     def get(self, part: Part) -> Any:
-        """The same, or None if it is missing."""
+        """Return the only part of a kind, or None if it is missing."""
         return next((value for _, value in self.all(part)), None)
 
 
 class ResultFile:
-    """A file that grows part by part while a job is done; it is made when the first part comes.
+    """File that grows part by part during a job; it is created with the first part.
 
     Parameters
     ----------
@@ -154,11 +154,11 @@ class ResultFile:
 
     @property
     def is_begun(self) -> bool:
-        """Whether there is a file."""
+        """True if there is a file."""
         return self._exists
 
     def known(self, part: Part) -> Iterator[tuple[int, Any]]:
-        """The parts of a kind that the file has, as `Parts.all`."""
+        """Yield the parts of a kind that the file has, as `Parts.all`."""
         if self._exists:
             parts = Parts(self.path, self._opened())
             parts.base = self._base
@@ -166,7 +166,7 @@ class ResultFile:
                 yield from parts.all(part)
 
     def count(self, part: Part) -> int:
-        """How many parts of a kind the file has."""
+        """Return the number of parts of a kind in the file."""
         if not self._exists:
             return 0
         with explained(self.path):
@@ -212,7 +212,7 @@ class ResultFile:
 
 @contextmanager
 def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Parts]:
-    """One consistent look at a file, even while another program writes it.
+    """Open a consistent view of a file, even while another program writes it.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Pa
 
 
 def seal_fault(path: str | os.PathLike[str]) -> str:
-    """What is wrong with the checksums of a file, as a clause, or empty; errors as `reading`."""
+    """Describe in a clause what is wrong with the checksums of a file; empty if they hold. Errors as `reading`."""
     with reading(path, sealed=False) as parts, undamaged(path):
         return _seal_fault(parts._connection)
 
@@ -288,14 +288,14 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def check_place(path: str | os.PathLike[str]) -> None:
-    """A StoreError if something of that name, or of one that SQLite writes next to it, is no file."""
+    """Raise a StoreError if the name, or one that SQLite uses next to it, is that of something else than a file."""
     for suffix in ("", *_SIDE_FILES, "-lock"):
         if why := why_no_file(name := f"{os.fspath(path)}{suffix}"):
             raise StoreError(f"{name} {why}")
 
 
 def looks_like_result(path: str | os.PathLike[str]) -> bool:
-    """Whether a file has the mark of a result, though it may be damaged; an empty file is no loss either."""
+    """Return True if a file has the mark of a result, even if it is damaged, or if it is empty."""
     with explained(path), open(path, "rb") as file:
         head = file.read(72)
     return not head or head[68:72] == APPLICATION.to_bytes(4, "big")
@@ -342,7 +342,7 @@ def _insert(connection: sqlite3.Connection, entries: tuple[Entry, ...], base: An
 
 
 def _seal_of(connection: sqlite3.Connection) -> int:
-    """The sum of the checksums, as the file has it."""
+    """Return the sum of the checksums that the file states."""
     for (text,) in connection.execute("SELECT head FROM part WHERE name = ?", (_SEAL,)):
         return int(text, 16)
     raise ValueError("it has no checksum")
@@ -384,7 +384,7 @@ def _check_format(path: str | os.PathLike[str], connection: sqlite3.Connection) 
 
 
 def _rows(connection: sqlite3.Connection, where: str = "", *values: str) -> Iterator[tuple[Any, ...]]:
-    """The rows of a file; a ValueError if one holds a value of another type, for SQLite does not mind."""
+    """Yield the rows of a file; raise a ValueError for a value of a wrong type, which SQLite accepts."""
     for row in connection.execute(f"SELECT {', '.join(_COLUMNS)} FROM part {where}", values):
         for (column, kind), value in zip(_COLUMNS.items(), row, strict=True):
             if type(value) is not kind:
@@ -396,7 +396,7 @@ def _rows(connection: sqlite3.Connection, where: str = "", *values: str) -> Iter
 
 
 def _seal_fault(connection: sqlite3.Connection) -> str:
-    """What is wrong with the checksums, as a clause; empty if they hold."""
+    """Describe in a clause what is wrong with the checksums; empty if they hold."""
     total, seal = 0, None
     for name, number, head, arrays, checksum in _rows(connection):
         if name == _SEAL:
@@ -416,13 +416,15 @@ def _seal_fault(connection: sqlite3.Connection) -> str:
 
 
 def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
-    """An existing file, such that what is committed survives the death of this process at any moment."""
-    with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
+    """Open an existing file such that what is committed survives the death of this process at any moment."""
+    with explained(path), ExitStack() as on_error:
+        connection = on_error.enter_context(closing(sqlite3.connect(path, isolation_level=None)))
         _check_format(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
         with undamaged(path):
             _seal_of(connection)
+        on_error.pop_all()
         return connection
 
 
@@ -457,15 +459,6 @@ def _transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -
                 connection.execute("ROLLBACK")
             raise
         os.stat(path)  # SQLite goes on writing into a file that has been removed
-
-
-@contextmanager
-def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
-    try:
-        yield connection
-    except BaseException:
-        connection.close()
-        raise
 
 
 def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:

@@ -13,7 +13,7 @@ from gapwalk.errors import StoreError
 
 
 def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
-    """A StoreError if one of the versions of gapwalk that wrote a file, as it tells them, is newer than this one."""
+    """Raise a StoreError if a file states that a newer version of gapwalk than this one has written to it."""
     newest = max(writers.split(", "), key=_numbers)
     if _numbers(newest) > _numbers(__version__):
         raise StoreError(
@@ -23,7 +23,7 @@ def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
 
 
 def versions(before: dict[str, str] | None = None) -> dict[str, str]:
-    """Versions of what computes a result; those that differ from the versions `before` are listed after them."""
+    """Return the versions of what computes a result, after those of `before` from which they differ."""
     now = {
         "gapwalk": __version__,
         "heyoka": heyoka.__version__,
@@ -39,5 +39,5 @@ def versions(before: dict[str, str] | None = None) -> dict[str, str]:
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """A version such as 1.10.2 as numbers that can be compared."""
+    """Return a version such as 1.10.2 as numbers that can be compared."""
     return tuple(int(part) for part in version.split(".") if part.isdigit())

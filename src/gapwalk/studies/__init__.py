@@ -1,1 +1,16 @@
-"""Whole jobs: what a model file asks to be studied, and its execution."""
+"""Whole jobs: what a model file asks to be studied, and its execution.
+
+Functions: `add_kind`, `check_signal`, `check_study`, `compare_results`, `read_studies`.
+
+Classes: `BasinStudy`, `BranchOptions`, `Carry`, `Counted`, `DiagramStudyOptions`, `Entry`, `FamilyStudy`,
+`Finding`, `Found`, `FullCheck`, `LocusStudyOptions`, `Lone`, `MapStudyOptions`, `MemberParameter`, `Pair`, `Part`,
+`Parts`, `Patience`, `RangeStudy`, `ReducedFrom`, `RegimeStudy`, `ResponseOptions`, `ResultComparison`, `Rows`,
+`SecondParameter`, `SettleFinding`, `SettleStudyOptions`, `Shift`, `Start`, `StudyKind`, `Surroundings`, `SweepStudy`,
+`Way`, `Which`, `Work`.
+
+Values: `OPEN`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -19,8 +19,9 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.basin_work import BasinOptions, BasinWork
 from gapwalk.studies.cell_work import CellFinding
-from gapwalk.studies.kind import Rows, StudyKind, values_of
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
 from gapwalk.summary import Table
 
@@ -136,7 +137,7 @@ class BasinStudy(BasinOptions, StudyKind):
     """
 
     kind: ClassVar[str] = "basins"
-    table_types: ClassVar[Mapping[str, Any]] = {"resolution": Resolution}
+    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
     plane: Annotated[Plane, Field(description=_PLANE), AfterValidator(_is_a_plane)] = field(kw_only=True)
     fixed: Annotated[Mapping[str, float], AfterValidator(_is_fixed)] = field(default_factory=dict)
@@ -144,29 +145,21 @@ class BasinStudy(BasinOptions, StudyKind):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         columns, rows = self.resolution
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in self.plane.items()]
         return f"basins over {' and '.join(ranges)}, {columns} x {rows} cells"
 
     def work(self, system: System) -> PlaneBasins:
-        """The work on the basins."""
+        """Return the work on the basins."""
         return PlaneBasins(system, self)
 
 
 class PlaneBasins(BasinWork):
-    """The basins of the cells of a plane.
-
-    Parameters
-    ----------
-    system
-        The system.
-    asked
-        What is asked for.
-    """
+    """The basins of the cells of a plane."""
 
     whole_part = Part("basins", Basins)
-    finding = BasinFinding
+    found_as = BasinFinding
 
     def __init__(self, system: System, asked: BasinStudy) -> None:
         (columns, rows), self.window = asked.resolution, Window.of(system, asked.plane, asked.fixed)
@@ -174,7 +167,7 @@ class PlaneBasins(BasinWork):
         super().__init__(system, states, beside_cells(rows, columns), asked.resolution, asked)
 
     def found(self, *, complete: bool) -> Basins | None:
-        """The basins; None before the attractors are known, without which the labels of chunks mean nothing."""
+        """Return the basins; None before the attractors are known, without which the labels of chunks mean nothing."""
         if not (complete or self.is_begun):
             return None
         attractors, labels = in_order(self.catalogue.attractors, self.labels)
@@ -190,7 +183,7 @@ def basins(
     *,
     fixed: Mapping[str, float] | None = None,
     options: BasinOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Basins:
@@ -213,9 +206,9 @@ def basins(
         The other components of the state at theta = 0; those that are not named are 0.
     options
         How the basins are found.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
@@ -243,4 +236,4 @@ def basins(
         fixed={name: low for name, low in zip(box.names, box.low, strict=True) if name not in plane},
         resolution=check_resolution(resolution),
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

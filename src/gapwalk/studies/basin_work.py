@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from gapwalk.attractors.attractor_catalogue import (
     explore,
     sort_states,
 )
-from gapwalk.attractors.basins import BasinShares, Check, in_order
+from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
 from gapwalk.attractors.many_motions import ExactMotions, motions_of
 from gapwalk.errors import ModelError
@@ -24,8 +25,8 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork
-from gapwalk.studies.kinds import Counted
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_registry import Counted, check_integers
 
 CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""
@@ -69,10 +70,7 @@ class BasinOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        check_integers(self, longest=1, max_period=1, tries=1, check=0, seed=0)
 
     @property
     def borders(self) -> int | None:
@@ -97,18 +95,6 @@ class BasinChunk:
     number: int
     sorted: Sorted
     error: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Some of the states, and what is known of the attractors."""
-
-    number: int
-    places: NDArray[np.intp]
-    system: System
-    states: NDArray[np.float64]
-    signatures: tuple[AttractorSignature, ...]
-    longest: int
 
 
 class BasinWork(CellWork):
@@ -142,7 +128,7 @@ class BasinWork(CellWork):
         self.system, self.states, self.neighbours, self.options = system, states, neighbours, options
         self.catalogue = Catalogue(system)
         self.labels = np.full(len(states), UNRESOLVED)
-        self.checked = Check(len(states))
+        self.checked = BasinCheck(len(states))
         self.is_begun = False
         self._ends = states.copy()  # where the motions have come to
 
@@ -160,10 +146,11 @@ class BasinWork(CellWork):
         for chunk in self.chunks.values():
             self.note(chunk)
 
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
-        pieces = self._pieces(np.arange(len(self.states)), CHUNK, self.options.longest)
-        return hands.each(_sort_fast, [pieces[number] for number in numbers], in_order=False)
+        sort = partial(_sort_fast, *self._known, self.options.longest)
+        pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
+        return workers.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
@@ -171,20 +158,20 @@ class BasinWork(CellWork):
         self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
 
     def notes(self, complete: bool) -> tuple[str, ...]:
-        """What could not be done, in sentences."""
+        """Return sentences on what could not be done."""
         left = int(np.sum(self.labels == UNRESOLVED))
         if not complete:
             done = sum(len(chunk.sorted.labels) for chunk in self.chunks.values())
             return (f"stopped when {done} of {len(self.states)} states were done",)
         return (f"{left} states lead to no attractor that was found; raise longest or tries",) if left else ()
 
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Look for the attractors of states that are left over; then check labels."""
         left = np.flatnonzero(self.labels == UNRESOLVED)
         self._explore(left, self._ends[left])
-        self.check_labels(hands)
+        self.check_labels(workers)
 
-    def check_labels(self, hands: Workers) -> None:
+    def check_labels(self, workers: Workers) -> None:
         """Find labels at borders, and some others, again with the exact flow, and correct wrong ones.
 
         Wrong labels are not alone: where one was found, those around it are found again too. And where a sample holds
@@ -204,20 +191,20 @@ class BasinWork(CellWork):
                 chosen = self._choose(near & ~checked, left)
                 if not len(chosen):
                     break
-                wrong += self._correct(hands, chosen, changed)
+                wrong += self._correct(workers, chosen, changed)
                 checked[chosen] = True
             chosen = self._choose(~near & ~checked, elsewhere)
             before = int(changed.sum())
-            wrong_elsewhere += self._correct(hands, chosen, changed)
+            wrong_elsewhere += self._correct(workers, chosen, changed)
             checked[chosen] = sampled[chosen] = True
             if at_borders is not None or changed.sum() == before:
                 break
         at_border = checked & ~sampled
         counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
         again = self._choose(checked, elsewhere)
-        shifted = self._exact(hands, again, _SHIFT)
+        shifted = self._exact(workers, again, _SHIFT)
         differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
-        self.checked = Check(
+        self.checked = BasinCheck(
             len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
         )
 
@@ -226,9 +213,9 @@ class BasinWork(CellWork):
         random = np.random.default_rng(self.options.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
-    def _correct(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+    def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and note in `changed` which differ now; how many were wrong."""
-        exact = self._exact(hands, which)
+        exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong
         corrected = np.where(exact == UNRESOLVED, self.labels[which], exact)
@@ -236,20 +223,24 @@ class BasinWork(CellWork):
         self.labels[which] = corrected
         return wrong
 
-    def _exact(self, hands: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+    def _exact(self, workers: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
         """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array(
             [signature.wide for signature in self.catalogue.signatures] + [False, False]
         )  # the last: no attractor
         is_wide = wide[self.labels[which]]
-        pieces = self._pieces(which[~is_wide], _CHECKED, self.options.longest, shift)
-        pieces += self._pieces(which[is_wide], _CHECKED, min(self.options.longest, _WANDERING), shift)
-
-        def accept(index: int, found: Sorted) -> None:
-            exact[pieces[index].places] = found.labels
-
-        hands.run(_sort_exactly, pieces, accept, in_order=False)
+        states = self.states + shift * np.abs(self.states).max(axis=0)
+        # a motion without period is followed for a shorter time
+        times = ((which[~is_wide], self.options.longest), (which[is_wide], min(self.options.longest, _WANDERING)))
+        groups = [
+            (group[first : first + _CHECKED], longest)
+            for group, longest in times
+            for first in range(0, len(group), _CHECKED)
+        ]
+        pieces = [(longest, states[group]) for group, longest in groups]
+        for index, found in workers.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
+            exact[groups[index][0]] = found.labels
         return exact[which]
 
     def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:
@@ -260,22 +251,28 @@ class BasinWork(CellWork):
             self.catalogue, labels = explore(self.catalogue, motions.advance, starts, **limits)
             self.labels[which] = labels
 
-    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
-        system, signatures = self.catalogue.system, self.catalogue.signatures
-        states = self.states + shift * np.abs(self.states).max(axis=0)
-        places = [which[first : first + size] for first in range(0, len(which), size)]
-        return [_Piece(number, some, system, states[some], signatures, longest) for number, some in enumerate(places)]
+    @property
+    def _known(self) -> tuple[System, tuple[AttractorSignature, ...]]:
+        return self.catalogue.system, self.catalogue.signatures
 
 
-def _sort_fast(piece: _Piece) -> BasinChunk:
-    """Sort states by the batch integrator."""
-    motions = motions_of(piece.system, piece.states)
-    found = sort_states(motions.advance, piece.states, piece.signatures, piece.longest)
-    return BasinChunk(piece.number, found, motions.error)
+def _sort_fast(
+    system: System,
+    signatures: tuple[AttractorSignature, ...],
+    longest: int,
+    piece: tuple[int, NDArray[np.float64]],
+) -> BasinChunk:
+    """Sort the states of a chunk by the batch integrator."""
+    number, states = piece
+    motions = motions_of(system, states)
+    return BasinChunk(number, sort_states(motions.advance, states, signatures, longest), motions.error)
 
 
-def _sort_exactly(piece: _Piece) -> Sorted:
-    return sort_states(ExactMotions(piece.system).advance, piece.states, piece.signatures, piece.longest)
+def _sort_exactly(
+    system: System, signatures: tuple[AttractorSignature, ...], piece: tuple[int, NDArray[np.float64]]
+) -> Sorted:
+    longest, states = piece
+    return sort_states(ExactMotions(system).advance, states, signatures, longest)
 
 
 def basin_shares(
@@ -285,10 +282,10 @@ def basin_shares(
     *,
     confidence: float = 0.95,
     options: BasinOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
 ) -> BasinShares:
-    """The shares of a box of initial states that lead to each attractor, with confidence limits.
+    """Return the shares of a box of initial states that lead to each attractor, with confidence limits.
 
     Parameters
     ----------
@@ -303,7 +300,7 @@ def basin_shares(
         Probability with which the limits of a share hold.
     options
         How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
-    hands, report
+    workers, report
         As in `gapwalk.basins`.
 
     Raises
@@ -334,4 +331,4 @@ def basin_shares(
             return BasinShares(system, room, states, labels, attractors, *how)
 
     work = Shares(system, states, beside_states(states), (starts, 1), options)
-    return call(options, work, system, hands=hands, report=report).record
+    return call(options, work, system, workers=workers, report=report).record

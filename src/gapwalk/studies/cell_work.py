@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Work
+from gapwalk.studies.study_kind import Finding, Found, Work
 
 
 class CellWork(Work):
@@ -22,7 +22,7 @@ class CellWork(Work):
     ----------
     chunk_part, whole_part
         The parts of a file that hold a chunk, and the whole record.
-    finding
+    found_as
         The class of what a study has found.
     resolution
         Columns and rows of a map.
@@ -30,7 +30,7 @@ class CellWork(Work):
 
     chunk_part: ClassVar[Part]
     whole_part: ClassVar[Part]
-    finding: ClassVar[type[CellFinding]]
+    found_as: ClassVar[type[CellFinding]]
 
     def __init__(self, resolution: tuple[int, int]) -> None:
         self.resolution = resolution
@@ -42,7 +42,7 @@ class CellWork(Work):
         return
 
     @abstractmethod
-    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, Any]]:
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, Any]]:
         """Do some chunks, as `gapwalk.parallel.workers.Workers.each`."""
 
     @abstractmethod
@@ -50,12 +50,12 @@ class CellWork(Work):
         """Enter a chunk into the arrays over all cells."""
 
     @abstractmethod
-    def check(self, hands: Workers) -> None:
+    def check(self, workers: Workers) -> None:
         """Compare what is found with the exact flow, when all chunks are done."""
 
     @abstractmethod
     def found(self, *, complete: bool) -> Any:
-        """The record of what is found so far; None as long as there can be none."""
+        """Return the record of what is found so far; None as long as there can be none."""
 
     @property
     def error(self) -> float:
@@ -71,13 +71,13 @@ class CellWork(Work):
         elif self._whole.resolution != self.resolution:
             raise ValueError(f"its resolution is {self._whole.resolution}")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Do the chunks that are left; then check what is found with the exact flow."""
         self.begin()
-        for _, chunk in self.follow(hands, [number for number in range(self.total) if number not in self.chunks]):
+        for _, chunk in self.follow(workers, [number for number in range(self.total) if number not in self.chunks]):
             self._add(chunk)
             yield Found.part(self.chunk_part, chunk, chunk.number)
-        self.check(hands)
+        self.check(workers)
         self._whole = self.found(complete=True)
 
     def _add(self, chunk: Any) -> None:
@@ -85,12 +85,12 @@ class CellWork(Work):
         self.note(chunk)
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
-        """The record, if it is complete."""
+        """Return the record, if it is complete."""
         return [self.whole_part.entry(self._whole)] if finished else []
 
     @property
     def complete(self) -> bool:
-        """Whether all cells are done, and checked."""
+        """True if all cells are done, and checked."""
         return self._whole is not None
 
     @property
@@ -103,9 +103,9 @@ class CellWork(Work):
         """The record, as far as it has come; None as long as there can be none."""
         return self._whole or self.found(complete=False)
 
-    def content(self) -> Content:
-        """The record as what a study has found."""
-        return Content(self.complete, finding=self.finding(self.record, self.done, self.total))
+    def finding(self) -> CellFinding:
+        """Return the record as what a study has found."""
+        return self.found_as(self.record, self.done, self.total)
 
 
 @dataclass(frozen=True)
@@ -122,19 +122,9 @@ class CellFinding(Finding):
         return self.map
 
     @property
-    def complete(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.map is not None and self.map.complete
-
-    @property
     def stored(self) -> str:
         """How many chunks have been done."""
         return f"{self.done} of {self.total} chunks of cells are stored"
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What could not be done."""
-        return () if self.map is None else self.map.notes
 
     def document(self, points: bool) -> dict[str, Any]:
         """The map as JSON values, and how far it has come; with all values cell by cell if wanted."""

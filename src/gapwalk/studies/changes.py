@@ -16,7 +16,7 @@ from gapwalk.model.units import PACES, kind_of
 
 
 def parse_changes(texts: Iterable[str]) -> dict[str, object]:
-    """The changes of ``--set`` by their names; see `parse_change`."""
+    """Return the changes of ``--set`` by their names; see `parse_change`."""
     return dict(parse_change(text) for text in texts)
 
 
@@ -81,14 +81,14 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
 
 
 class Change(NamedTuple):
-    """Another value of a parameter, and where it stands in the file."""
+    """Another value of a parameter, and its place in the file."""
 
     value: object
     path: Path
 
 
 def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict[str, Change], list[Problem]]:
-    """The parameters to which the ``set`` of the study at a path gives other values."""
+    """Return the parameters to which the ``set`` of the study at a path gives other values."""
     table = study_tables(source)[at]
     if "set" not in table:
         return {}, []
@@ -121,7 +121,12 @@ def change_system(
         _check_units(system, values)
         system.at(values)
     except ModelError as error:
-        return system, list(_own_problems(source, own, error))
+        problems = []
+        for line in dict.fromkeys(str(error).splitlines()):  # each is at the value that it begins with, or at the first
+            name, _, reason = line.partition(" ")
+            path = own[name].path if name in own else next(iter(own.values())).path
+            problems.append(source.problem(reason if name in own else f"is refused: {line}", path))
+        return system, problems
     problems = unknown_names(system, source, changes)
     values |= {name: value for name, value in changes.items() if name in system.structure.names}
     try:
@@ -133,7 +138,7 @@ def change_system(
 
 
 def unknown_names(system: System, source: Source, changes: Mapping[str, object]) -> list[Problem]:
-    """The changes from outside of a file that name no parameter."""
+    """Return the changes from outside of a file that name no parameter."""
     problems = []
     for name in changes:
         try:
@@ -156,18 +161,8 @@ def _check_units(system: System, values: Mapping[str, Any]) -> None:
         raise ModelError("\n".join(lines))
 
 
-def _own_problems(source: Source, own: Mapping[str, Change], error: ModelError) -> Iterator[Problem]:
-    """Each line of an error, at the value that it begins with, or at the first of them."""
-    for line in dict.fromkeys(str(error).splitlines()):
-        name, _, reason = line.partition(" ")
-        if name in own:
-            yield source.problem(reason, own[name].path)
-        else:
-            yield source.problem(f"is refused: {line}", next(iter(own.values())).path)
-
-
 def _study_paths(source: Source, name: str) -> Iterator[Path]:
-    """The keys of studies that the name of a change stands for."""
+    """Yield the keys of studies that the name of a change means."""
     first, *keys = name.split(".")
     if first != "study" or not keys:
         return
@@ -180,14 +175,14 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
 
 
 def walked_parameters(table: Mapping[str, object]) -> list[str]:
-    """The parameters that a study walks or varies, as far as they are written down as texts."""
+    """Return the parameters that a study walks or varies, as far as they are written down as texts."""
     second = table.get("second")
     found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
     return [*(name for name in found if isinstance(name, str)), *varied_parameters(table)]
 
 
 def varied_parameters(table: Mapping[str, object]) -> list[str]:
-    """The parameters that differ from member to member of a family."""
+    """Return the parameters that differ from member to member of a family."""
     over = table.get("over")
     leaves = leaves_of(over, ()) if isinstance(over, Mapping) else ()
     return [".".join(str(key) for key in leaf.path) for leaf in leaves]
@@ -204,12 +199,12 @@ def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
 
 
 def _walks_second(table: Mapping[str, object], name: str) -> bool:
-    """Whether a study walks a parameter as its second one."""
+    """Return True if a study walks a parameter as its second one."""
     return name in walked_parameters(table) and table.get("parameter") != name
 
 
 def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]) -> bool:
-    """Whether a study walks a parameter and says from where."""
+    """Return True if a study walks a parameter and says from where."""
     if _walks_second(table, name):
         return True
     parameter = changes.get("study.parameter", table.get("parameter"))
@@ -217,7 +212,7 @@ def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]
 
 
 def leaves_of(table: Mapping[str, object], path: Path) -> Iterator[Change]:
-    """All values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
+    """Yield all values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from leaves_of(value, (*path, key))

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.options import BranchOptions
+from gapwalk.summary import Rows, row_of, rows_of
 
 
 def measure_names(coordinates: Sequence[str]) -> list[str]:
@@ -36,6 +41,34 @@ def method_values(orbit: Orbit) -> list[float]:
 def method_document(orbit: Orbit) -> dict[str, float]:
     """The same as JSON values."""
     return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
+
+
+def point_row(point: BranchPoint | SpecialPoint) -> dict[str, Any]:
+    """Return the row of a point in every table of points: its figures, its measures, and what the method has to say."""
+    orbit, names = point.orbit, measure_names(point.orbit.system.coordinates)
+    measures = {name: orbit.measure(name) for name in names}
+    return {**row_of(point), "measures": measures, **method_document(orbit)}
+
+
+def special_rows(branches: Iterable[tuple[str, Branch]], diagram: Diagram | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the special points of some named branches, in the order of the walks.
+
+    The rows of a diagram name the branches that begin or end at each point.
+    """
+    for number, (name, branch) in enumerate(branches, start=1):
+        for index, special in enumerate(branch.special_points):
+            leads = {} if diagram is None else {"leads_to": tuple(m.name for m in diagram.attached(name, index))}
+            yield {"branch": number, "name": name, "period": branch.period, **point_row(special), **leads}
+
+
+def table_rows(rows: Iterable[Mapping[str, Any]], *parameters: str, system: System) -> Rows:
+    """Yield the rows of a table of points under their headings, in which the parameters have their names."""
+    names = parameter_headings(parameters, system.coordinates)
+    known = {"leads_to": "leads.to", **dict(zip(("parameter", "second"), names, strict=False))}
+    return rows_of(({known.get(name, name): value for name, value in row.items()} for row in rows), _EMPTY)
+
+
+_EMPTY = ("branch", "name", "period", "kind")  # headings of a table without any special point
 
 
 def with_units(headings: Iterable[str], system: System) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_comparison import (
     SplineCurve,
     common_range,
@@ -23,6 +23,7 @@ from gapwalk.bifurcation.branch_comparison import (
     value_range,
 )
 from gapwalk.bifurcation.loci import Codim2Point, Locus
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook import Shown
 from gapwalk.studies.map import Map
@@ -107,13 +108,13 @@ class Pair:
         return max((shift.share for shift in self.shifts), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Whether the curves agree: distances, locations and ranges, with no special point on one of them alone."""
+        """Return True if the curves agree: distances, locations and ranges, and no special point is on one alone."""
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
 
 @dataclass(frozen=True)
 class ResultComparison(Shown):
-    """What two results have in common, and what not.
+    """Common and different branches and loci of two results.
 
     Lengths are shares: of the range of the parameter, and of the range of each measure, over all branches of both.
 
@@ -126,7 +127,7 @@ class ResultComparison(Shown):
     ranges
         The range of each, in its units: what a share is a share of.
     measures
-        What tells motions apart beside the parameters; nothing on loci, which are curves in the plane.
+        Measures that distinguish motions, as well as the parameters; none on loci, which are curves in the plane.
     pairs
         The branches, and the loci of maps, that both have.
     only
@@ -154,7 +155,7 @@ class ResultComparison(Shown):
         return max((pair.largest_shift for pair in self.pairs), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Whether all that one has the other has too, within a tolerance (a share of the ranges)."""
+        """Return True if each has all that the other has, within a tolerance (a share of the ranges)."""
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 
     def __str__(self) -> str:
@@ -170,7 +171,7 @@ def place_words(parameters: Sequence[str], values: Sequence[float]) -> str:
 
 
 def _pair_lines(pair: Pair, parameters: tuple[str, ...]) -> list[str]:
-    """What there is to say of a pair, line by line."""
+    """Return a pair in words, line by line."""
     name = pair.names[0] if pair.names[0] == pair.names[1] else " and ".join(pair.names)
     lines = [f"{name}: largest distance {pair.largest:.3g} of the ranges, at {place_words(parameters, pair.worst)}"]
     if pair.missing > 0.0:
@@ -199,8 +200,8 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
     first, second
         The results.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
-        which have no corners along a branch, as extremes have.
+        Measures (see `Orbit.measure`) that distinguish motions; by default mean and root mean square of each
+        coordinate, which have no corners along a branch, as extremes have.
 
     Raises
     ------
@@ -254,7 +255,7 @@ def _loci(chart: Map) -> list[_Named]:
 def _paired(
     first: list[_Named], second: list[_Named], compare: Callable[[_Named, _Named], Pair | None]
 ) -> tuple[tuple[Pair, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
-    """The pairs of curves that are the same ones, and the names of those that are left over."""
+    """Return the pairs of curves that are the same ones, and the names of those that are left over."""
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
     costs = np.full((len(first), len(second)), _FAR)
@@ -330,12 +331,12 @@ def _compare_loci(first: _Named, second: _Named, plane: NDArray[np.float64]) -> 
 
 
 def _missing(first: tuple[float, float], second: tuple[float, float], width: float) -> float:
-    """The largest part of a range that one curve covers and the other does not, as a share of a width."""
+    """Return the largest part of a range that one curve covers and the other does not, as a share of a width."""
     return max(abs(a - b) for a, b in zip(first, second, strict=True)) / width
 
 
 def _knots(locus: Locus) -> NDArray[np.float64]:
-    """The points of a locus and its points of codimension two in their order, shape (points, 2)."""
+    """Return the points of a locus and its points of codimension two in their order, shape (points, 2)."""
     points = [*locus.points, *(codim2.point for codim2 in locus.codim2_points)]
     return np.array([point.values for point in sorted(points, key=lambda point: point.arclength)])
 
@@ -385,7 +386,7 @@ def _check_comparable(first: Result, second: Result) -> None:
 
 
 def _notes(first: Result, second: Result) -> tuple[str, ...]:
-    """In what the studies differ beside their methods: values of parameters, and whether they are complete."""
+    """Return the differences of two studies except for their methods: parameters, and if they are complete."""
     notes = []
     walked = {first.walked.parameter, *([] if first.map is None else [first.map.second])}
     then, now = first.system.parameters, second.system.parameters
@@ -401,7 +402,7 @@ def _notes(first: Result, second: Result) -> tuple[str, ...]:
 
 
 def comparison_document(found: ResultComparison, tolerance: float) -> dict[str, Any]:
-    """What two results have in common, and what not; shares are those of the ranges."""
+    """Return a comparison as plain JSON values; lengths are shares of the ranges."""
     return {
         "agree": found.within(tolerance),
         "tolerance": tolerance,

@@ -21,8 +21,8 @@ from pydantic import Field as Key
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.model.schema import Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import INLINE, OPEN, kind_of, kinds
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import INLINE, OPEN, kind_of, kinds
 from gapwalk.studies.tables import StudyPart
 
 _SCALARS: dict[Any, Any] = {
@@ -38,13 +38,13 @@ class DerivedPart(StudyPart):
     """The table of a study whose keys are the fields of its kind."""
 
     def options(self, system: System) -> StudyKind:
-        """The study that it asks for; a ModelError if that makes no sense."""
+        """Return the study that it asks for; a ModelError if that makes no sense."""
         kind = _KINDS[type(self)]
         return kind.of_table(given_of(kind, self), system)
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Names of tables that stand in it and change nothing."""
+        """Names of tables in it that change nothing."""
         return _KINDS[type(self)].unused({name: getattr(self, name) for name in self.model_fields_set})
 
 
@@ -53,14 +53,14 @@ _KINDS: dict[type[Part], type[StudyKind]] = {}
 
 @cache
 def study_schema(kind: type[StudyKind]) -> type[DerivedPart]:
-    """The schema of the table of a kind of study."""
+    """Return the schema of the table of a kind of study."""
     schema = _made(kind, DerivedPart, {"kind": (Literal[kind.kind], ...)}, kind.table_types)
     _KINDS[schema] = kind
     return schema
 
 
 def all_keys() -> frozenset[str]:
-    """The keys of all kinds of study."""
+    """Return the keys of all kinds of study."""
     return _keys_of(kinds())
 
 
@@ -72,12 +72,12 @@ def _keys_of(names: tuple[str, ...]) -> frozenset[str]:
 
 @cache
 def table_schema(record: type) -> type[Part]:
-    """The schema of a table that describes a dataclass."""
+    """Return the schema of a table that describes a dataclass."""
     return _made(record, Part, {}, {})
 
 
 def given_of(record: type, part: Part) -> dict[str, Any]:
-    """What a table gives of the fields of a dataclass, by their names."""
+    """Return the fields of a dataclass that a table gives, by their names."""
     names = {field.name for field, _ in _hints(record)}
     own = (getattr(record, "table_types", {}).keys() & type(part).model_fields.keys()) - names
     found = {name: getattr(part, name) for name in own}
@@ -117,7 +117,7 @@ def _made(record: type, base: type[Part], first: Mapping[str, Any], types: Mappi
 
 
 def key_type(hint: Any) -> Any:
-    """The type of a key of a table, from the type hint of a field."""
+    """Return the type of a key of a table, from the type hint of a field."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
         kind = key_type(inner)
@@ -176,7 +176,7 @@ def _keys(record: type) -> Iterator[tuple[Field[Any], Any]]:
 
 
 def _parts_of(record: type) -> list[Any]:
-    """The dataclasses of options from which a kind of study derives; of another dataclass, itself."""
+    """Return the dataclasses of options from which a kind of study derives; of another dataclass, itself."""
     if not issubclass(record, StudyKind):
         return [record]
     return [each for each in record.__mro__ if is_dataclass(each) and not issubclass(each, StudyKind)]

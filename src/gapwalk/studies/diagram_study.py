@@ -1,57 +1,75 @@
-"""The study of a diagram: all branches that are attached to the first one, and those that a search finds."""
+"""The study of a diagram: follow a branch, switch at every flip and branch point, and search for isolated branches.
+
+A search tries many starts at some values of the parameter; what it finds on no known branch is followed in turn.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from pydantic import AfterValidator, ValidationInfo
+import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.branch_start import directions
-from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
-from gapwalk.bifurcation.isolated import Progress, SearchResult
-from gapwalk.errors import NumericalError
+from gapwalk.bifurcation.branch_start import directions, start_branch, switch
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin, is_attached
+from gapwalk.bifurcation.follow import walk_out
+from gapwalk.bifurcation.isolated import Progress, SearchOptions, SearchResult, coverage, search
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Content, Found, Work
-from gapwalk.studies.option_tables import SearchPart
-from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.tables import Surroundings
-from gapwalk.studies.whole_diagram import DiagramOptions, Grower, empty_diagram
+from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
+from gapwalk.studies.runner import call
+from gapwalk.studies.study_kind import Found, Work, found_by
+from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from typing import Self
 
+_VALUES = 60  # of the parameter, at which is searched by default
 
-def _suits(search: SearchPart | None, info: ValidationInfo[Surroundings]) -> SearchPart | None:
-    if search is not None:
-        search.check(info.data, info.context.system)
-    return search
-
-
-SEARCH_KEYS: Mapping[str, Any] = {
-    "search_values": None,
-    "search": (Annotated[SearchPart | None, AfterValidator(_suits)], None),
-}
-"""The keys of a search: a table of its own."""
+Report = Callable[[Diagram, DiagramBranch], None]
+"""Called with the diagram and the branch that was added to it last."""
 
 
-def with_search(values: dict[str, Any]) -> dict[str, Any]:
-    """The values of a table, with what its table of the search says."""
-    search = values.get("search")
-    rest = {name: value for name, value in values.items() if name != "search"}
-    return rest if search is None else rest | search.options()
+@dataclass(frozen=True, slots=True)
+class DiagramOptions:
+    """How far a diagram goes.
 
+    Parameters
+    ----------
+    max_period
+        Longest period, in forcing periods, of branches to switch to.
+    max_branches
+        Branches after which it stops, and says so.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    search_values
+        Values of the parameter at which branches not connected to others are sought. A number of them is
+        spread evenly over the range; 0 for no search.
+    search
+        How thoroughly to search there.
+    """
 
-def search_words(values: int | tuple[float, ...]) -> str:
-    """Where a search is to be, for a line that says what is to be done."""
-    count = values if isinstance(values, int) else len(values)
-    return f", with a search at {count} values" if count else ""
+    max_period: int = 8
+    max_branches: int = 200
+    workers: Counted | None = field(default=None, compare=False)
+    search_values: int | tuple[float, ...] = 0
+    search: SearchOptions = SearchOptions()
+
+    def __post_init__(self) -> None:
+        check_integers(self, MAX_VALUES, max_period=1, max_branches=1)
+        check_values("search_values", self.search_values, 0, "the parameter")
 
 
 @dataclass(frozen=True)
@@ -73,24 +91,35 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, with its search."""
+        """Return the study of a table, with its search."""
         return super().of_table(with_search(values), system)
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return (
             f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
         )
 
     def work(self, system: System) -> DiagramWork:
-        """The work on the diagram."""
-        return DiagramWork(system, self)
+        """Return the work on the diagram."""
+
+        def first() -> Orbit:
+            return find_orbit(system, self.period, self.start, method=self.method)
+
+        return DiagramWork(system, empty_diagram(self.parameter, self.ends), self, self.walk, self.method, first)
+
+    def search_work(
+        self, system: System, apart: Sequence[Branch], searching: Callable[[Progress], None] | None = None
+    ) -> DiagramWork:
+        """The work on the branches that are connected to none of those that are known; see `gapwalk.find_others`."""
+        known = empty_diagram(self.parameter, self.ends)
+        return DiagramWork(system, known, self, self.walk, self.method, apart=apart, searching=searching)
 
 
 class DiagramState(NamedTuple):
-    """What is known of a diagram as a whole, without its branches and its search; and whether nothing is left to do."""
+    """A diagram without its branches and its search; and True if nothing is left to do."""
 
     diagram: Diagram
     finished: bool
@@ -102,135 +131,238 @@ SEARCH = Part("search", SearchResult)
 
 
 class DiagramWork(Work):
-    """The branches of a diagram, each kept when it is accepted, whole, with what is known of the diagram.
+    """The branches of a diagram, generation by generation, each kept when it is accepted, whole.
 
     What is reported is the diagram so far, and the branch that was added to it last.
 
     Parameters
     ----------
     system
-        The system, at the beginning of the range.
-    asked
-        What is asked for.
+        The system of a search.
+    known
+        What there is of the diagram already.
+    options, walk, method
+        As in `diagram`.
+    first
+        Finds the orbit from which the first branch starts; None: all branches come from a search.
+    apart
+        Branches that are known and do not belong to it: what lies on one of them is not added.
+    searching
+        Called with the progress of a search.
     """
 
-    def __init__(self, system: System, asked: DiagramStudyOptions) -> None:
-        self.system, self.asked = system, asked
-        self.diagram = empty_diagram(asked.parameter, (asked.begin, asked.end))
-        self._finished = False
-        self._kept: SearchResult | None = None
+    def __init__(
+        self,
+        system: System,
+        known: Diagram,
+        options: DiagramOptions,
+        walk: WalkOptions | None = None,
+        method: Method | None = None,
+        first: Callable[[], Orbit] | None = None,
+        *,
+        apart: Sequence[Branch] = (),
+        searching: Callable[[Progress], None] | None = None,
+    ) -> None:
+        self.system, self.options, self.walk, self.method = system, options, walk, method
+        self.diagram, self.first, self.apart, self.searching = known, first, tuple(apart), searching
+        self._finished = self._truncated = False
+        self._kept: SearchResult | None = None  # the search that the file has
+        self._tried: set[tuple[Origin, int]] = set()
+        self._curves: list[Curve] = []
 
     def take(self, known: Parts) -> None:
         """Take over the diagram of a file; a ValueError if it is of another study."""
+        before = self.diagram
         self.diagram, self._finished = stored_diagram(known)
         self._kept = self.diagram.search
-        if (self.diagram.parameter, self.diagram.within) != (self.asked.parameter, self.asked.ends):
+        if (self.diagram.parameter, self.diagram.within) != (before.parameter, before.within):
             raise ValueError("the diagram does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find the branches that are not known yet."""
-        grower = Grower(self.diagram, self.asked, self.asked.walk, self.asked.method)
-        for member in self.members(grower, hands):
-            self.diagram = grower.diagram
+        # what could not be done before is tried again, and noted again
+        self.diagram = replace(self.diagram, notes=(), failures=(), complete=False, max_period=self.options.max_period)
+        for member in self._members(workers):
             entries = (BRANCH.entry(member, len(self.diagram.members) - 1), *self._state(finished=False))
             yield Found(entries, ((self.diagram, member),))
             self._kept = self.diagram.search  # only now: Ctrl-C may come before the file has it
-        self.diagram, self._finished = grower.whole, True
-
-    def members(self, grower: Grower, hands: Workers) -> Iterator[DiagramBranch]:
-        """The branches, each when it has been added; a NumericalError if there is none at all."""
-        asked, known = self.asked, self.diagram
-        orbit = (
-            known.branches[0].points[0].orbit
-            if known.members
-            else find_orbit(self.system, asked.period, asked.start, method=asked.method)
-        )
-        directions(orbit.system[asked.parameter], known.within)  # refuses a range that does not hold the start
-        try:
-            yield from grower.from_orbit(orbit, hands)
-        except KeyboardInterrupt:
-            self.diagram = grower.diagram  # with what a search has found
-            raise
-        if not grower.diagram.members:
-            raise NumericalError("; ".join(grower.diagram.failures) or "no branch was found")
+        if self.first is not None and not self.diagram.members:
+            raise NumericalError("; ".join(self.diagram.failures) or "no branch was found")
+        self.diagram, self._finished = replace(self.diagram, complete=not self._truncated), True
 
     def last(self, *, finished: bool) -> Iterator[Entry]:
-        """The whole diagram, if there is anything."""
-        return self._whole(finished=finished) if self.diagram.members else iter(())
+        """Yield the whole diagram, if there is anything."""
+        if self.diagram.members or self.diagram.search is not None:
+            yield from _branches(self.diagram)
+            yield from self._state(finished=finished)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """The branches, each with the diagram as it was when it was added."""
+        """Yield the branches, each with the diagram as it was when it was added."""
         for count, member in enumerate(self.diagram.members, start=1):
             yield replace(self.diagram, members=self.diagram.members[:count]), member
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do, because all is found or at a limit."""
         return self._finished
-
-    @property
-    def done(self) -> int:
-        """Number of branches."""
-        return len(self.diagram.members)
 
     @property
     def record(self) -> Diagram:
         """The diagram, as far as it has come."""
         return self.diagram
 
-    def content(self) -> Content:
-        """The diagram, and its branches."""
-        return Content(self._finished, self.diagram.branches, self.diagram)
-
-    def _whole(self, *, finished: bool) -> Iterator[Entry]:
-        yield from _branches(self.diagram)
-        yield from self._state(finished=finished)
+    @property
+    def done(self) -> int:
+        """Number of branches."""
+        return len(self.diagram.members)
 
     def _state(self, *, finished: bool) -> Iterator[Entry]:
-        """What is known of the diagram as a whole; its search only when it is new, for it may be long."""
+        """Yield the diagram as a whole; its search only when it is new, for it may be long."""
         yield STATE.entry(DiagramState(replace(self.diagram, members=(), search=None), finished))
         if self.diagram.search is not None and self.diagram.search is not self._kept:
             yield SEARCH.entry(self.diagram.search)
 
+    @property
+    def _known(self) -> tuple[Branch, ...]:
+        """All branches that are known, those apart first."""
+        return (*self.apart, *self.diagram.branches)
 
-class OthersWork(DiagramWork):
-    """Find the branches that are connected to no known one; see `gapwalk.find_others`.
+    def _members(self, workers: Workers) -> Iterator[DiagramBranch]:
+        """The branches, each when it has been added: those attached to the first one, and those that a search finds.
 
-    Parameters
-    ----------
-    system, asked
-        As `DiagramWork`.
-    apart
-        The branches that are known along the parameter.
-    searching
-        Called with the progress of the search.
-    """
+        If branches are known that a search has found, then those attached to the first one were found before them; what
+        was left out there, such as a branch that could not be walked, must not depend on them.
+        """
+        if self.first is None:
+            yield from self._searched(self.system, workers)
+            return
+        members = self.diagram.members
+        orbit = members[0].branch.points[0].orbit if members else self.first()
+        directions(orbit.system[self.diagram.parameter], self.diagram.within)  # refuses a range without the start
+        yield from self._plant([orbit], workers)
+        yield from self._grow_from(self.diagram.members[:1], workers)
+        if self.options.search_values and self.diagram.members and not self._truncated:
+            yield from self._searched(orbit.system, workers)
 
-    def __init__(
-        self,
-        system: System,
-        asked: DiagramStudyOptions,
-        apart: Sequence[Branch],
-        searching: Callable[[Progress], None] | None = None,
-    ) -> None:
-        super().__init__(system, asked)
-        self._apart, self._searching = apart, searching
+    def _searched(self, system: System, workers: Workers) -> Iterator[DiagramBranch]:
+        """Add the branches connected to no other, with all that grows from them.
 
-    def members(self, grower: Grower, hands: Workers) -> Iterator[DiagramBranch]:
-        """What a search leads to."""
-        grower.apart, grower.searching = tuple(self._apart), self._searching
-        try:
-            yield from grower.search(self.system, hands)
-        finally:
-            self.diagram = grower.diagram
+        The search knows the branches that were found without it. Its result is kept with the first branch that it
+        leads to, so that a diagram that is resumed plants the same orbits in the same order.
+        """
+        result = self.diagram.search
+        if result is None or not result.complete:
+            result = found_by(
+                search,
+                system,
+                self.diagram.parameter,
+                self._search_values(),
+                known=self._known,
+                options=self.options.search,
+                workers=workers,
+                report=self.searching,
+            )
+        notes = (*self.diagram.notes, *coverage(result))
+        self.diagram = replace(self.diagram, search=result, notes=notes)
+        if not result.complete:
+            raise KeyboardInterrupt
+        new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
+        yield from self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], workers)
+        yield from self._grow_from([member for member in self.diagram.members if member.begins is None], workers)
 
-    def last(self, *, finished: bool) -> Iterator[Entry]:
-        """The whole diagram, if there is a search."""
-        return self._whole(finished=finished) if self.diagram.search is not None else iter(())
+    def _search_values(self) -> np.ndarray:
+        values = self.options.search_values
+        if isinstance(values, tuple):
+            return np.array(values, dtype=float)
+        low, high = self.diagram.within
+        return low + (high - low) * (np.arange(values) + 0.5) / values
+
+    def _plant(self, orbits: Sequence[Orbit], workers: Workers) -> Iterator[DiagramBranch]:
+        """Add the branches through orbits that were found by themselves."""
+
+        def is_new(index: int) -> bool:
+            self._curves += [Curve(branch) for branch in self._known[len(self._curves) :]]  # each is made once
+            return not any(curve.holds(orbits[index]) for curve in self._curves) and not self._full()
+
+        for _, branch in workers.each(self._walker, [(orbit, 0) for orbit in orbits], is_new):
+            yield from self._accepted(branch, None)
+
+    def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
+        """Add all that grows from some branches, generation by generation."""
+        generation = list(roots)
+        while generation:
+            yield from self._branch_off(generation, workers)
+            names = {member.name for member in generation}
+            generation = [member for member in self.diagram.members if member.begins and member.begins.parent in names]
+
+    def _branch_off(self, generation: list[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
+        """Walk away from every flip and branch point of one generation of branches."""
+        buds = [
+            (origin, special, way)
+            for member in generation
+            for index, special in enumerate(member.branch.special_points)
+            if special.kind.times * member.period <= max(member.period, self.options.max_period)
+            for way in range(special.kind.ways)
+            if ((origin := Origin(member.name, index)), way) not in self._tried
+        ]
+        self._tried.update((origin, way) for origin, _, way in buds)
+
+        def is_new(index: int) -> bool:
+            origin, special, _ = buds[index]
+            return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
+
+        for index, branch in workers.each(self._walker, [(special, way) for _, special, way in buds], is_new):
+            # a branch that begins where a known one ends is that one if its middle lies on it
+            if isinstance(branch, str) or not any(
+                known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)
+                for known in self._known
+            ):
+                yield from self._accepted(branch, buds[index][0])
+
+    @property
+    def _walker(self) -> Callable[[tuple[Orbit | SpecialPoint, int]], Branch | str]:
+        return partial(_walk_branch, self.diagram.parameter, self.diagram.within, self.walk, self.method)
+
+    def _accepted(self, branch: Branch | str, origin: Origin | None) -> Iterator[DiagramBranch]:
+        """Yield the branch when it has been added; nothing where there is none, which is noted."""
+        if isinstance(branch, str):
+            self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
+            return
+        self.diagram = self.diagram.with_branch(branch, origin, self.method)
+        yield self.diagram.members[-1]
+
+    def _full(self) -> bool:
+        if len(self.diagram.members) < self.options.max_branches:
+            return False
+        if not self._truncated:
+            self._truncated = True
+            note = f"stopped at max_branches = {self.options.max_branches}; there are more"
+            self.diagram = replace(self.diagram, notes=(*self.diagram.notes, note))
+        return True
+
+
+def _walk_branch(
+    parameter: str,
+    within: tuple[float, float],
+    walk: WalkOptions | None,
+    method: Method | None,
+    piece: tuple[Orbit | SpecialPoint, int],
+) -> Branch | str:
+    """Walk one branch, from an orbit both ways or from a special point one way; a sentence if that cannot be done."""
+    start, way = piece
+    value = start.system[parameter] if isinstance(start, Orbit) else start.value
+    try:
+        if isinstance(start, Orbit):
+            beginnings = [start_branch(start, parameter, within, each, method) for each in directions(value, within)]
+        else:
+            beginnings = [switch(start, parameter, within, method)[way]]
+        return walk_out(beginnings, walk)
+    except NumericalError as error:
+        return f"the branch that leaves {value:.10g} could not be walked: {error}"
 
 
 def whole_diagram(diagram: Diagram, *, finished: bool) -> Iterator[Entry]:
-    """What a file keeps of a whole diagram, except for its search."""
+    """Yield the parts of a file that keep a whole diagram, except for its search."""
     yield from _branches(diagram)
     yield STATE.entry(DiagramState(replace(diagram, members=()), finished))
 
@@ -240,14 +372,14 @@ def _branches(diagram: Diagram) -> Iterator[Entry]:
 
 
 def stored_diagram(parts: Parts) -> DiagramState:
-    """The diagram of a file; a ValueError if it makes no sense."""
+    """Return the diagram of a file; a ValueError if it makes no sense."""
     members: list[DiagramBranch] = []
     for number, member in parts.all(BRANCH):
         known = {each.name: len(each.branch.special_points) for each in members}
         if number != len(members) or member.name in known:
-            raise ValueError(f"branch {member.name:.60} has no place in the tree")
+            raise ValueError(f"branch {member.name:.60} is out of order in the file, or is stored twice")
         if any(not 0 <= origin.special < known.get(origin.parent, 0) for origin in member.origins):
-            raise ValueError(f"branch {member.name} begins or ends nowhere")
+            raise ValueError(f"branch {member.name} begins or ends at a special point that is not in the file")
         members.append(member)
     state = parts.one(STATE)
     diagram = replace(state.diagram, members=tuple(members), search=parts.get(SEARCH))
@@ -256,3 +388,109 @@ def stored_diagram(parts: Parts) -> DiagramState:
     if diagram.max_period is not None and diagram.max_period < 1:
         raise ValueError(f"its longest period is {diagram.max_period}")
     return state._replace(diagram=diagram)
+
+
+def empty_diagram(parameter: str, to: tuple[float, float]) -> Diagram:
+    """A diagram without branches yet; the range may be given either way round."""
+    low, high = sorted((float(to[0]), float(to[1])))
+    return Diagram(parameter, (low, high))
+
+
+@shows_progress(lambda count, diagram, member: f"{len(diagram.members)} branches, last {member.name}")
+def diagram(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    start: str | Orbit | Sequence[float] = "settle",
+    period: int = 1,
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    workers: Workers | int | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Diagram:
+    """Return the tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
+
+    Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
+    shift of whole forcing periods are the same orbit.
+
+    Parameters
+    ----------
+    system
+        The system; the first orbit is sought at its value of the parameter.
+    parameter, to
+        Name of the parameter, and the range.
+    start, period
+        Where the first branch starts: an orbit, or as in `find_orbit`.
+    options, walk, method
+        How far the diagram goes; options of the walk and of the method.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
+    report
+        Called with each branch as it is accepted.
+    resume
+        A diagram of the same request that was stopped: its branches are kept, and the rest is added.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter or a range that does not hold the start.
+    NumericalError
+        If no first orbit is found, or no branch can be walked from it.
+    Interrupted
+        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
+    """
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
+    work = DiagramWork(
+        orbit.system, resume or empty_diagram(parameter, to), options or DiagramOptions(), walk, method, lambda: orbit
+    )
+    return call(work.options, work, orbit.system, workers=workers, report=report).record
+
+
+def find_others(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    known: Sequence[Branch] = (),
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    workers: Workers | int | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Diagram:
+    """Search for motions connected to no known branch, and follow all that is found.
+
+    What the search has covered, and what it may have missed, is in the `notes` of the diagram.
+
+    Parameters
+    ----------
+    system
+        The system; its value of the parameter does not matter.
+    parameter, to
+        Name of the parameter, and the range.
+    known
+        Branches along this parameter that have been followed already. They do not become part of the diagram.
+    options
+        How far it goes; `search_values` are where it searches, by default 60 values.
+    walk, method, workers, report, resume
+        As in `diagram`.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, a value that is not allowed, or no value at which to search.
+    Interrupted
+        After Ctrl-C; its `found` is the diagram as far as it has come, which `resume` continues.
+    """
+    options = options or DiagramOptions(search_values=_VALUES)
+    if not options.search_values:
+        raise ModelError("search_values is 0; say at how many values to search, as in DiagramOptions(search_values=60)")
+    for bound in to:
+        system.at({parameter: bound})
+    work = DiagramWork(system, resume or empty_diagram(parameter, to), options, walk, method, apart=known)
+    return call(options, work, system, workers=workers, report=report).record

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import cmath
-import math
+from collections.abc import Iterable
 from typing import Any
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.isolated import SearchResult, coverage
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.flow.motion import signal_names
-from gapwalk.orbit.floquet import Instability
 from gapwalk.results.plain import plain
 from gapwalk.results.records import parameters_of
-from gapwalk.studies.columns import COVERAGE, coverage_rows, method_document
+from gapwalk.studies.columns import COVERAGE, coverage_rows, point_row, special_rows
 from gapwalk.studies.map import map_document
 from gapwalk.studies.result import Result
-
-KINDS = ("half", "max", "min")
-"""The measures of each coordinate that are given."""
 
 
 def result_document(result: Result, points: bool = True) -> dict[str, Any]:
@@ -50,7 +44,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         **head,
         "method": plain(result.walked.method),
         "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
-        "special_points": special_documents(result),
+        "special_points": special_documents(result.named, result.diagram),
     }
     for branch, name in zip(document["branches"], result.names, strict=True):
         branch["name"] = name
@@ -75,7 +69,7 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
         "count": len(branch.points),
     }
     if points:
-        document["points"] = [point_document(point) for point in branch.points]
+        document["points"] = [plain(point_row(point)) for point in branch.points]
     return document
 
 
@@ -109,61 +103,11 @@ def _origin(origin: Origin | None) -> dict[str, Any] | None:
     return None if origin is None else {"branch": origin.parent, "special_point": origin.special}
 
 
-def special_documents(result: Result) -> list[dict[str, Any]]:
-    """The special points of all branches, in the order of the walks."""
-    documents = []
-    for number, (name, branch) in enumerate(zip(result.names, result.branches, strict=True), start=1):
-        for index, special in enumerate(branch.special_points):
-            document = special_document(special, branch, number)
-            if result.diagram is not None:
-                document["leads_to"] = [member.name for member in result.diagram.attached(name, index)]
-            documents.append(document)
-    return documents
-
-
-def point_document(point: BranchPoint) -> dict[str, Any]:
-    """One point of a branch."""
-    return {
-        "parameter": point.value,
-        "stable": point.stable,
-        "instability": point.instability.label,
-        "measures": measures(point),
-        "contacts": point.orbit.pattern,
-        **method_document(point.orbit),
-    }
-
-
-def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict[str, Any]:
-    """One special point of the branch of that number. A value that does not exist is null."""
-    multiplier = special.multiplier
-    return {
-        "kind": special.kind.value,
-        "parameter": special.value,
-        "uncertainty": special.uncertainty if math.isfinite(special.uncertainty) else None,
-        "branch": number,
-        "period": branch.period,
-        "measures": measures(special.point),
-        "multiplier": [multiplier.real, multiplier.imag] if cmath.isfinite(multiplier) else None,
-        "stability": special.change,
-        "before": _instability(special.before),
-        "after": _instability(special.after),
-        "nature": special.nature or None,
-        "judged": special.judged,
-        "contact": special.contact or None,
-        "contacts": special.orbit.pattern,
-        **method_document(special.orbit),
-    }
+def special_documents(branches: Iterable[tuple[str, Branch]], diagram: Diagram | None = None) -> list[dict[str, Any]]:
+    """The special points of named branches, in the order of the walks. A value that does not exist is null."""
+    return [plain(row) for row in special_rows(branches, diagram)]
 
 
 def end_document(end: End) -> dict[str, Any]:
     """One end of a branch; `reason` is a word for programs, `text` the sentence for people."""
     return {"reason": end.reason.name.lower().replace("_", "-"), "parameter": end.value, "text": str(end)}
-
-
-def measures(point: BranchPoint) -> dict[str, float]:
-    """Half the peak to peak, maximum and minimum of each coordinate."""
-    return {f"{kind}.{q}": point.measure(f"{kind}.{q}") for q in point.orbit.system.coordinates for kind in KINDS}
-
-
-def _instability(instability: Instability) -> dict[str, int]:
-    return {"above": instability.above, "below": instability.below, "pairs": instability.pairs}

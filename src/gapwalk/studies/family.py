@@ -11,7 +11,9 @@ from functools import cached_property
 from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
@@ -117,13 +119,20 @@ class MemberParameter:
                 "called and values belong together: what the family is over, and its value at each member, as in "
                 'called = "Kb", values = [1.0, 1.5]'
             )
-        _check_steps(self.name, self.axis)
+        if not all(math.isfinite(value) for value in self.axis):
+            raise ModelError(f"over has {self.axis} of {self.name}; they must be finite numbers")
+        steps = {math.copysign(1.0, b - a) if b != a else 0.0 for a, b in pairwise(self.axis)}
+        if len(steps) > 1 or 0.0 in steps:
+            raise ModelError(
+                f"over has the values {', '.join(f'{value:g}' for value in self.axis)} of {self.name}; they must rise, "
+                "or fall, from each member to the next: special points are joined from one to the next"
+            )
 
     @classmethod
     def of(
         cls, over: MemberParameter | Mapping[str, Sequence[float]], called: str = "", values: Sequence[float] = ()
     ) -> MemberParameter:
-        """What is given as a mapping of names to values."""
+        """Make it from a mapping of names to values."""
         if isinstance(over, MemberParameter):
             return over
         moved = tuple((name, tuple(float(value) for value in given)) for name, given in over.items())
@@ -131,7 +140,7 @@ class MemberParameter:
 
     @property
     def name(self) -> str:
-        """What the family is over."""
+        """Name of the quantity that the family is over."""
         return self.called or self.moved[0][0]
 
     @property
@@ -145,7 +154,7 @@ class MemberParameter:
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
-        """The values of the parameters of one member, from 0."""
+        """Return the values of the parameters of one member, from 0."""
         return {name: values[number] for name, values in self.moved}
 
     def check(self, system: System, parameter: str, *, names_only: bool = False) -> None:
@@ -172,19 +181,8 @@ class MemberParameter:
                 ) from None
 
 
-def _check_steps(name: str, axis: tuple[float, ...]) -> None:
-    if not all(math.isfinite(value) for value in axis):
-        raise ModelError(f"over has {axis} of {name}; they must be finite numbers")
-    steps = {math.copysign(1.0, b - a) if b != a else 0.0 for a, b in pairwise(axis)}
-    if len(steps) > 1 or 0.0 in steps:
-        raise ModelError(
-            f"over has the values {', '.join(f'{value:g}' for value in axis)} of {name}; they must rise, or fall, from "
-            "each member to the next: special points are joined from one to the next"
-        )
-
-
 class Fate(StrEnum):
-    """What becomes of a special point on the way to the next member."""
+    """Fate of a special point on the way to the next member."""
 
     JOINED = "joined"
     """Its locus leads to a special point of the other member: that is proved."""
@@ -230,7 +228,7 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """What becomes of a special point between two neighbouring members.
+    """Way of a special point between two neighbouring members.
 
     Attributes
     ----------
@@ -269,12 +267,12 @@ class Connection:
 
     @property
     def leads_on(self) -> bool:
-        """Whether it joins a special point to one of the other member."""
+        """True if it joins a special point to one of the other member."""
         return self.fate in (Fate.JOINED, Fate.NEAR)
 
     @property
     def text(self) -> str:
-        """What becomes of the special point, in words."""
+        """Fate of the special point, in words."""
         words = {
             Fate.JOINED: "goes on",
             Fate.NEAR: "goes on to the nearest of its kind (a guess)",
@@ -302,7 +300,7 @@ class SpecialPointPath:
     Attributes
     ----------
     name
-        Such as ``fold-3``: the third point_path of folds.
+        Such as ``fold-3``: the third path of folds.
     kind, contact, period
         What happens at it: to motions of which period; what grazes, if anything does.
     places
@@ -325,7 +323,7 @@ class SpecialPointPath:
 
     @property
     def exact(self) -> bool:
-        """Whether all of its connections are exact."""
+        """True if all of its connections are exact."""
         return all(connection.fate is Fate.JOINED for connection in self.connections)
 
 
@@ -358,7 +356,7 @@ class Family(Shown):
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return len(self.members) == len(self.over.axis) and len(self.connections or {}) == len(self.gaps)
 
     @property
@@ -373,7 +371,7 @@ class Family(Shown):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
+        """Remarks, in sentences."""
         found = [f"{self._where(member)}: {text}" for member in self.members for text in member.notes]
         guesses = [
             connection for connection in self._all_connections if connection.fate is Fate.NEAR and connection.detail
@@ -382,7 +380,7 @@ class Family(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked or followed, in sentences."""
+        """Sentences on what could not be walked or followed."""
         found = [f"{self._where(member)}: {text}" for member in self.members for text in member.failures]
         for member in self.members:
             for name, branch in member.named:
@@ -391,11 +389,11 @@ class Family(Shown):
         return (*found, *(f"{self._told(connection)} {connection.text}" for connection in lost))
 
     def special(self, place: Place) -> SpecialPoint:
-        """The special point at a place."""
+        """Return the special point at a place."""
         return self._by_number[place.member].branches[place.branch].special_points[place.special]
 
     def value(self, place: Place) -> float:
-        """What the family is over at a place."""
+        """Return the value of the quantity that the family is over, at a place."""
         return self._by_number[place.member].value
 
     @cached_property
@@ -429,7 +427,7 @@ class Family(Shown):
         return tuple(point_paths)
 
     def of_kind(self, kind: Kind | str) -> tuple[SpecialPointPath, ...]:
-        """The point_paths of one kind."""
+        """Return the paths of one kind."""
         return tuple(point_path for point_path in self.point_paths if point_path.kind == kind)
 
     def plot(self, **options: Any):
@@ -439,7 +437,7 @@ class Family(Shown):
         return draw(self, **options)
 
     def __getitem__(self, name: str) -> SpecialPointPath:
-        """The point_path of a name."""
+        """Return the path of a name."""
         for point_path in self.point_paths:
             if point_path.name == name:
                 return point_path
@@ -462,7 +460,7 @@ class Family(Shown):
             yield from connections
 
     def _ends(self) -> tuple[dict[Place, Connection], dict[Place, Connection]]:
-        """What becomes of special points in the gap before their member, and in the one after it, if they end there."""
+        """Return the ways that end in the gap before the member of a special point, and in the one after it."""
         before: dict[Place, Connection] = {}
         after: dict[Place, Connection] = {}
         for number, connections in (self.connections or {}).items():

@@ -1,4 +1,4 @@
-"""Join the special points of two neighbouring members of a family, by their exact loci or by nearness.
+"""The work on a family: its members, then their special points joined, by their exact loci or by nearness.
 
 The locus of a special point is followed from one member towards the next, in the plane of the parameter of the branches
 and of the one in which members differ. Points whose loci end on the way, or are not followed, are assigned by nearness.
@@ -6,26 +6,37 @@ and of the one in which members differ. Points whose loci end on the way, or are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, follow_locus
-from gapwalk.bifurcation.loci.locus import Codim2Point, LocusPoint
+from gapwalk.bifurcation.loci.locus import LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import Secant, zero_along
 from gapwalk.bifurcation.loci.locus_start import start_locus
-from gapwalk.continuation.corrector import Correction, Corrector
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.corrector import Correction
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.parameter_path import WAY, on_the_way
 from gapwalk.model.system import System
-from gapwalk.orbit.orbit import Orbit, is_same, stroboscopic
-from gapwalk.studies.family import TURN, Connection, Fate, Member, Passage, Place
-from gapwalk.studies.kinds import Counted
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import is_same, stroboscopic
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.family import TURN, Connection, Family, Fate, Member, Passage, Place
+from gapwalk.studies.study_kind import Finding, Found, Work
+from gapwalk.studies.study_registry import Counted, check_integers
+
+if TYPE_CHECKING:
+    from gapwalk.studies.family_study import FamilyStudy
 
 LIMIT = 0.25
 """Distance beyond which two special points are not taken for the same, as `distance_between` measures it."""
@@ -36,10 +47,10 @@ _FORBIDDEN = 1e6
 def nearest_pairs(
     left: Mapping[Place, SpecialPoint], right: Mapping[Place, SpecialPoint], within: tuple[float, float]
 ) -> list[tuple[Place, Place]]:
-    """The pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
+    """Return the pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
 
     To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
-    what goes on.
+    what continues.
     """
     from scipy.optimize import linear_sum_assignment  # imported late: it takes long
 
@@ -59,16 +70,15 @@ def nearest_pairs(
 
 
 def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, float]) -> float:
-    """How far two special points are apart: in widths of the range, and of their motions; infinite for other kinds."""
+    """How far two special points are apart: in widths of the range, and of their motions; infinite for other kinds.
+
+    The motions may begin at different forcing periods.
+    """
     if (a.kind, a.contact, a.orbit.period) != (b.kind, b.contact, b.orbit.period):
         return np.inf
-    width = within[1] - within[0]
-    return float(np.hypot((a.value - b.value) / width, _apart(stroboscopic(a.orbit), b.orbit)))
-
-
-def _apart(states: NDArray[np.float64], orbit: Orbit) -> float:
-    """Relative distance of two motions, which may begin at different forcing periods."""
-    return float(np.abs(states - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system))
+    orbit, width = b.orbit, within[1] - within[0]
+    apart = np.abs(stroboscopic(a.orbit) - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system)
+    return float(np.hypot((a.value - b.value) / width, apart))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,80 +105,109 @@ class FamilyOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("max_period", "workers"):
-            value = getattr(self, name)
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1, or None")
+        check_integers(self, **{name: 1 for name in ("max_period", "workers") if getattr(self, name) is not None})
         if not self.kinds or not set(self.kinds) <= set(Kind.known()):
             names = ", ".join(kind.value for kind in Kind.known())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
 
-@dataclass(frozen=True)
-class Gap:
-    """Two neighbouring members, and what moves between them.
+MEMBER = Part("member", Member, numbered=True)
+JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
+"""What becomes of special points between two members, by the number of the first."""
 
-    One parameter is followed by its own name; several that move together are one parameter, the way from the one member
-    to the other.
+
+class FamilyWork(Work):
+    """The work on one family: its members, then what becomes of special points between them.
 
     Parameters
     ----------
-    members
-        The two.
-    parameter, within
-        Along what the members are walked, and the range, the smaller value first.
-    ends
-        The values of what moves, at the one member and at the other.
-    options
-        How special points are joined.
+    finding
+        Makes of a family what a study finds.
     """
 
-    members: tuple[Member, Member]
-    parameter: str
-    within: tuple[float, float]
-    ends: tuple[Mapping[str, float], Mapping[str, float]]
-    options: FamilyOptions
+    def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
+        self.asked, self._finding = asked, finding
+        self._family = Family(system, asked.parameter, asked.ends, asked.over)
+        self.members: dict[int, Member] = {}
+        self.connections: dict[int, tuple[Connection, ...]] = {}
+
+    def take(self, known: Parts) -> None:
+        """Take over members and connections; a ValueError if they are not those of this family."""
+        self.members, self.connections = dict(known.all(MEMBER)), dict(known.all(JOINTS))
+        for number, member in self.members.items():
+            if member.number != number or not 0 <= number < self.count:
+                raise ValueError(f"member {number} calls itself {member.number}")
+        if any(not 0 <= number < self.count - 1 for number in self.connections):
+            raise ValueError("there are connections between members that are not there")
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Walk the members that are left; then join special points where that is left."""
+        numbers = [number for number in range(self.count) if number not in self.members]
+        walk = partial(_walk_member, self._family.system, self.asked)
+        for index, member in workers.each(walk, numbers, in_order=False):
+            self.members[numbers[index]] = member
+            yield Found.part(MEMBER, member, numbers[index])
+        gaps = [pair for pair in self.record.gaps if pair[0].number not in self.connections]
+        for index, connections in workers.each(partial(_join, self.asked), gaps, in_order=False):
+            number = gaps[index][0].number
+            self.connections[number] = connections
+            yield Found.part(JOINTS, connections, number)
 
     @property
-    def second(self) -> str:
-        """The parameter that leads from the one member to the other."""
-        return next(iter(self.ends[0])) if len(self.ends[0]) == 1 else WAY
+    def complete(self) -> bool:
+        """True if nothing is left to do."""
+        return self.record.complete
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """Its values at the one member and at the other."""
-        return (0.0, 1.0) if self.second == WAY else (self.ends[0][self.second], self.ends[1][self.second])
+    def done(self) -> int:
+        """Members that are walked, and gaps between two of them that are closed."""
+        return len(self.members) + len(self.connections)
 
     @property
-    def ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The ranges of both parameters, the smaller value first."""
-        low, high = sorted(self.bounds)
-        return self.within, (low, high)
+    def total(self) -> int:
+        """Members, and gaps between them, of which there are fewer where a member has no branch."""
+        gaps = len(self.record.gaps) if len(self.members) == self.count else self.count - 1
+        return self.count + gaps
 
-    def lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
-        """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
-        system = self._lifted(special.orbit.system, side)
-        return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
+    @property
+    def record(self) -> Family:
+        """The family, as far as it has come."""
+        members = tuple(member for _, member in sorted(self.members.items()))
+        return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
-    def share(self, second: float) -> float:
-        """How far a value of the second parameter is on the way from the one member (0) to the other (1)."""
-        begin, end = self.bounds
-        return (second - begin) / (end - begin)
+    def finding(self) -> Finding:
+        """Return the family as what a study has found."""
+        return self._finding(self.record)
 
-    def value(self, second: float) -> float:
-        """What the family is over at a value of the second parameter."""
-        one, other = (member.value for member in self.members)
-        share = self.share(second)
-        return (1.0 - share) * one + share * other
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return len(self._family.over.axis)
 
-    def curve(self, locus: Locus) -> tuple[tuple[float, float], ...]:
-        """The points of a locus: the parameter, and what the family is over."""
-        return tuple((first, self.value(second)) for first, second in locus.values.tolist())
 
-    def _lifted(self, system: System, side: int) -> System:
-        if self.second != WAY:
-            return system
-        return on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
+def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
+    """Walk the branches of one member; what goes wrong costs no other one."""
+    value, parameter, ends = asked.over.axis[number], asked.parameter, (asked.begin, asked.end)
+    how: Any = {"walk": asked.walk, "method": asked.method}
+    try:
+        first = system.at({**asked.over.at(number), parameter: asked.begin})
+        orbit = find_orbit(first, asked.period, asked.start, method=asked.method)
+        if asked.max_period is None:
+            return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
+        limits = DiagramOptions(max_period=asked.max_period, workers=1)
+        grown = diagram(first, parameter, ends, start=orbit, options=limits, **how)
+    except NumericalError as error:
+        return Member(number, value, failures=(f"no branch could be walked: {error}",))
+    return Member(number, value, grown.branches, grown.notes, grown.failures)
+
+
+def _join(asked: FamilyStudy, members: tuple[Member, Member]) -> tuple[Connection, ...]:
+    """Join the special points of two neighbouring members.
+
+    Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
+    the way back.
+    """
+    return _Joiner(asked, members).join()
 
 
 # The gap is one wide, like the range. Loci bend less than branches, and steps shorten where they do; where one leads is
@@ -176,81 +215,7 @@ class Gap:
 _WALK = WalkOptions(initial_step=0.02, largest_step=0.1)
 _EDGE = 1e-9  # share of the gap within which a locus has reached a member
 _SECANT = Secant(longest=0.05, farthest=0.2)
-
-
-@dataclass(frozen=True)
-class Trace:
-    """The locus of a special point between two members.
-
-    Attributes
-    ----------
-    locus
-        The locus from the special point on.
-    arrives
-        The member that it reaches, 0 or 1; None if it ends between them.
-    """
-
-    locus: Locus
-    arrives: int | None
-
-    @property
-    def orbit(self) -> Orbit:
-        """The orbit where it ends."""
-        return self.locus.points[-1].orbit
-
-    @property
-    def first(self) -> float:
-        """The parameter of the members where it ends."""
-        return self.locus.points[-1].values[0]
-
-
-def trace(special: SpecialPoint, side: int, gap: Gap) -> Trace:
-    """Follow a special point of one member into the gap.
-
-    Raises
-    ------
-    NumericalError
-        If it cannot be followed.
-    """
-    lifted = gap.lifted(special, side)
-    locus = _inwards(follow_locus(lifted, gap.parameter, gap.second, gap.ranges, walk=_WALK))
-    share = gap.share(locus.points[-1].values[1])
-    at_edge = locus.ends[1].reason is LocusEndReason.RANGE and len(locus.points) > 1
-    arrives = next((end for end in (0, 1) if at_edge and abs(share - end) <= _EDGE), None)
-    return Trace(locus, arrives)
-
-
-def _inwards(locus: Locus) -> Locus:
-    """The locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
-    begin, end = locus.ends
-    if begin.reason is LocusEndReason.START:
-        return locus
-    points, codim2 = locus.points[::-1], locus.codim2_points[::-1]
-    return replace(locus, points=points, codim2_points=codim2, ends=(end, begin))
-
-
-def farthest(found: Trace, special: SpecialPoint, side: int, gap: Gap) -> tuple[tuple[float, float], str]:
-    """Where a locus that comes back to the member from which it started is farthest from it, and what happens there."""
-    here = gap.bounds[side]
-    points: list[tuple[LocusPoint, str]] = [(point, TURN) for point in found.locus.points]
-    points += [(each.point, each.kind.value) for each in found.locus.codim2_points if _turns(each)]
-    best, event = max(points, key=lambda each: abs(each[0].values[1] - here))
-    if event != TURN:
-        return (best.values[0], gap.value(best.values[1])), event
-    corrector = start_locus(gap.lifted(special, side), gap.parameter, gap.second, gap.ranges)[0].corrector
-    turn = zero_along(corrector, best.x, lambda correction: _slope(corrector, correction, best), _SECANT)
-    first, second = best.values if turn is None else (turn.x[-2:] * corrector.scales[-2:]).tolist()
-    return (first, gap.value(second)), event
-
-
-def _turns(codim2: Codim2Point) -> bool:
-    """Whether a locus may turn back at a point: at a cusp, and at the corners that it has where a contact grazes."""
-    return codim2.kind in (Codim2.CUSP, Codim2.GRAZING, Codim2.DEGENERATE_GRAZING)
-
-
-def _slope(corrector: Corrector, correction: Correction, beside: LocusPoint) -> float:
-    """How fast the second parameter changes along a locus."""
-    return float(corrector.tangent(correction.evaluation, beside.tangent).tangent[-1])
+_CORNERS = (Codim2.CUSP, Codim2.GRAZING, Codim2.DEGENERATE_GRAZING)  # in which a locus may turn back
 
 
 Specials = dict[Place, SpecialPoint]
@@ -259,138 +224,167 @@ _SAME = 1e-5  # distance of two special points, in widths of the range, and of t
 _TRUNCATED = 30.0  # the same in the share of the motion that is neglected: contacts amplify it
 
 
-def join(gap: Gap) -> tuple[Connection, ...]:
-    """What becomes of each special point of two members between them.
-
-    Those of the first member come first; those of the other that do not come from there follow: what becomes of them on
-    the way back.
-    """
-    return _Joiner(gap).join()
-
-
 class _Joiner:
-    """Joins the special points of two members."""
+    """Joins the special points of two neighbouring members.
 
-    def __init__(self, gap: Gap) -> None:
-        self.gap = gap
-        self.specials: tuple[Specials, Specials] = (self._chosen(0), self._chosen(1))
-        self.left: tuple[Specials, Specials] = (dict(self.specials[0]), dict(self.specials[1]))
+    One parameter is followed by its own name; several that move together are one parameter, the way from the one member
+    to the other.
+
+    Parameters
+    ----------
+    asked
+        What is asked of the family.
+    members
+        The two.
+
+    Attributes
+    ----------
+    plane
+        The parameter of the members, the one that leads from the one member to the other, and their ranges.
+    bounds
+        The values of the second at the one member and at the other.
+    """
+
+    def __init__(self, asked: FamilyStudy, members: tuple[Member, Member]) -> None:
+        self.asked, self.members = asked, members
+        self.ends = tuple(asked.over.at(member.number) for member in members)
+        names = asked.over.names
+        second = names[0] if len(names) == 1 else WAY
+        self.bounds = (0.0, 1.0) if second == WAY else (self.ends[0][second], self.ends[1][second])
+        self.plane = (asked.parameter, second, (asked.ends, (min(self.bounds), max(self.bounds))))
+        self.left: tuple[Specials, Specials] = (self._chosen(0), self._chosen(1))
         self.lost: dict[Place, str] = {}
+        self.connections: list[Connection] = []
 
     def join(self) -> tuple[Connection, ...]:
-        connections = []
-        if self.gap.options.exact:
+        """Join them by their loci, then by nearness; what is left stays alone."""
+        if self.asked.exact:
             for side in (0, 1):
                 for place in list(self.left[side]):
                     special = self.left[side].get(place)  # it may be what another one has led to
                     if special is not None and special.kind is not Kind.BRANCH_POINT:
-                        connections += self._traced(place, special, side)
-        connections += self._near()
-        connections += self._alone()
-        return tuple(sorted(connections, key=lambda connection: connection.begin))
+                        self._join_exactly(place, special, side)
+        for one, other in nearest_pairs(*self.left, self.asked.ends):
+            pair = (self.left[0].pop(one), self.left[1].pop(other))
+            curve = tuple((each.value, member.value) for each, member in zip(pair, self.members, strict=True))
+            detail = self.lost.get(one, self.lost.get(other, ""))
+            self._add(pair[0], Fate.NEAR, one, other, curve=curve, detail=detail)
+        for specials in self.left:
+            for place, special in specials.items():
+                fate = Fate.LOST if place in self.lost else Fate.ALONE
+                self._add(special, fate, place, detail=self.lost.get(place, ""))
+        return tuple(sorted(self.connections, key=lambda connection: connection.begin))
 
     def _chosen(self, side: int) -> Specials:
-        low, high = self.gap.within
-        kinds = self.gap.options.kinds
+        low, high = self.asked.ends
+        kinds = self.asked.kinds
         # a fold between two points of a branch may lie just beyond the edge
         return {
             place: special
-            for place, special in self.gap.members[side].special_points
+            for place, special in self.members[side].special_points
             if special.kind in kinds and low <= special.value <= high
         }
 
-    def _traced(self, place: Place, special: SpecialPoint, side: int) -> list[Connection]:
-        """The connection of a special point by its locus; none if that cannot be followed."""
+    def _lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
+        """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
+        system = special.orbit.system
+        if self.plane[1] == WAY:
+            system = on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
+        return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
+
+    def _share(self, second: float) -> float:
+        """How far a value of the second parameter is on the way from the one member (0) to the other (1)."""
+        begin, end = self.bounds
+        return (second - begin) / (end - begin)
+
+    def _value(self, second: float) -> float:
+        """Return the quantity that the family is over, at a value of the second parameter."""
+        one, other = (member.value for member in self.members)
+        share = self._share(second)
+        return (1.0 - share) * one + share * other
+
+    def _add(self, special: SpecialPoint, fate: Fate, begin: Place, end: Place | None = None, **more: Any) -> None:
+        about = (special.kind, special.contact, special.orbit.period)
+        self.connections.append(Connection(*about, fate, begin, end, **more))
+
+    def _join_exactly(self, place: Place, special: SpecialPoint, side: int) -> None:
+        """Add the connection of a special point by its locus; note why, if that cannot be followed."""
+        lifted = self._lifted(special, side)
         try:
-            found = trace(special, side, self.gap)
+            locus = _inwards(follow_locus(lifted, *self.plane, walk=_WALK))
         except NumericalError as error:
             self.lost[place] = str(error)
-            return []
-        if found.locus.ends[1].reason.is_failure:
-            self.lost[place] = str(found.locus.ends[1])
-            return []
+            return
+        end = locus.ends[1]
+        if end.reason.is_failure:
+            self.lost[place] = str(end)
+            return
         del self.left[side][place]
-        partner = None if found.arrives is None else self._at_end(found, found.arrives)
-        if partner is not None and found.arrives is not None:
-            del self.left[found.arrives][partner]
-        if partner is not None and found.arrives != side:
-            begin, end = (place, partner) if side == 0 else (partner, place)
-            return [self._connection(special, Fate.JOINED, begin, end, found, turned=side == 1)]
-        if found.arrives == side:  # even where the other one is on no branch that is known, the two met
-            at, event = farthest(found, special, side, self.gap)
-            return [self._connection(special, Fate.MET, place, partner, found, at, event)]
-        first, second = found.locus.points[-1].values
-        at = (first, self.gap.value(second))
-        if found.arrives is not None:
-            return [self._connection(special, Fate.OUTSIDE, place, None, found, at)]
-        if found.locus.ends[1].reason in (LocusEndReason.RANGE, LocusEndReason.START):
-            return [self._connection(special, Fate.RANGE, place, None, found, at)]
-        codim2 = found.locus.codim2_points
-        return [self._connection(special, Fate.ENDS, place, None, found, at, codim2[-1].kind.value if codim2 else "")]
+        first, second = locus.points[-1].values
+        at_edge = end.reason is LocusEndReason.RANGE and len(locus.points) > 1
+        arrives = next((edge for edge in (0, 1) if at_edge and abs(self._share(second) - edge) <= _EDGE), None)
+        partner = None if arrives is None else self._at_end(locus, arrives)
+        if partner is not None and arrives is not None:
+            del self.left[arrives][partner]
+        ways = tuple((first, self._value(second)) for first, second in locus.values.tolist())
+        passages = tuple(
+            Passage(each.kind.value, each.values[0], self._value(each.values[1]), each.contact)
+            for each in locus.codim2_points
+        )
+        more: dict[str, Any] = {"curve": ways, "passages": passages, "at": (first, self._value(second))}
+        if partner is not None and arrives != side:
+            if side == 0:
+                self._add(special, Fate.JOINED, place, partner, curve=ways, passages=passages)
+            else:
+                self._add(special, Fate.JOINED, partner, place, curve=ways[::-1], passages=passages[::-1])
+        elif arrives == side:  # even where the other one is on no branch that is known, the two met
+            more["at"], event = self._farthest(locus, lifted, side)
+            self._add(special, Fate.MET, place, partner, event=event, **more)
+        elif arrives is not None:
+            self._add(special, Fate.OUTSIDE, place, **more)
+        elif end.reason in (LocusEndReason.RANGE, LocusEndReason.START):
+            self._add(special, Fate.RANGE, place, **more)
+        else:
+            event = locus.codim2_points[-1].kind.value if locus.codim2_points else ""
+            self._add(special, Fate.ENDS, place, event=event, **more)
 
-    def _at_end(self, found: Trace, side: int) -> Place | None:
-        """The special point to which a locus has led."""
-        low, high = self.gap.within
-        alike = [
-            (abs(special.value - found.first) / (high - low), place)
-            for place, special in self.left[side].items()
-            if (special.kind, special.contact) == (found.locus.kind, found.locus.contact)
-            and is_same(special.orbit, found.orbit, _tolerance(special.orbit))
-        ]
-        near = [(distance, place) for distance, place in alike if distance <= _tolerance(self.left[side][place].orbit)]
+    def _at_end(self, locus: Locus, side: int) -> Place | None:
+        """Return the special point to which a locus has led."""
+        (low, high), reached = self.asked.ends, locus.points[-1]
+        near = []
+        for place, special in self.left[side].items():
+            tolerance = max(_SAME, _TRUNCATED * special.orbit.truncation)
+            distance = abs(special.value - reached.values[0]) / (high - low)
+            is_alike = (special.kind, special.contact) == (locus.kind, locus.contact)
+            if is_alike and distance <= tolerance and is_same(special.orbit, reached.orbit, tolerance):
+                near.append((distance, place))
         return min(near)[1] if near else None
 
-    def _connection(
-        self,
-        special: SpecialPoint,
-        fate: Fate,
-        begin: Place,
-        end: Place | None,
-        found: Trace,
-        at: tuple[float, float] | None = None,
-        event: str = "",
-        *,
-        turned: bool = False,
-    ) -> Connection:
-        gap = self.gap
-        order: Callable[[tuple], tuple] = (lambda parts: parts[::-1]) if turned else (lambda parts: parts)
-        passages = tuple(
-            Passage(each.kind.value, each.values[0], gap.value(each.values[1]), each.contact)
-            for each in found.locus.codim2_points
-        )
-        about = (special.kind, special.contact, special.orbit.period, fate, begin, end, at, event)
-        return Connection(*about, order(gap.curve(found.locus)), order(passages))
+    def _farthest(self, locus: Locus, lifted: SpecialPoint, side: int) -> tuple[tuple[float, float], str]:
+        """Where a locus that returns to the member from which it started is farthest from it, and what happens there.
 
-    def _near(self) -> list[Connection]:
-        """Joints of what is left to the nearest of its kind."""
-        connections = []
-        for one, other in nearest_pairs(*self.left, self.gap.within):
-            special = self.left[0].pop(one)
-            across = self.left[1].pop(other)
-            curve = tuple(
-                (each.value, member.value) for each, member in zip((special, across), self.gap.members, strict=True)
-            )
-            detail = self.lost.get(one, self.lost.get(other, ""))
-            about = (special.kind, special.contact, special.orbit.period, Fate.NEAR, one, other)
-            connections.append(Connection(*about, curve=curve, detail=detail))
-        return connections
+        Unless it turns in a corner, it turns where the second parameter does not change along it.
+        """
+        here = self.bounds[side]
+        points: list[tuple[LocusPoint, str]] = [(point, TURN) for point in locus.points]
+        points += [(each.point, each.kind.value) for each in locus.codim2_points if each.kind in _CORNERS]
+        best, event = max(points, key=lambda each: abs(each[0].values[1] - here))
+        first, second = best.values
+        if event == TURN:
+            corrector = start_locus(lifted, *self.plane)[0].corrector
 
-    def _alone(self) -> list[Connection]:
-        """What has not been joined in any way."""
-        return [
-            Connection(
-                special.kind,
-                special.contact,
-                special.orbit.period,
-                Fate.LOST if place in self.lost else Fate.ALONE,
-                place,
-                detail=self.lost.get(place, ""),
-            )
-            for specials in self.left
-            for place, special in specials.items()
-        ]
+            def slope(correction: Correction) -> float:
+                return float(corrector.tangent(correction.evaluation, best.tangent).tangent[-1])
+
+            if (turn := zero_along(corrector, best.x, slope, _SECANT)) is not None:
+                first, second = (turn.x[-2:] * corrector.scales[-2:]).tolist()
+        return (first, self._value(second)), event
 
 
-def _tolerance(orbit: Orbit) -> float:
-    """Distance within which an orbit at a special point is the one that was followed to there, exactly."""
-    return max(_SAME, _TRUNCATED * orbit.truncation)
+def _inwards(locus: Locus) -> Locus:
+    """Return the locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
+    begin, end = locus.ends
+    if begin.reason is LocusEndReason.START:
+        return locus
+    points, codim2 = locus.points[::-1], locus.codim2_points[::-1]
+    return replace(locus, points=points, codim2_points=codim2, ends=(end, begin))

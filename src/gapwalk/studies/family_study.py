@@ -10,28 +10,28 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import directions
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.schema import Number, Text, one_of
+from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
 from gapwalk.studies.changes import leaves_of
-from gapwalk.studies.columns import measure_names, measure_values, method_names, method_values, parameter_headings
-from gapwalk.studies.document import branch_document, special_document
+from gapwalk.studies.columns import parameter_headings, point_row, table_rows
+from gapwalk.studies.document import branch_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
-from gapwalk.studies.family_joining import FamilyOptions
-from gapwalk.studies.family_work import FamilyWork, Walk
-from gapwalk.studies.kind import Finding, Rows, values_of
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
+from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Rows, values_of
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import Table
 
@@ -60,11 +60,6 @@ class FamilyFinding(Finding):
         return self.family if self.family.members else None
 
     @property
-    def complete(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.family.complete
-
-    @property
     def stored(self) -> str:
         """How many members have been done, and between how many of them special points are joined."""
         found, connections = self.family, self.family.connections or {}
@@ -72,18 +67,8 @@ class FamilyFinding(Finding):
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is any branch."""
+        """True if there is any branch."""
         return bool(self.family.branches)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What else there is to say."""
-        return self.family.notes
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """What could not be walked or followed."""
-        return self.family.failures
 
     def summary(self) -> Iterator[str | Table]:
         """Return the members, then the special points, each followed through the family."""
@@ -151,32 +136,24 @@ class FamilyFinding(Finding):
             document["ways"] = [[list(pair) for pair in connection.curve] for connection in point_path.connections]
         return document
 
-    def _special_rows(self) -> Iterator[list[object]]:
-        found, names = self.family, self.family.system.coordinates
-        first, second = self._headings
-        header = ["point_path", "kind", "contact", "period", second, "branch", first, "uncertainty"]
-        header += ["unstable.before", "unstable.after", "nature", "contacts", "joined"]
-        yield [*header, *measure_names(names), *method_names(self.options)]
-        for point_path in found.point_paths:
-            joined = ["", *(connection.fate.value for connection in point_path.connections)]
-            for place, fate in zip(point_path.places, joined, strict=True):
-                special = found.special(place)
-                yield [
-                    *(
-                        point_path.name,
-                        point_path.kind.value,
-                        point_path.contact,
-                        point_path.period,
-                        found.value(place),
-                    ),
-                    *(_branch_name(found, place), special.value, special.uncertainty),
-                    *(special.before.total, special.after.total, special.nature, special.orbit.pattern, fate),
-                    *measure_values(special.point),
-                    *method_values(special.orbit),
-                ]
+    def _special_rows(self) -> Rows:
+        found = self.family
+        rows = (
+            {
+                **{"point_path": point_path.name, "kind": point_path.kind, "contact": point_path.contact},
+                **{"period": point_path.period, "second": found.value(place), "branch": _branch_name(found, place)},
+                **point_row(found.special(place)),
+                "joined": fate,
+            }
+            for point_path in found.point_paths
+            for place, fate in zip(
+                point_path.places, ["", *(each.fate.value for each in point_path.connections)], strict=True
+            )
+        )
+        return table_rows(rows, found.parameter, found.over.name, system=found.system)
 
     def _connection_rows(self) -> Iterator[list[object]]:
-        """What becomes of special points between members, but for those that just go on: births, meetings, ends."""
+        """Yield the ways of special points between members that do not just continue: births, meetings, ends."""
         found = self.family
         yield ["point_path", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
         point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
@@ -201,22 +178,19 @@ class FamilyFinding(Finding):
                     about = (point_path.name, point_path.kind.value, passage.contact, "between", "passes", passage.kind)
                     yield [*about, passage.first, passage.value, "", ""]
 
-    def _point_rows(self) -> Iterator[list[object]]:
+    def _point_rows(self) -> Rows:
         found, names = self.family, self.family.system.coordinates
         states = [*(f"{q}(0)" for q in names), *(f"{q}'(0)" for q in names)]
-        first, second = self._headings
-        header = [second, "branch", "period", first, "stable", "instability", "contacts"]
-        yield [*header, *measure_names(names), *states, *method_names(self.options)]
-        for member in found.members:
-            for name, branch in member.named:
-                for point in branch.points:
-                    yield [
-                        *(member.value, name, branch.period, point.value),
-                        *(point.stable, point.instability.label, point.orbit.pattern),
-                        *measure_values(point),
-                        *point.orbit.state.tolist(),
-                        *method_values(point.orbit),
-                    ]
+        rows = (
+            {
+                **{"second": member.value, "branch": name, "period": branch.period, **point_row(point)},
+                "state": dict(zip(states, point.orbit.state.tolist(), strict=True)),
+            }
+            for member in found.members
+            for name, branch in member.named
+            for point in branch.points
+        )
+        return table_rows(rows, found.parameter, found.over.name, system=found.system)
 
     @property
     def _headings(self) -> list[str]:
@@ -232,8 +206,8 @@ def _member_document(member: Member, points: bool) -> dict[str, Any]:
 
 
 def _special_document(found: Family, place: Place) -> dict[str, Any]:
-    member = next(member for member in found.members if member.number == place.member)
-    return special_document(found.special(place), member.branches[place.branch], place.branch + 1)
+    special = found.special(place)
+    return plain({"branch": place.branch + 1, "period": special.orbit.period, **point_row(special)})
 
 
 def _branch_name(found: Family, place: Place) -> str:
@@ -291,17 +265,13 @@ class FamilyStudy(FamilyOptions, BranchOptions):
         How far they go, and how their special points are joined; as `FamilyOptions`.
     over
         What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
-        and ``values`` stand beside it.
+        and ``values`` are keys next to it.
     """
 
     kind: ClassVar[str] = "family"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
-        "kinds": Annotated[
-            list[Annotated[Kind, PlainValidator(one_of(Kind.known))]],
-            Field(min_length=1),
-            AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
-        ],
+        "kinds": kinds_key(Kind.known),
         "called": (Text, ""),
         "values": (list[Number], Field(default_factory=list)),
         "over": (
@@ -314,12 +284,12 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, whose `over` has what stands beside it."""
+        """Make the study of a table, whose `over` contains the keys next to it."""
         return super().of_table({key: values[key] for key in values.keys() - {"called", "values"}}, system)
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         axis = self.over.axis
         far = "" if self.max_period is None else f", to period {self.max_period}"
         return (
@@ -333,9 +303,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     def work(self, system: System) -> FamilyWork:
         """The work on the family."""
-        how = Walk(self.begin, self.end, self.start, self.period, self.walk, self.method)
-        blank = Family(system, self.parameter, self.ends, self.over)
-        return FamilyWork(blank, how, self.limits, lambda found: FamilyFinding(self, found))
+        return FamilyWork(system, self, lambda found: FamilyFinding(self, found))
 
 
 @shows_progress(lambda count, part, pace: str(pace))
@@ -350,7 +318,7 @@ def family(
     options: FamilyOptions | None = None,
     walk: WalkOptions | None = None,
     method: Method | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Family:
@@ -372,9 +340,9 @@ def family(
         Where the branches start, as in `find_orbit`.
     options, walk, method
         How far the members go, and how their special points are joined; options of the walk and of the method.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each part when it is done, and is in the file.
     output
@@ -415,4 +383,4 @@ def family(
         **values_of(options),
         over=over,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

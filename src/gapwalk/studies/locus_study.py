@@ -8,26 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo
 
-from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.map import Map, Which
-from gapwalk.studies.map_charting import Charter, locus_charter
-from gapwalk.studies.map_study import MapStudyOptions
-from gapwalk.studies.option_tables import check_inside
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
-from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_value
+from gapwalk.studies.map import Which
+from gapwalk.studies.map_study import MapStudyOptions, MapWork
+from gapwalk.studies.options import RangeStudy, SecondParameter, is_allowed, is_another
+from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_inside, check_value
 
 if TYPE_CHECKING:
     from typing import Self
 
 
 def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    """The value at which the branch is walked: that of the model, if it has one in the range, or one given."""
+    """Return the value at which the branch is walked: that of the model, if it has one in the range, or one given."""
     name, around = info.data.get("parameter"), info.context
     ends = [info.data[end] for end in ("begin", "end") if end in info.data]
     if at is not None:
@@ -46,10 +44,6 @@ def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -
             "where in the range the branch is walked on which the special points lie"
         )
     return own
-
-
-def _is_near(near: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    return None if near is None else check_value(near, info.data.get("parameter"), info.context)
 
 
 def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
@@ -113,7 +107,7 @@ class LocusStudyOptions(MapStudyOptions):
         "contact": Annotated[Text, AfterValidator(_is_a_contact)],
     }
 
-    near: Annotated[float | None, WITH_UNIT, AfterValidator(_is_near)] = field(default=None, kw_only=True)
+    near: Annotated[float | None, WITH_UNIT, AfterValidator(is_allowed)] = field(default=None, kw_only=True)
     contact: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -123,7 +117,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
+        """Return the study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
         found = {name: value for name, value in values.items() if name != "of"}
         second = values["second"]
         plain = SecondParameter(second.parameter, second.begin, second.end)
@@ -131,15 +125,15 @@ class LocusStudyOptions(MapStudyOptions):
         return super().of_table({**found, "kinds": (values["of"],), "second": plain, "sections": (at,)}, system)
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of the parameter, and where the branch is walked."""
+        """Return the system at the first value of the parameter, and where the branch is walked."""
         assert isinstance(self.sections, tuple)
         first, (at,) = RangeStudy.first_system(self, system), self.sections
         return first if first[self.second.parameter] == at else first.at({self.second.parameter: at})
 
-    def charter(self, system: System, known: Map) -> Charter:
-        """What follows the loci, of which something may be known."""
-        plane = (system, self.parameter, self.second.parameter, self.within)
-        return locus_charter(*plane, self.which, self.start, self.period, self.walk, self.method, known)
+    def work(self, system: System) -> MapWork:
+        """Return the work on the loci."""
+        plane = (self.parameter, self.second.parameter, self.within)
+        return MapWork(system, *plane, self, self.start, self.period, self.walk, self.method, self.which)
 
     @property
     def which(self) -> Which:
@@ -148,7 +142,7 @@ class LocusStudyOptions(MapStudyOptions):
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         assert isinstance(self.sections, tuple)
         return (
             f"{self.kind} of {self.which.words} over {self.range_words} and {self.second.words}, picked up at "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -10,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.studies.columns import measure_names, measure_values, method_document, method_values, parameter_headings
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.summary import Table, remarks
-
-_MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """What a map shows, and where its loci are picked up.
+    """Options of a map: its loci, and the sections on which they begin.
 
     Parameters
     ----------
@@ -54,15 +53,16 @@ class MapOptions:
     search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
-        _check_sections(self.sections)
-        if not _is_count(self.max_period):
-            raise ModelError(f"max_period is {self.max_period!r}; it must be an integer from 1 to {_MOST:,}")
+        check_values("sections", self.sections, 1, "the second parameter")
+        if isinstance(self.sections, tuple) and len(set(self.sections)) < len(self.sections):
+            raise ModelError(f"sections is {self.sections!r}; each value must stand there once")
+        check_integers(self, MAX_VALUES, max_period=1)
         if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
             names = ", ".join(kind.value for kind in Kind.with_locus())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
 
     def values(self, low: float, high: float) -> tuple[float, ...]:
-        """The values of the sections between two bounds.
+        """Return the values of the sections between two bounds.
 
         Raises
         ------
@@ -78,28 +78,12 @@ class MapOptions:
         return tuple(float(value) for value in self.sections)
 
 
-def _check_sections(sections: object) -> None:
-    if isinstance(sections, tuple):
-        if not sections or not all(math.isfinite(value) for value in sections):
-            raise ModelError(f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or numbers")
-        if len(set(sections)) < len(sections):
-            raise ModelError(f"sections is {sections!r}; each value must stand there once")
-    elif not _is_count(sections):
-        raise ModelError(
-            f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or values of the second parameter"
-        )
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST
-
-
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of both parameters."""
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class MapSection:
     """The branches along the first parameter at one value of the second.
 
     Attributes
@@ -143,14 +127,14 @@ class Map(Shown):
     failures
         What could not be followed, in sentences.
     tried
-        How many of the special points of the sections have been dealt with: a map that is resumed goes on there.
+        How many of the special points of the sections have been dealt with: a map that is resumed continues there.
     """
 
     first: str
     second: str
     within: Ranges
     loci: tuple[Locus, ...] = ()
-    sections: tuple[Section, ...] = ()
+    sections: tuple[MapSection, ...] = ()
     complete: bool = False
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
@@ -172,7 +156,7 @@ class Map(Shown):
         return tuple(names)
 
     def of_kind(self, kind: Kind | str) -> tuple[Locus, ...]:
-        """The loci of one kind."""
+        """Return the loci of one kind."""
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
     def summary(self, measure: str | None = None) -> Iterator[str | Table]:
@@ -257,7 +241,7 @@ class Map(Shown):
 
 
 def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
-    """What the document of a map has besides its branches: the plane, and the loci with their points (if wanted)."""
+    """Return what a map has besides its branches: the plane, and the loci with their points (if wanted)."""
     return {
         "plane": [
             {"parameter": name, "from": low, "to": high}
@@ -271,7 +255,7 @@ def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
 
 
 def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, Any]:
-    """One locus; both parameters are always given as a pair."""
+    """Return one locus; both parameters are always given as a pair."""
     document: dict[str, Any] = {
         "name": name,
         "kind": locus.kind.value,
@@ -288,7 +272,7 @@ def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, An
 
 
 def _point(point: LocusPoint) -> dict[str, Any]:
-    """`angle` is the argument of the critical multiplier; on a grazing locus it tells when the contact touches."""
+    """`angle` is the argument of the critical multiplier; on a grazing locus the phase at which the contact touches."""
     about = {"parameters": list(point.values), "angle": point.angle, "contacts": point.orbit.pattern}
     return {**about, **method_document(point.orbit)}
 
@@ -306,7 +290,7 @@ Row = Sequence[object]
 
 
 def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
-    """The points of all loci, a row each, after the row of headings.
+    """Yield the points of all loci, a row each, after the row of headings.
 
     The columns are: name and kind of the locus, period, the contact that grazes, both parameters, angle (the argument
     of the critical multiplier in radians; of a grazing locus that at which the contact touches), contacts; maximum,
@@ -329,7 +313,7 @@ def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) ->
 
 
 def codim2_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
-    """The points of codimension two and the ends of all loci, a row each, after the row of headings.
+    """Yield the points of codimension two and the ends of all loci, a row each, after the row of headings.
 
     `point` says what happens: the kind, or ``begins`` and ``ends``, for which `reason` says why. In the end there is
     what the method has to say, under the headings `method`.
@@ -402,10 +386,10 @@ class Which:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """The choice in words."""
         contact = f" of {self.contact}" if self.contact else ""
         return f"{self.kind.value}{contact}{'' if self.near is None else f' nearest to {self.near:.8g}'}"
 
     def _touches(self, contact: str) -> bool:
-        """Whether a contact with its stage and side, as a special point names them, is meant."""
+        """Return True if a contact with its stage and side, as a special point names them, is meant."""
         return not self.contact or contact == self.contact or contact.startswith(f"{self.contact} ")

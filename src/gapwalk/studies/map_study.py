@@ -1,35 +1,55 @@
-"""The study of a map: all loci that bound regimes in the plane of two parameters."""
+"""The study of a map: all loci that bound regimes in the plane of two parameters.
+
+Branches are followed at some values of the second parameter, then the loci of their special points.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo
+import numpy as np
+from pydantic import AfterValidator, ValidationInfo
 
-from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.loci import Locus, follow_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.problems import given
-from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
+from gapwalk.notebook import shows_progress
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import phases
+from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.diagram_study import SEARCH_KEYS, search_words, with_search
-from gapwalk.studies.kind import Content, Found, Work
-from gapwalk.studies.map import Map, MapOptions, Section
-from gapwalk.studies.map_charting import Charter, map_charter
-from gapwalk.studies.option_tables import CountOrValues, ShootingPart, check_inside
-from gapwalk.studies.options import BranchOptions, Second
-from gapwalk.studies.tables import Surroundings
+from gapwalk.studies.derive import key_type
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
+from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
+from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
+from gapwalk.studies.runner import call
+from gapwalk.studies.study_kind import Found, Work
+from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
 
 if TYPE_CHECKING:
     from typing import Self
 
+_BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
+_ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus
 
-def _has_one_segment(shooting: ShootingPart) -> ShootingPart:
-    if shooting.options().segments > 1:
+Report = Callable[[Map, MapSection | Locus], None]
+"""Called with the map, and the section or the locus that was added to it last."""
+
+
+def _has_one_segment(shooting: Shooting) -> Shooting:
+    if shooting.segments > 1:
         raise ModelError(f"segments is {shooting.segments}; a locus is followed with one, so leave this out")
     return shooting
 
@@ -38,10 +58,10 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
     if isinstance(sections, int):
         return sections
     if len(set(sections)) < len(sections):
-        raise ValueError(f"is {given(sections)}; each value must stand there once")
+        raise ValueError(f"is {given(list(sections))}; each value must stand there once")
     if second := info.data.get("second"):
         check_inside(sections, "sections", second.ends)
-    return tuple(sections)
+    return sections
 
 
 @dataclass(frozen=True)
@@ -64,13 +84,9 @@ class MapStudyOptions(MapOptions, BranchOptions):
     reports: ClassVar[str] = "sections and loci"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
-        "shooting": (Annotated[ShootingPart, AfterValidator(_has_one_segment)], Field(default_factory=ShootingPart)),
-        "sections": Annotated[CountOrValues, AfterValidator(_lie_in_the_range)],
-        "kinds": Annotated[
-            list[Annotated[Kind, PlainValidator(one_of(Kind.with_locus))]],
-            Field(min_length=1),
-            AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
-        ],
+        "shooting": (Annotated[key_type(Shooting), AfterValidator(_has_one_segment)], Shooting()),
+        "sections": Annotated[key_type(CountOrValues), AfterValidator(_lie_in_the_range)],
+        "kinds": kinds_key(Kind.with_locus),
         **SEARCH_KEYS,
     }
 
@@ -78,12 +94,12 @@ class MapStudyOptions(MapOptions, BranchOptions):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table, with its search."""
+        """Return the study of a table, with its search."""
         return super().of_table(with_search(values), system)
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return (
             f"{self.kind} over {self.range_words} and {self.second.words}, period {self.period}, to period "
             f"{self.max_period}{search_words(self.search_values)}"
@@ -95,20 +111,16 @@ class MapStudyOptions(MapOptions, BranchOptions):
         return self.ends, self.second.ends
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of both parameters."""
+        """Return the system at the first value of both parameters."""
         return super().first_system(system).at({self.second.parameter: self.second.begin})
 
     def work(self, system: System) -> MapWork:
-        """The work on the map."""
-        return MapWork(system, self)
-
-    def charter(self, system: System, known: Map) -> Charter:
-        """What draws up the map, of which something may be known."""
-        plane = (system, self.parameter, self.second.parameter, self.within)
-        return map_charter(*plane, self.limits, self.start, self.period, self.walk, self.method, known)
+        """Return the work on the map."""
+        how = (self.start, self.period, self.walk, self.method)
+        return MapWork(system, self.parameter, self.second.parameter, self.within, self, *how)
 
 
-SECTION = Part("section", Section, numbered=True)
+SECTION = Part("section", MapSection, numbered=True)
 LOCUS = Part("locus", Locus, numbered=True)
 STATE = Part("map", tuple[Map, int, int])
 """What is known of the map as a whole, without its sections and loci; and how many of each there are."""
@@ -117,89 +129,276 @@ STATE = Part("map", tuple[Map, int, int])
 class MapWork(Work):
     """The sections and the loci of a map, each kept when it is accepted, whole.
 
-    What is reported is the map so far, and the section or the locus that was added to it last.
+    What is known is at each moment the first part of the whole, in its order. What is reported is the map so far, and
+    the section or the locus that was added to it last.
 
     Parameters
     ----------
-    system
-        The system at the beginning of the ranges.
-    asked
-        What is asked for.
+    system, first, second, to, options, start, period, walk, method
+        As in `bifurcation_map`.
+    which
+        Follow only these special points, of one branch on each section; by default all of whole diagrams.
     """
 
-    def __init__(self, system: System, asked: MapStudyOptions) -> None:
-        self.system, self.asked = system, asked
-        self.chart = Map(asked.parameter, asked.second.parameter, asked.within)
+    def __init__(
+        self,
+        system: System,
+        first: str,
+        second: str,
+        to: Ranges,
+        options: MapOptions,
+        start: str | Sequence[float] = "settle",
+        period: int = 1,
+        walk: WalkOptions | None = None,
+        method: Method | None = None,
+        which: Which | None = None,
+    ) -> None:
+        if first == second:
+            raise ModelError(f"a map needs two different parameters, but both are {first!r}")
+        ranges = (check_range(system, first, sorted(to[0])), check_range(system, second, sorted(to[1])))
+        self.chart = Map(first, second, ranges)
+        self.system, self.options, self.which = system, options, which
+        self.start, self.period, self.walk, self.method = start, period, walk, method
 
     def take(self, known: Parts) -> None:
-        """Take over the map of a file; a ValueError if it is of another study."""
-        before, self.chart = self.chart, stored_map(known)
-        if any(getattr(self.chart, name) != getattr(before, name) for name in ("first", "second", "within")):
+        """Take over the map of a file; a ValueError if it is of another study, or makes no sense."""
+        before = self.chart
+        sections, loci = (tuple(value for _, value in known.all(part)) for part in (SECTION, LOCUS))
+        chart, *counts = known.one(STATE)
+        if counts != [len(sections), len(loci)]:
+            raise ValueError("a section or a locus is missing")
+        self.chart = replace(chart, sections=sections, loci=loci)
+        if any(getattr(chart, name) != getattr(before, name) for name in ("first", "second", "within")):
             raise ValueError("the map does not belong to the study")
 
-    def parts(self, hands: Workers) -> Generator[Found]:
-        """Find what is not known yet."""
-        charter = self.asked.charter(self.system, self.chart)
-        try:
-            for addition in charter.additions(hands):
-                self.chart = chart = charter.chart
-                is_section = isinstance(addition, Section)
-                added = SECTION.entry(addition, len(chart.sections) - 1) if is_section else None
-                yield Found((added or LOCUS.entry(addition, len(chart.loci) - 1), _state(chart)), ((chart, addition),))
-        finally:
-            self.chart = charter.chart
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Find what is not known yet: the sections, then the loci."""
+        for section in self._sections(workers):
+            entry = SECTION.entry(section, len(self.chart.sections) - 1)
+            yield Found((entry, _state(self.chart)), ((self.chart, section),))
+        for locus in self._loci(workers):
+            entry = LOCUS.entry(locus, len(self.chart.loci) - 1)
+            yield Found((entry, _state(self.chart)), ((self.chart, locus),))
         if not self.chart.branches:
             raise NumericalError("; ".join(self.chart.failures) or "no branch was found")
         self.chart = replace(self.chart, complete=True)
 
     def last(self, *, finished: bool) -> Iterator[Entry]:
-        """The whole map, if there is anything."""
+        """Yield the whole map, if there is anything."""
         if self.chart.sections:
             yield from whole_map(self.chart)
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """The sections, then the loci, each with the map as it was when it was added."""
+        """Yield the sections, then the loci, each with the map as it was when it was added."""
         known = self.chart
+        plane = (known.first, known.second, known.within)
         for count, section in enumerate(known.sections, start=1):
-            yield Map(known.first, known.second, known.within, (), known.sections[:count]), section
+            yield Map(*plane, (), known.sections[:count]), section
         for count, locus in enumerate(known.loci, start=1):
-            yield Map(known.first, known.second, known.within, known.loci[:count], known.sections), locus
+            yield Map(*plane, known.loci[:count], known.sections), locus
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.chart.complete
-
-    @property
-    def done(self) -> int:
-        """Sections and loci."""
-        return len(self.chart.sections) + len(self.chart.loci)
 
     @property
     def record(self) -> Map:
         """The map, as far as it has come."""
         return self.chart
 
-    def content(self) -> Content:
-        """The map, and the branches of its sections."""
-        return Content(self.chart.complete, self.chart.branches, map=self.chart)
+    @property
+    def done(self) -> int:
+        """Sections and loci."""
+        return len(self.chart.sections) + len(self.chart.loci)
+
+    def _sections(self, workers: Workers) -> Iterator[MapSection]:
+        """Follow the branches along the first parameter at each value of the second."""
+        chart = self.chart
+        values = self.options.values(*chart.within[1])[len(chart.sections) :]
+        tree = DiagramOptions(
+            max_period=self.options.max_period,
+            workers=1,
+            search_values=self.options.search_values,
+            search=self.options.search,
+        )
+        how = (chart.within[0], self.start, self.period, self.walk, self.method)
+        follow_one = partial(_follow_section, chart.first, chart.second, *how, None if self.which else tree)
+        for index, (branches, notes, failures) in workers.each(
+            follow_one, [self.system.at({chart.second: value}) for value in values]
+        ):
+            section = MapSection(values[index], branches)
+            self.chart = replace(
+                self.chart,
+                sections=(*self.chart.sections, section),
+                notes=(*self.chart.notes, *notes),
+                failures=(*self.chart.failures, *failures),
+            )
+            yield section
+
+    def _loci(self, workers: Workers) -> Iterator[Locus]:
+        """Follow the loci that begin at the special points of the sections, or at some of them."""
+        which, (low, high) = self.which, self.chart.within[0]
+        specials = [
+            (section.value, special)
+            for section in self.chart.sections
+            for branch in section.branches
+            for special in (branch.special_points if which is None else which.of(branch.special_points))
+            # a fold between two points of a branch may lie just beyond the edge
+            if special.kind in self.options.kinds and low <= special.value <= high
+        ]
+        if which is not None and not specials:
+            there = [
+                f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
+                for branch in self.chart.branches
+                for special in branch.special_points
+            ]
+            none = f"the branch has no {which.words}; it has {', '.join(there) or 'no special points'}"
+            self.chart = replace(self.chart, failures=(*self.chart.failures, none))
+        done, left = self.chart.tried, specials[self.chart.tried :]
+
+        def is_new(index: int) -> bool:
+            value, special = left[index]
+            return not any(_lies_on_locus(locus, special, value, self.chart) for locus in self.chart.loci)
+
+        plane = (self.chart.first, self.chart.second, self.chart.within)
+        follow_one = partial(_follow_special, *plane, self.walk, self.method)
+        for index, locus in workers.each(follow_one, [special for _, special in left], is_new):
+            tried = done + index + 1
+            if isinstance(locus, str):
+                self.chart = replace(self.chart, failures=(*self.chart.failures, locus), tried=tried)
+            else:
+                self.chart = replace(self.chart, loci=(*self.chart.loci, locus), tried=tried)
+                yield locus
+        self.chart = replace(self.chart, tried=len(specials))
 
 
 def whole_map(chart: Map) -> Iterator[Entry]:
-    """What a file keeps of a map that is there as a whole."""
+    """Yield the parts of a file that keep a whole map."""
     yield from (SECTION.entry(section, number) for number, section in enumerate(chart.sections))
     yield from (LOCUS.entry(locus, number) for number, locus in enumerate(chart.loci))
     yield _state(chart)
 
 
-def stored_map(parts: Parts) -> Map:
-    """The map of a file; a ValueError if it makes no sense."""
-    sections, loci = ([value for _, value in parts.all(part)] for part in (SECTION, LOCUS))
-    chart, *counts = parts.one(STATE)
-    if counts != [len(sections), len(loci)]:
-        raise ValueError("a section or a locus is missing")
-    return replace(chart, sections=tuple(sections), loci=tuple(loci))
-
-
 def _state(chart: Map) -> Entry:
     return STATE.entry((replace(chart, sections=(), loci=()), len(chart.sections), len(chart.loci)))
+
+
+def _follow_section(
+    first: str,
+    second: str,
+    within: tuple[float, float],
+    start: str | Sequence[float],
+    period: int,
+    walk: WalkOptions | None,
+    method: Method | None,
+    tree: DiagramOptions | None,
+    system: System,
+) -> tuple[tuple[Branch, ...], list[str], list[str]]:
+    """Follow the branch through the first orbit of a section, and with options of a diagram those that leave it.
+
+    Returns
+    -------
+    branches, notes, failures
+        What the section holds; what else there is to say; why it holds nothing.
+    """
+    (low, high), value = within, system[first]
+    where = f"at {second} = {system[second]:.10g}"
+    try:
+        orbit = find_orbit(system.at({first: value if low <= value <= high else high}), period, start, method=method)
+        if tree is None:
+            return (follow(orbit, first, within, walk=walk, method=method),), [], []
+        grown = diagram(orbit.system, first, within, start=orbit, options=tree, walk=walk, method=method)
+    except NumericalError as error:
+        return (), [], [f"{where} no branch could be followed: {error}"]
+    return grown.branches, [f"{where}: {text}" for text in grown.notes], [f"{where}: {text}" for text in grown.failures]
+
+
+def _follow_special(
+    first: str, second: str, within: Ranges, walk: WalkOptions | None, method: Method | None, special: SpecialPoint
+) -> Locus | str:
+    """Follow the locus of a special point; return a sentence that says why if it cannot be followed."""
+    try:
+        return follow_locus(special, first, second, within, walk=walk, method=method)
+    except NumericalError as error:
+        where = f"{first} = {special.value:.10g}, {second} = {special.orbit.system[second]:.10g}"
+        return f"the locus of the {special.kind.value} at {where} could not be followed: {error}"
+
+
+def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map) -> bool:
+    """Return True if a special point is on a locus: between two of its points, with an orbit like theirs."""
+    if locus.kind is not special.kind or locus.period != special.orbit.period or locus.contact != special.contact:
+        return False
+    places = locus.values
+    width = chart.within[0][1] - chart.within[0][0]
+    a, b = places[:-1], places[1:]
+    crosses = np.flatnonzero((a[:, 1] - value) * (b[:, 1] - value) <= 0.0)
+    for k in crosses:
+        rise = b[k, 1] - a[k, 1]
+        share = 0.5 if rise == 0.0 else (value - a[k, 1]) / rise
+        if abs(a[k, 0] + share * (b[k, 0] - a[k, 0]) - special.value) <= _BESIDE * width:
+            # two orbits of neighbouring systems may be the same motion, one begun later
+            nearest, orbit = locus.points[k if share < 0.5 else k + 1].orbit, special.orbit
+            distance = float(np.abs(phases(nearest) - orbit.state).max(axis=1).min())
+            if distance <= _ALIKE * magnitude(orbit.state, orbit.system):
+                return True
+    return False
+
+
+@shows_progress(lambda count, chart, added: f"{len(chart.sections)} sections, {len(chart.loci)} loci")
+def bifurcation_map(
+    system: System,
+    first: str,
+    second: str,
+    to: Ranges,
+    *,
+    start: str | Sequence[float] = "settle",
+    period: int = 1,
+    options: MapOptions | None = None,
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    workers: Workers | int | None = None,
+    report: Report | None = None,
+    resume: Map | None = None,
+) -> Map:
+    """Return all loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
+
+    Branches are followed along the first parameter at several values of the second; each of their special points that
+    is on no locus yet begins one.
+
+    Parameters
+    ----------
+    system
+        The system.
+    first, second
+        Names of the parameters; the first is the one along which branches are followed.
+    to
+        The range of each.
+    start, period
+        Where the branches start, as in `find_orbit`, at the system's own value of the first parameter if that is in
+        its range, and at the upper end otherwise.
+    options, walk, method
+        What the map shows; options of the walks and of the method.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
+    report
+        Called with each section and each locus as it is accepted.
+    resume
+        A map of the same request that was stopped: what it has is kept, and the rest is added.
+
+    Raises
+    ------
+    ModelError
+        For unknown or equal parameters, or empty ranges.
+    NumericalError
+        If no branch can be followed on any section.
+    WorkError
+        If a worker process dies.
+    Interrupted
+        After Ctrl-C; its `found` is the map as far as it has come, which `resume` continues.
+    """
+    options = options or MapOptions()
+    work = MapWork(system, first, second, to, options, start, period, walk, method)
+    work.chart = resume or work.chart
+    return call(options, work, system, workers=workers, report=report).record

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from annotated_types import Gt
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.signal import Signal, signal_of
+from gapwalk.flow.signal import signal_of
 from gapwalk.measurement.alignment import Alignment, align
 from gapwalk.measurement.fit import Estimate, Fit, fit
 from gapwalk.measurement.measured_record import Record
@@ -19,13 +20,16 @@ from gapwalk.measurement.read_record import FIELDS, read_measurement
 from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import Source, read_source
 from gapwalk.model.problems import ModelFileError, Problem, did_you_mean, given
-from gapwalk.model.schema import Count, Number, Part, Positive, Text, validate
+from gapwalk.model.schema import validate
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
-from gapwalk.studies.kind import Rows, plain_numbers
+from gapwalk.studies.changes import leaves_of
+from gapwalk.studies.derive import given_of, table_schema
+from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
-from gapwalk.summary import Table, remarks
+from gapwalk.summary import Described, Table, remarks
 
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
@@ -41,65 +45,82 @@ def _not_zero(factor: float) -> float:
     return factor
 
 
-class MeasurementPart(Part):
-    """What a record measures: ``[measurement]``."""
+def _is_a_signal(signal: object, info: ValidationInfo[Surroundings]) -> object:
+    if not isinstance(signal, str | Mapping):
+        raise ValueError(f"is {given(signal)}; it must be a text, or a table such as {{ \"q1''\" = 1.0 }}")
+    if info.context.system:
+        try:
+            signal_of(info.context.system, signal)
+        except ModelError as error:
+            raise ValueError(f"is {given(signal)}, but {error}") from None
+    return signal
 
-    signal: Any = Field(description="write what the record measures, as in signal = \"q1''\"")
-    columns: dict[Text, Text] = Field(default={})
-    time_scale: Positive = 1.0
-    scale: Annotated[Number, AfterValidator(_not_zero)] = 1.0
-    speed_scale: Positive = 1.0
-    order: Positive = 1.0
-    period: Count = 1
-    start: StartOrState = Start.SETTLE
-    fit: list[Text] = Field(default=[])
-    bounds: Any = Field(default={})
 
-    @field_validator("signal")
-    @classmethod
-    def _is_a_signal(cls, signal: object, info: ValidationInfo[Surroundings]) -> object:
-        if not isinstance(signal, str | Mapping):
-            raise ValueError(f"is {given(signal)}; it must be a text, or a table such as {{ \"q1''\" = 1.0 }}")
-        if info.context.system:
-            try:
-                signal_of(info.context.system, signal)
-            except ModelError as error:
-                raise ValueError(f"is {given(signal)}, but {error}") from None
-        return signal
+def _are_those_of_a_record(columns: Mapping[str, str]) -> Mapping[str, str]:
+    for name in columns:
+        if name not in FIELDS:
+            raise ValueError(f"names {given(name)}, which no record has; {did_you_mean(name, FIELDS)}")
+    return columns
 
-    @field_validator("columns")
-    @classmethod
-    def _are_those_of_a_record(cls, columns: dict[str, str]) -> dict[str, str]:
-        for field in columns:
-            if field not in FIELDS:
-                raise ValueError(f"names {given(field)}, which no record has; {did_you_mean(field, FIELDS)}")
-        return columns
 
-    @field_validator("fit")
-    @classmethod
-    def _exist(cls, names: list[str], info: ValidationInfo[Surroundings]) -> list[str]:
-        for name in names:
-            check_parameter(name, info.context)
-        return names
+def _exist(names: tuple[str, ...], info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
+    for name in names:
+        check_parameter(name, info.context)
+    return names
 
-    @field_validator("bounds")
-    @classmethod
-    def _are_ranges(cls, bounds: object, info: ValidationInfo[Surroundings]) -> dict[str, tuple[float, float]]:
-        if not isinstance(bounds, Mapping):
-            raise ValueError(f'is {given(bounds)}; it must be a table, such as {{ "stage2.clearance" = [0.5, 2.0] }}')
-        found: dict[str, tuple[float, float]] = {}
-        for name, value in _leaves(bounds):
-            check_parameter(name, info.context)
-            numbers = value if isinstance(value, list) else []
-            if len(numbers) != 2 or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-                raise ValueError(f"gives {name} {given(value)}; it must be a list of two numbers, as in [0.5, 2.0]")
-            found[name] = (float(numbers[0]), float(numbers[1]))
-        return found
+
+def _are_ranges(bounds: object, info: ValidationInfo[Surroundings]) -> dict[str, tuple[float, float]]:
+    if not isinstance(bounds, Mapping):
+        raise ValueError(f'is {given(bounds)}; it must be a table, such as {{ "stage2.clearance" = [0.5, 2.0] }}')
+    found: dict[str, tuple[float, float]] = {}
+    for value, path in leaves_of(bounds, ()):
+        name = ".".join(str(key) for key in path)
+        check_parameter(name, info.context)
+        numbers = value if isinstance(value, list) else []
+        if len(numbers) != 2 or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
+            raise ValueError(f"gives {name} {given(value)}; it must be a list of two numbers, as in [0.5, 2.0]")
+        found[name] = (float(numbers[0]), float(numbers[1]))
+    return found
+
+
+Factor = Annotated[float, Gt(0)]
 
 
 @dataclass(frozen=True)
-class MeasuredModel:
-    """A model, and what is known of records of it.
+class Measurement:
+    """The table ``[measurement]``: what is known of records of a model.
+
+    Parameters
+    ----------
+    signal
+        What of the motion a record measures.
+    columns, time_scale, scale, speed_scale
+        As in `gapwalk.measure.read_measurement`.
+    order
+        Periods of the excitation in a turn of the shaft whose speed was measured.
+    period, start
+        The motion: after how many forcing periods it repeats, and where it is looked for.
+    fit, bounds
+        Names of parameters to fit, and their lowest and highest values.
+    """
+
+    signal: Annotated[
+        Any, Field(description="write what the record measures, as in signal = \"q1''\""), AfterValidator(_is_a_signal)
+    ]
+    columns: Annotated[Mapping[str, str], AfterValidator(_are_those_of_a_record)] = field(default_factory=dict)
+    time_scale: Factor = 1.0
+    scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
+    speed_scale: Factor = 1.0
+    order: Factor = 1.0
+    period: Counted = 1
+    start: StartOrState = Start.SETTLE
+    fit: Annotated[tuple[str, ...], AfterValidator(_exist)] = ()
+    bounds: Annotated[Any, AfterValidator(_are_ranges)] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MeasuredModel(Measurement):
+    """A model, and what is known of records of it; other parameters as `Measurement`.
 
     Parameters
     ----------
@@ -107,36 +128,16 @@ class MeasuredModel:
         The system, with the first guess of what is to be fitted.
     frequency_given
         Whether the file gives the frequency; otherwise it must come from the speed of a record.
-    signal
-        What of the motion a record measures.
-    columns, time_scale, scale, speed_scale
-        As in `gapwalk.read_measurement`.
-    order
-        Periods of the excitation in a turn of the shaft whose speed was measured.
-    period, start
-        The motion: after how many forcing periods it repeats, and where it is looked for.
-    fit, bounds
-        Names of parameters to fit, and their lowest and highest values.
     title
         A line for people; may be empty.
     """
 
-    system: System
-    frequency_given: bool
-    signal: Signal
-    columns: Mapping[str, str]
-    time_scale: float
-    scale: float
-    speed_scale: float
-    order: float
-    period: int
-    start: str | tuple[float, ...]
-    fit: tuple[str, ...]
-    bounds: Mapping[str, tuple[float, float]]
-    title: str
+    system: System = field(kw_only=True)
+    frequency_given: bool = field(kw_only=True)
+    title: str = field(default="", kw_only=True)
 
     def read(self, path: str | os.PathLike[str]) -> Record:
-        """Read a record in the units of the model; errors as `gapwalk.read_measurement`."""
+        """Read a record in the units of the model; errors as `gapwalk.measure.read_measurement`."""
         scales = {"time_scale": self.time_scale, "scale": self.scale, "speed_scale": self.speed_scale}
         return read_measurement(path, self.columns, **scales)
 
@@ -177,43 +178,23 @@ def read_measured_model(path: str | os.PathLike[str], changes: Mapping[str, obje
         problems.append(source.problem(_NO_REDUCTION, ("reduction",)))
     if model is None or system is None or table is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
-    return MeasuredModel(
-        system,
-        "frequency" in source.data,
-        signal_of(system, table.signal),
-        table.columns,
-        table.time_scale,
-        table.scale,
-        table.speed_scale,
-        table.order,
-        table.period,
-        str(table.start) if isinstance(table.start, str) else tuple(table.start),
-        tuple(table.fit),
-        table.bounds,
-        model.title,
-    )
+    about = {"system": system, "frequency_given": "frequency" in source.data, "title": model.title}
+    return MeasuredModel(**values_of(table), **about)
 
 
-def check_measurement(source: Source, system: System | None) -> tuple[MeasurementPart | None, list[Problem]]:
+def check_measurement(source: Source, system: System | None) -> tuple[Measurement | None, list[Problem]]:
     """Check the table ``[measurement]`` of a file, if it has one."""
     if "measurement" not in source.data:
         return None, []
     surroundings = Surroundings(system, "frequency" in source.data)
-    return validate(MeasurementPart, source.data["measurement"], source, ("measurement",), lambda: surroundings)
-
-
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """All values in a table of tables: ``stage2.clearance`` may be written with or without quotes."""
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
+    schema, table = table_schema(Measurement), source.data["measurement"]
+    part, problems = validate(schema, table, source, ("measurement",), lambda: surroundings)
+    return part and Measurement(**given_of(Measurement, part)), problems
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A record beside a motion.
+class Measured(Described):
+    """A record and the motion that it is compared with.
 
     Attributes
     ----------
@@ -231,7 +212,7 @@ class Measured:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
+        """Remarks, in sentences."""
         return self.alignment.doubts if self.fit is None else self.fit.notes
 
     @property
@@ -267,7 +248,7 @@ class Measured:
         yield from remarks(self.notes, ())
 
     def document(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """Return plain JSON values."""
         found, orbit = self.alignment, self.alignment.orbit
         return {
             "title": self.model.title,
@@ -309,12 +290,12 @@ class Measured:
 
 
 def measure(model: MeasuredModel, record: Record) -> Measured:
-    """Put a record beside the motion of a model, and fit the parameters that the model names.
+    """Compare a record with the motion of a model, and fit the parameters that the model names.
 
     Raises
     ------
     ModelError
-        If the record does not suit the motion, or nobody knows the frequency.
+        If the record does not suit the motion, or the frequency is unknown.
     ConvergenceError
         If there is no such motion, or no fit is found.
     """
@@ -323,10 +304,10 @@ def measure(model: MeasuredModel, record: Record) -> Measured:
         system = system.at(frequency=measured)
     elif not model.frequency_given:
         raise ModelError("frequency is missing in the model, and the record has no speed; write frequency = ...")
-    orbit = find_orbit(system, model.period, model.start)
+    orbit, signal = find_orbit(system, model.period, model.start), signal_of(model.system, model.signal)
     if not model.fit:
-        return Measured(model, align(orbit, record, model.signal, order=model.order), None)
-    found = fit(orbit, record, model.fit, model.signal, bounds=model.bounds, order=model.order)
+        return Measured(model, align(orbit, record, signal, order=model.order), None)
+    found = fit(orbit, record, model.fit, signal, bounds=model.bounds, order=model.order)
     return Measured(model, found.after, found)
 
 

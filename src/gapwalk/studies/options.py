@@ -1,16 +1,20 @@
-"""Options that kinds of study share: a range of one parameter, a second parameter, and a first orbit."""
+"""Options that kinds of study share: ranges of one or two parameters, a first orbit, and a search for branches."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from annotated_types import Ge, Le
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.bifurcation.isolated import SearchOptions
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Count
+from gapwalk.model.schema import one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
@@ -18,10 +22,19 @@ from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import OPEN
-from gapwalk.studies.option_tables import BalancePart, ShootingPart, method_name
-from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter, check_value
+from gapwalk.studies.derive import key_type, table_schema
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import INLINE, OPEN
+from gapwalk.studies.tables import (
+    WITH_UNIT,
+    CountOrValues,
+    Start,
+    StartOrState,
+    Surroundings,
+    check_inside,
+    check_parameter,
+    check_value,
+)
 
 if TYPE_CHECKING:
     from typing import Self
@@ -77,11 +90,11 @@ class RangeStudy(StudyKind):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; it begins at the value of the system if the table says nothing else."""
+        """Return the study of a table; it begins at the value of the system if the table says nothing else."""
         return cls(**{"begin": system[values["parameter"]], **values})
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of the parameter."""
+        """Return the system at the first value of the parameter."""
         return system if system[self.parameter] == self.begin else system.at({self.parameter: self.begin})
 
     @property
@@ -95,8 +108,9 @@ class RangeStudy(StudyKind):
         return f"{self.parameter} from {self.begin:g} to {self.end:g}"
 
 
-def _is_allowed(value: float, info: ValidationInfo[Surroundings]) -> float:
-    return check_value(value, info.data.get("parameter"), info.context)
+def is_allowed(value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+    """Refuse a value that the parameter of the same table cannot have."""
+    return None if value is None else check_value(value, info.data.get("parameter"), info.context)
 
 
 def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
@@ -126,13 +140,13 @@ class SecondParameter:
         float,
         Field(alias="from", description="write where its range begins"),
         WITH_UNIT,
-        AfterValidator(_is_allowed),
+        AfterValidator(is_allowed),
     ]
     end: Annotated[
         float,
         Field(alias="to", description="write where its range ends"),
         WITH_UNIT,
-        AfterValidator(_is_allowed),
+        AfterValidator(is_allowed),
         AfterValidator(_differs),
     ]
 
@@ -143,7 +157,7 @@ class SecondParameter:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """Name and range in words."""
         return f"{self.parameter} from {self.begin:g} to {self.end:g}"
 
 
@@ -193,15 +207,19 @@ def _is_meant(balance: object, info: ValidationInfo[Surroundings]) -> object:
     return balance
 
 
-def _suits_the_excitation(balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
+def _suits_the_excitation(balance: Balance, info: ValidationInfo[Surroundings]) -> Balance:
     if info.context.system and info.data.get("method") == Balance.name:
-        balance.options().pose(info.context.system)
+        balance.pose(info.context.system)
     return balance
+
+
+def _method_names() -> list[str]:
+    return [method.name for method in Method.known()]
 
 
 @dataclass(frozen=True)
 class BranchOptions(RangeStudy):
-    """What the studies of branches have in common: a first orbit, and the range of one parameter.
+    """Options of all studies of branches: a first orbit, and the range of one parameter.
 
     Parameters
     ----------
@@ -221,54 +239,106 @@ class BranchOptions(RangeStudy):
         Numerical options of the walk.
     method
         How its orbits are found, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
-        table names it by ``method``; the options of the first two stand in tables of these names, and both may stand,
+        table names it by ``method``; the options of the first two are in tables of these names, and both may be given,
         so that one word changes the method.
     verify
         Whether the result is checked by other means when it is complete; see `gapwalk.verify`.
     """
 
     table_types: ClassVar[Mapping[str, Any]] = {
-        "period": Annotated[Count, Field(le=MAX_PERIOD)],
-        "start": StartOrState,
         "method": (
-            Annotated[Annotated[str, BeforeValidator(method_name)] | None, AfterValidator(_has_contacts)],
+            Annotated[Annotated[str, BeforeValidator(one_of(_method_names))] | None, AfterValidator(_has_contacts)],
             None,
         ),
-        "shooting": (ShootingPart, Field(default_factory=ShootingPart)),
+        "shooting": (key_type(Shooting), Shooting()),
         "balance": (
-            Annotated[BalancePart, BeforeValidator(_is_meant), AfterValidator(_suits_the_excitation)],
-            Field(default_factory=BalancePart, validate_default=True),
+            Annotated[key_type(Balance), BeforeValidator(_is_meant), AfterValidator(_suits_the_excitation)],
+            Field(default_factory=table_schema(Balance), validate_default=True),
         ),
     }
 
     measure: Annotated[str, OPEN, AfterValidator(_can_be_measured)]
-    period: int = 1
-    start: Start | tuple[float, ...] = Start.SETTLE
+    period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
+    start: StartOrState = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
     method: Method = field(default_factory=Shooting)
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; it shows half of the first coordinate if the table says nothing else."""
+        """Return the study of a table; it shows half of the first coordinate if the table says nothing else."""
         found = {"measure": f"half.{system.coordinates[0]}", **values}
         tables = (found.pop("shooting"), found.pop("balance"))
         method = Method.named(found["method"] or Shooting.name)
-        found["method"] = next((table.options() for table in tables if table.method is method), method())
+        found["method"] = next((table for table in tables if type(table) is method), method())
         return super().of_table(found, system)
 
     @classmethod
     def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
-        """The tables of other methods, if there are any."""
+        """Return the tables of other methods, if there are any."""
         name = table.get("method") or Shooting.name
         return tuple(f"study.{other}" for other in (Shooting.name, Balance.name) if other in table and other != name)
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}"
 
     @property
     def balanced(self) -> bool:
-        """Whether its orbits are stored with their series."""
+        """True if its orbits are stored with their series."""
         return isinstance(self.method, Balance)
+
+
+@dataclass(frozen=True)
+class SearchTable:
+    """The table of a search: at which values of the parameter, and the options of the search."""
+
+    values: Annotated[
+        CountOrValues, Field(description="write at how many values of the parameter to search, or a list of them")
+    ]
+    options: Annotated[SearchOptions, INLINE] = SearchOptions()
+
+
+def _suits(search: SearchTable | None, info: ValidationInfo[Surroundings]) -> SearchTable | None:
+    """Refuse what does not suit the study: values outside its range, a box of another size than the state."""
+    if search is None:
+        return None
+    ends, system, box = (info.data.get("begin"), info.data.get("end")), info.context.system, search.options.box
+    if isinstance(search.values, tuple) and None not in ends:
+        check_inside(search.values, "values", ends)
+    if box is not None and system and len(box) != 2 * system.size:
+        raise ModelError(
+            f"box is a list of {len(box)} numbers; it must have {2 * system.size}: half-widths of the box of starts in "
+            "the positions, then in the velocities"
+        )
+    return search
+
+
+SEARCH_KEYS: Mapping[str, Any] = {
+    "search_values": None,
+    "search": (Annotated[key_type(SearchTable) | None, AfterValidator(_suits)], None),
+}
+"""The keys of a search: a table of its own."""
+
+
+def with_search(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a table, with what its table of the search says."""
+    rest = {name: value for name, value in values.items() if name != "search"}
+    search: SearchTable | None = values.get("search")
+    return rest if search is None else {**rest, "search_values": search.values, "search": search.options}
+
+
+def search_words(values: int | tuple[float, ...]) -> str:
+    """Where a search is to be, for a line that says what is to be done."""
+    count = values if isinstance(values, int) else len(values)
+    return f", with a search at {count} values" if count else ""
+
+
+def kinds_key(known: Callable[[], Iterable[Kind]]) -> Any:
+    """Return the type of a key that lists kinds of special points."""
+    return Annotated[
+        list[Annotated[Kind, PlainValidator(one_of(known))]],
+        Field(min_length=1),
+        AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
+    ]

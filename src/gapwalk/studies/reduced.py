@@ -19,7 +19,7 @@ from gapwalk.studies.changes import study_tables, walked_parameters
 
 @dataclass(frozen=True)
 class ReducedFrom:
-    """What a reduced system comes from.
+    """Origin of a reduced system.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class ReducedFrom:
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """The reduction in words."""
         return (
             f"reduced from {self.degrees} degrees of freedom to {len(self.kept) + self.modes}: {len(self.kept)} kept, "
             f"{self.modes} modes; contacts deflect within {self.error:.1e} up to frequency {self.up_to:g}"
@@ -57,7 +57,7 @@ def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> t
     Parameters
     ----------
     source, at
-        The file, and where the study stands in it.
+        The file, and the path of the study in it.
     part
         How to reduce.
     full
@@ -88,12 +88,12 @@ def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> t
 
 
 def refusal_of(error: GapwalkError) -> str:
-    """The message of an error in one line."""
+    """Return the message of an error in one line."""
     return refusal(error) if isinstance(error, ModelError) else str(error)
 
 
 def _words(value: object) -> Iterator[str]:
-    """All names in the texts of a table, keys included: ``half.q7``, ``q7'`` and ``mean.q7`` name q7."""
+    """Yield all names in the texts of a table, keys included: ``half.q7``, ``q7'`` and ``mean.q7`` name q7."""
     if isinstance(value, str):
         yield from re.findall(r"\w+", value)
     elif isinstance(value, Mapping):
@@ -106,7 +106,7 @@ def _words(value: object) -> Iterator[str]:
 
 
 def _highest(table: Mapping[str, Any]) -> float | None:
-    """The highest frequency that a study walks to, as far as it is written down."""
+    """Return the highest frequency that a study walks to, as far as it is written down."""
     second = table.get("second")
     ranges = [table, second if isinstance(second, Mapping) else {}]
     values = [each.get(key) for each in ranges if each.get("parameter") == "frequency" for key in ("from", "to")]
@@ -130,7 +130,7 @@ class ReductionPart(Part):
 
 
 def reduction_part(source: Source) -> tuple[ReductionPart | None, list[Problem]]:
-    """The table of a file, if it has one, and what is wrong with it."""
+    """Return the table of a file, if it has one, and what is wrong with it."""
     table = source.data.get("reduction")
     if table is None:
         return None, []

@@ -3,20 +3,79 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from functools import partial
+from typing import Annotated, Any, ClassVar
 
-from gapwalk.attractors.regimes import Regimes
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.box import centres
+from gapwalk.attractors.many_motions import motions_of
+from gapwalk.attractors.regime_judge import Finding, RegimeOptions, Verdicts, judge, settle_doubts, take_another_look
+from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes, regime_word
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
+from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
-from gapwalk.studies.kind import values_of
+from gapwalk.results.result_file import Part
+from gapwalk.studies.cell_work import CellFinding, CellWork
+from gapwalk.studies.columns import parameter_headings
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.options import RangeStudy, Second, SecondParameter
-from gapwalk.studies.regime_work import Plan, RegimeMapOptions, RegimeWork
 from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
+from gapwalk.summary import Table
+
+
+class Carry(StrEnum):
+    """Where the motion at a cell starts."""
+
+    NO = "no"
+    """At each cell from the same state."""
+    UP = "up"
+    """From where the motion came to at the cell before it, with the first parameter rising."""
+    DOWN = "down"
+    """The same with the first parameter falling."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegimeMapOptions:
+    """How a regime map is made.
+
+    Parameters
+    ----------
+    carry
+        Where the motions start: ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
+        along the first parameter, as in a sweep.
+    judging
+        Criteria that separate the regimes.
+    check
+        Cells that are settled and classified again with the exact flow.
+    seed
+        Of the choice of those cells.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    """
+
+    carry: Carry = Carry.NO
+    judging: Annotated[RegimeOptions, INLINE] = field(default_factory=RegimeOptions)
+    check: int = 64
+    seed: int = 0
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.carry not in list(Carry):
+            raise ModelError(f'carry is {self.carry!r}; write "no", "up" or "down"')
+        object.__setattr__(self, "carry", Carry(self.carry))
+        check_integers(self, check=0, seed=0)
 
 
 @dataclass(frozen=True)
@@ -28,7 +87,7 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     parameter, begin, end
         The parameter across, and its range.
     carry, judging, check, seed, workers
-        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` stand among the others.
+        How the map is made, as `gapwalk.RegimeMapOptions`. In a table, the keys of `judging` are among the others.
     second
         The parameter up, and its range.
     resolution
@@ -38,27 +97,250 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
     """
 
     kind: ClassVar[str] = "regimes"
-    table_types: ClassVar[Mapping[str, Any]] = {"resolution": Resolution, "start": RestOrState}
+    table_types: ClassVar[Mapping[str, Any]] = {"resolution": key_type(Resolution)}
 
     second: Second = field(kw_only=True)
     resolution: tuple[int, int] = (128, 128)
-    start: str | tuple[float, ...] = "rest"
+    start: RestOrState = "rest"
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         columns, rows = self.resolution
         return f"regimes over {self.range_words} and {self.second.words}, {columns} x {rows} cells"
 
     def first_system(self, system: System) -> System:
-        """The system at the first value of both parameters."""
+        """Return the system at the first value of both parameters."""
         return super().first_system(system).at({self.second.parameter: self.second.begin})
 
+    @property
+    def names(self) -> tuple[str, str]:
+        """The parameters of the plane, the one across first."""
+        return self.parameter, self.second.parameter
+
     def work(self, system: System) -> RegimeWork:
-        """The work on the map."""
-        names, within = (self.parameter, self.second.parameter), (self.ends, self.second.ends)
-        start = initial_state(system, self.start)
-        return RegimeWork(Plan(system, names, within, self.resolution, start, self.judging), self)
+        """Return the work on the map."""
+        return RegimeWork(system, self)
+
+
+CHUNK = 1024
+"""Cells in a chunk: one piece of work, and what a killed run loses at most."""
+
+ROWS = 64
+"""Rows in a chunk whose states are carried over from column to column."""
+
+_CHECKED = 4  # cells of a piece that are checked
+
+Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns of cells, shape (turns, cells side by side): each turn starts where the turn before came to."""
+
+
+@dataclass(frozen=True)
+class RegimeChunk:
+    """The motions in one chunk of cells.
+
+    Attributes
+    ----------
+    number
+        Which chunk.
+    verdicts
+        What they are, in the order of its cells.
+    error
+        Of the fast flow, see `gapwalk.attractors.many_motions.ManyMotions`.
+    """
+
+    number: int
+    verdicts: Verdicts
+    error: float
+
+
+_LONGEST_LISTED = 12  # longest period that the summary lists separately
+_ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
+
+
+class RegimeFinding(CellFinding):
+    """A regime map, as far as it has come."""
+
+    map: Regimes
+
+    def summary(self) -> Iterator[str | Table]:
+        """Return the share of cells of each regime, and the cells that were classified again."""
+        found = self.map
+        (columns, rows), total = found.resolution, found.regimes.size
+        symbols = (parameter_symbol(name, found.system.units) for name in (found.first, found.second))
+        yield f"{', '.join(symbols)}: {columns} x {rows} cells"
+        counts: Counter[str] = Counter()
+        for word, count in found.cells.items():
+            kind, _, period = word.partition(" ")
+            is_long = kind == "period" and int(period) > _LONGEST_LISTED
+            counts[f"longer periods than {_LONGEST_LISTED}" if is_long else word] += count
+        cells = [(word, str(count), f"{count / total:.2%}") for word, count in counts.items()]
+        yield Table(["motion", ">cells", ">share"], cells)
+        yield f"{found.check.checked} cells classified again, {len(found.check.different)} differently"
+        yield from (f"  {text}" for text in found.check.different)
+
+    def map_document(self, points: bool) -> dict[str, Any]:
+        """How many cells have each regime, and how far the words hold; with everything cell by cell if wanted."""
+        found = self.map
+        document: dict[str, Any] = {
+            "plane": dict(zip((found.first, found.second), map(list, found.within), strict=True)),
+            "resolution": list(found.resolution),
+            "cells": found.cells,
+            "check": asdict(found.check) | {"different": list(found.check.different)},
+            "error": found.error,
+        }
+        if points:
+            document["contacts"] = [contact.name for contact in found.system.structure.contacts]
+            document |= {name: plain_numbers(getattr(found, name).tolist()) for name in _ARRAYS}
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the table of the cells."""
+        return {"cells": lambda: _cell_rows(self.map)}
+
+
+def _cell_rows(found: Regimes) -> Iterator[list[object]]:
+    contacts = [contact.name for contact in found.system.structure.contacts][: found.impacts.shape[2]]
+    headings = [f"{what}.{contact}" for what in ("peak.force", "impacts") for contact in contacts]
+    names = parameter_headings([found.first, found.second], found.system.coordinates)
+    yield [*names, "regime", "period", "exponent", *headings]
+    (across, up), (rows, columns) = found.axes, found.regimes.shape
+    for row, column in np.ndindex(rows, columns):
+        regime, period = int(found.regimes[row, column]), int(found.periods[row, column])
+        exponent = float(found.exponents[row, column])
+        yield [
+            float(across[column]),
+            float(up[row]),
+            regime_word(regime, period),
+            period,
+            "" if np.isnan(exponent) else exponent,
+            *found.peak_force[row, column].tolist(),
+            *found.impacts[row, column].tolist(),
+        ]
+
+
+class RegimeWork(CellWork):
+    """Finds the regimes of all cells of a map."""
+
+    chunk_part = Part("cells", RegimeChunk, numbered=True)
+    whole_part = Part("regimes", Regimes)
+    found_as = RegimeFinding
+
+    def __init__(self, system: System, asked: RegimeStudy) -> None:
+        super().__init__(asked.resolution)
+        self.system, self.asked, self.within = system, asked, (asked.ends, asked.second.ends)
+        self.start = initial_state(system, asked.start)
+        # the values of the parameters at the centres of the cells, shape (rows, columns, 2)
+        axes = (centres(ends, count) for ends, count in zip(self.within, asked.resolution, strict=True))
+        self.values = np.stack(np.meshgrid(*axes), axis=-1)
+        self.places = self._places()
+        shape = self.values.shape[:2]
+        contacts = len(system.structure.contacts) if asked.judging.forces else 0
+        self.verdicts = Verdicts(
+            np.full(shape, int(Regime.UNDECIDED)),
+            np.zeros(shape, dtype=int),
+            np.full(shape, np.nan),
+            np.full((*shape, contacts), np.nan),
+            np.full((*shape, contacts), np.nan),
+            np.full((*shape, len(self.start)), np.nan),
+        )
+        self._checked = RegimeCheck()
+
+    @property
+    def total(self) -> int:
+        """Number of chunks."""
+        return len(self.places)
+
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
+        """Judge the cells of some chunks."""
+        pieces = [(number, self.values[self.places[number]]) for number in numbers]
+        judge_one = partial(_judge_piece, self.system, self.asked.names, self.start, self.asked.judging)
+        return workers.each(judge_one, pieces, in_order=False)
+
+    def note(self, chunk: RegimeChunk) -> None:
+        """Enter the verdicts of a chunk."""
+        for whole, part in zip(self.verdicts, chunk.verdicts, strict=True):
+            whole[self.places[chunk.number]] = part
+
+    def check(self, workers: Workers) -> None:
+        """Classify the motions of random cells with the exact flow, from where they have come to."""
+        regimes, periods = self.verdicts.regimes.ravel(), self.verdicts.periods.ravel()
+        decided = np.flatnonzero(np.isin(regimes, (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC)))
+        random = np.random.default_rng(self.asked.seed)
+        chosen = np.sort(random.permutation(decided)[: self.asked.check])
+        systems = [_system_at(self.system, self.asked.names, pair) for pair in self.values.reshape(-1, 2)[chosen]]
+        states = self.verdicts.states.reshape(len(regimes), -1)[chosen]
+        jobs = [list(zip(systems, states, strict=True))[k : k + _CHECKED] for k in range(0, len(chosen), _CHECKED)]
+        exact = [found for _, some in workers.each(_classify_some, jobs) for found in some]
+        mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
+        both = zip(systems, mine, exact, strict=True)
+        sentences = []
+        for system, one, other in both:
+            if one != other:
+                where = ", ".join(f"{name} = {system[name]:.6g}" for name in self.asked.names)
+                sentences.append(f"at {where}: {regime_word(*one)}, but {regime_word(*other)} by the exact flow")
+        self._checked = RegimeCheck(len(chosen), tuple(sentences))
+
+    def found(self, *, complete: bool) -> Regimes:
+        """Return the map, as far as it has come."""
+        cells = self.verdicts.regimes.size
+        undecided = int(np.sum(self.verdicts.regimes == Regime.UNDECIDED))
+        notes: tuple[str, ...] = ()
+        if not complete:
+            done = sum(self.places[number][0].size for number in self.chunks)
+            notes = (f"stopped when {done} of {cells} cells were done",)
+        elif undecided:
+            notes = (f"{undecided} of {cells} cells are undecided: locked to long periods, or weakly chaotic",)
+        how = (self._checked, self.error, complete, notes)
+        return Regimes(self.system, *self.asked.names, self.within, *self.verdicts, *how)
+
+    def _places(self) -> list[Places]:
+        """Return the cells in chunks: in any order where each starts from the same state, or line by line."""
+        (columns, rows), carry = self.resolution, self.asked.carry
+        grid = np.mgrid[:rows, :columns]
+        if carry is Carry.NO:
+            # side by side go systems of about the same frequency: the lowest of them sets the steps of all
+            axis = 0 if self.asked.names[1] == self.system.structure.pace else 1
+            order = np.argsort(grid[axis], axis=None, kind="stable")
+            cells, size = grid.reshape(2, 1, -1)[..., order], CHUNK
+        else:
+            cells, size = grid.transpose(0, 2, 1)[:, :: 1 if carry is Carry.UP else -1], ROWS
+        starts = range(0, cells.shape[2], size)
+        return [(cells[0, :, first : first + size], cells[1, :, first : first + size]) for first in starts]
+
+
+def _system_at(system: System, names: tuple[str, str], pair: NDArray[np.float64]) -> System:
+    return system.at(dict(zip(names, pair.tolist(), strict=True)))
+
+
+def _judge_piece(
+    system: System,
+    names: tuple[str, str],
+    start: NDArray[np.float64],
+    judging: RegimeOptions,
+    piece: tuple[int, NDArray[np.float64]],
+) -> RegimeChunk:
+    """Judge a chunk of cells, whose values have the shape (turns, cells side by side, 2).
+
+    Each turn starts from where the motions of the turn before came to.
+    """
+    number, turns = piece
+    states = np.tile(start, (turns.shape[1], 1))
+    found, error, structure = [], 0.0, system.structure
+    for values in turns:
+        by_name = dict(zip(names, values.T, strict=True))
+        paces = by_name.get(structure.pace, np.full(len(values), system[structure.pace]))
+        motions = motions_of(system, states, by_name)
+        verdicts = judge(motions, states, structure.frequency * paces, judging)
+        found.append(settle_doubts(verdicts, [partial(_system_at, system, names, pair) for pair in values]))
+        error = max(error, motions.error)
+        finite = np.isfinite(verdicts.states).all(axis=1, keepdims=True)
+        states = np.where(finite, verdicts.states, start)
+    return RegimeChunk(number, Verdicts(*(np.array(parts) for parts in zip(*found, strict=True))), error)
+
+
+def _classify_some(jobs: list[tuple[System, NDArray[np.float64]]]) -> list[Finding]:
+    return [take_another_look(system, state) for system, state in jobs]
 
 
 @shows_progress(lambda count, part, pace: str(pace))
@@ -69,11 +351,11 @@ def regimes(
     *,
     start: str | Sequence[float] = "rest",
     options: RegimeMapOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
-    """The regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
+    """Return the regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
     At the centre of each cell a motion is followed by the fast flow until it is known what it is. Those that seem
     quasi-periodic get another look with the exact flow, and a sample of all is classified by it, from where the motion
@@ -91,9 +373,9 @@ def regimes(
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
         How the map is made; its ``carry`` says where motions start.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+    workers
+        Number of local processes, or workers that were started before (`gapwalk.parallel`); by default as the options
+        say. The result does not depend on them.
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
@@ -125,4 +407,4 @@ def regimes(
         resolution=check_resolution(resolution),
         start=state,
     )
-    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

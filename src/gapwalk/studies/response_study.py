@@ -1,8 +1,7 @@
 """The study of a response: one branch of periodic orbits over one parameter, from its first orbit on.
 
-The points of a moment are one part of its file, together with the state of the walk after them. So a run that is killed
-is resumed as if nothing had happened; and thousands of small parts would take longer to write than their points to
-compute.
+Points are written in batches, each with the state of the walk after it, so that a killed run resumes from the last one.
+To write each point alone would take longer than to compute it.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from types import FrameType
@@ -19,8 +19,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, start_branch
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import DetectorState
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
@@ -30,8 +31,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import checked
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Found, Work, in_order
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_kind import Found, Work
 
 _SECONDS = 0.1  # between two moments that are written
 _POINTS = 500  # at most in one of them
@@ -45,7 +46,7 @@ class ResponseOptions(BranchOptions):
     reports: ClassVar[str] = "points"
 
     def work(self, system: System) -> ResponseWork:
-        """The walk along the branch."""
+        """Return the walk along the branch."""
         return ResponseWork(system, self)
 
 
@@ -59,7 +60,7 @@ class Progress:
 
 
 class Moment(NamedTuple):
-    """What a walk has found since the moment before.
+    """Points of a walk since the moment before.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class Moment(NamedTuple):
     progress
         Where the walk can continue; None if it has not left its first point.
     ends
-        Where and why it ends, at its beginning and at its end; None while it goes on.
+        Where and why it ends, at its beginning and at its end; None while it continues.
     """
 
     points: tuple[BranchPoint, ...]
@@ -85,13 +86,6 @@ class ResponseWork(Work):
     """The walk along the branch of a response.
 
     Each point is reported with the special points before it.
-
-    Parameters
-    ----------
-    system
-        The system at the beginning of the range.
-    asked
-        What is asked for.
     """
 
     def __init__(self, system: System, asked: BranchOptions) -> None:
@@ -103,11 +97,12 @@ class ResponseWork(Work):
 
     def take(self, known: Parts) -> None:
         """Take over the orbit that was found first, and the walk from there so far."""
-        self._start, self._moments = known.one(START), in_order(known.all(MOMENT))
-        if not self._moments:
-            raise ValueError("it holds nothing")
+        self._start, moments = known.one(START), dict(known.all(MOMENT))
+        if not moments or list(moments) != list(range(len(moments))):
+            raise ValueError("it holds nothing, or a part of the walk is missing")
+        self._moments = list(moments.values())
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""
         if self._start is None:
             self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)
@@ -120,14 +115,14 @@ class ResponseWork(Work):
         end, first, progress = None, _first_end(self._moments), self._moments[-1].progress
         value = next(moment.points[-1].value for moment in reversed(self._moments) if moment.points)
         self._written = time.monotonic()
-        with _Interrupt() as interrupt:
+        with _interrupts() as interrupts:
             try:
                 for point, special_points in tracer:
                     value, state = point.value, tracer.state
                     self._pending.append((point, special_points))
                     progress = Progress(state.walk.step, state.walk.count, state.detector)
                     yield self._found(progress, None if tracer.end is None else (first, tracer.end))
-                    if interrupt.asked and tracer.end is None:
+                    if interrupts and tracer.end is None:
                         end = End(EndReason.INTERRUPTED, value)
                         break
                 end = end or tracer.end
@@ -138,8 +133,8 @@ class ResponseWork(Work):
                 raise KeyboardInterrupt
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """All points but the first, each with the special points before it."""
-        (branch,) = self.content().branches
+        """Yield all points but the first, each with the special points before it."""
+        branch = self.record
         rest = list(branch.special_points)
         for point in branch.points[1:]:
             before = [special for special in rest if special.point.arclength <= point.arclength]
@@ -148,7 +143,7 @@ class ResponseWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether the walk has come to a proper end."""
+        """True if the walk has come to a proper end."""
         ends = self._moments[-1].ends if self._moments else None
         return ends is not None and ends[-1].reason.is_final
 
@@ -167,10 +162,6 @@ class ResponseWork(Work):
         ends = moments[-1].ends or (_first_end(moments), End(EndReason.STOPPED, points[-1].value))
         return checked(Branch(self.asked.parameter, self.asked.period, points, special_points, ends))
 
-    def content(self) -> Content:
-        """The branch as the one of a result."""
-        return Content(self.complete, (self.record,))
-
     def _tracer(self, state: BranchTracerState | None) -> BranchTracer:
         asked = self.asked
         assert self._start is not None
@@ -179,7 +170,7 @@ class ResponseWork(Work):
         return BranchTracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
-        """The last point, with all since the last moment if it is time to write them."""
+        """Return the last point, with all since the last moment if it is time to write them."""
         news = (self._pending[-1],)
         is_due = len(self._pending) >= _POINTS or time.monotonic() - self._written >= _SECONDS
         return self._flushed(progress, ends, news) if is_due else Found((), news)
@@ -222,28 +213,24 @@ def _first_end(moments: list[Moment]) -> End:
     return End(EndReason.START, moments[0].points[0].value)
 
 
-class _Interrupt:
-    """Ctrl-C while a branch is walked: the first one is noted, so that it stops between two points.
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Note the first Ctrl-C while a branch is walked, so that it stops between two points; raise a second one at once.
 
-    A second one is raised at once. Where Ctrl-C has a meaning of its own, or in another thread than the main one,
-    nothing is changed.
+    Where Ctrl-C has a meaning of its own, or in another thread than the main one, nothing is changed.
     """
+    noted: list[int] = []
 
-    def __init__(self) -> None:
-        self.asked = False
-        self._replaced = False
-
-    def __enter__(self) -> _Interrupt:
-        in_main = threading.current_thread() is threading.main_thread()
-        if in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, self._note)
-            self._replaced = True
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._replaced:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
+    def note(number: int, _: FrameType | None) -> None:
+        noted.append(number)
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    in_main = threading.current_thread() is threading.main_thread()
+    is_ours = in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    try:
+        if is_ours:
+            signal.signal(signal.SIGINT, note)
+        yield noted
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)

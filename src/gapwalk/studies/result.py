@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
@@ -13,11 +16,12 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, parameter_symbol, signal_words
 from gapwalk.notebook import Shown
-from gapwalk.studies.kind import Finding, StudyKind
-from gapwalk.studies.map import Map
+from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, point_row, special_rows, table_rows
+from gapwalk.studies.map import Map, codim2_rows, locus_rows
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import Study
-from gapwalk.summary import Summary, Table, remarks
+from gapwalk.studies.study_kind import Finding, StudyKind
+from gapwalk.summary import Rows, Summary, Table, Tables, remarks
 from gapwalk.verification import Verification
 
 
@@ -133,14 +137,12 @@ class Result(Shown):
         tree = self.diagram is not None or self.map is not None
         found = [
             f"{name}: {end}" if tree else str(end)
-            for name, branch in zip(self.names, self.branches, strict=True)
+            for name, branch in self.named
             for end in branch.ends
             if end.reason.is_failure
         ]
         found += [
-            f"{name}: {each}" if tree else str(each)
-            for name, branch in zip(self.names, self.branches, strict=True)
-            for each in branch.unexplained
+            f"{name}: {each}" if tree else str(each) for name, branch in self.named for each in branch.unexplained
         ]
         if self.map is not None:
             loci = zip(self.map.names, self.map.loci, strict=True)
@@ -192,7 +194,7 @@ class Result(Shown):
             yield from self._missed()
             yield from self.map.summary(self.walked.measure if points else None)
             return
-        yield from (self.branches[0] if self.diagram is None else self.diagram).summary()
+        yield from self.branches[0].summary(points=False) if self.diagram is None else self.diagram.summary()
         if self.diagram is None or points:
             yield from self._missed()
             any_special = any(branch.special_points for branch in self.branches)
@@ -200,7 +202,7 @@ class Result(Shown):
 
     def _missed(self) -> Iterator[str]:
         """Return the steps of branches in which a special point was missed, in sentences."""
-        for name, branch in zip(self.names, self.branches, strict=True):
+        for name, branch in self.named:
             symbol = parameter_symbol(branch.parameter, branch.system.units)
             yield from (f"not explained: {name}, {symbol} {each}" for each in branch.unexplained)
 
@@ -213,17 +215,17 @@ class Result(Shown):
         headings = ["kind", *(f">{each}" for each in (*numbers, "multiplier"))]
         headings += ["unstable" if diagram else "stability", "criticality or contact"]
         rows, groups = [], []
-        for name, branch in zip(self.names, self.branches, strict=True):
+        for name, branch in self.named:
             for index, special in enumerate(branch.special_points):
-                counts = dict.fromkeys(str(side.total) for side in (special.before, special.after))
+                words, counts = (
+                    special.words,
+                    dict.fromkeys(str(side.total) for side in (special.before, special.after)),
+                )
                 row = [
-                    special.kind.value,
-                    f"{special.value:#.10g}",
-                    f"{special.uncertainty:.0e}" if math.isfinite(special.uncertainty) else "",
-                    f"{special.point.measure(f'half.{coordinate}'):#.8g}",
-                    special.multiplier_words,
-                    " → ".join(counts) if diagram else special.change,  # the table of a diagram is wide enough as it is
-                    special.nature_words.removesuffix(" values") or special.contact,
+                    *(words["kind"], words["at"], words["±"], f"{special.point.measure(f'half.{coordinate}'):#.8g}"),
+                    words["multiplier"],
+                    " → ".join(counts) if diagram else words["stability"],  # that of a diagram is wide enough as it is
+                    words["criticality"].removesuffix(" values") or words["contact"],
                 ]
                 if diagram:
                     leads_to = " ".join(member.name for member in diagram.attached(name, index))
@@ -231,6 +233,56 @@ class Result(Shown):
                 rows.append(row)
             groups.append(len(rows) - 1)
         return Table(["branch", *headings, "leads to"] if diagram else headings, rows, groups)
+
+    def tables(self) -> Tables:
+        """Return the tables of the result by name; `gapwalk.save_tables` writes them.
+
+        ``points`` and ``special-points`` are those of its branches; of a map those of its loci, and the points of its
+        branches are in ``sections``. What a search for a diagram has covered is in ``search``. A study without branches
+        has tables of its own.
+
+        A row of a point has number and name of its branch, period, parameter (on the sections of a map, both),
+        stability, contacts; maximum, minimum, half the peak to peak, mean and rms of each coordinate; by harmonic
+        balance, the number of harmonics and the truncation error; the state at theta = 0; modulus and argument (in
+        radians) of the multipliers. A row of a special point has the critical multiplier, empty at a grazing point,
+        ``contact`` for what grazes there, and ``leads.to`` for the branches of a diagram that begin or end there.
+        """
+        if self.finding is not None:
+            return self.finding.tables()
+        parameter, chart, system = self.walked.parameter, self.map, self.system
+        if chart is not None:
+            about = (chart, system.coordinates, method_names(self.walked))
+            parameters = (parameter, chart.second)
+            return {
+                "points": partial(locus_rows, *about),
+                "special-points": partial(codim2_rows, *about),
+                "sections": lambda: table_rows(self._point_rows(), *parameters, system=system),
+            }
+        tables: dict[str, Callable[[], Rows]] = {
+            "points": lambda: table_rows(self._point_rows(), parameter, system=system),
+            "special-points": lambda: table_rows(special_rows(self.named, self.diagram), parameter, system=system),
+        }
+        search = None if self.diagram is None else self.diagram.search
+        return tables if search is None else {**tables, "search": lambda: [COVERAGE, *coverage_rows(search)]}
+
+    def _point_rows(self) -> Iterator[dict[str, Any]]:
+        chart, coordinates = self.map, self.system.coordinates
+        second = [] if chart is None else [section.value for section in chart.sections for _ in section.branches]
+        states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
+        multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
+        for number, (name, branch) in enumerate(self.named, start=1):
+            about = {"branch": number, "name": name, "period": branch.period, "parameter": 0.0}
+            about |= {"second": second[number - 1]} if second else {}
+            for point in branch.points:
+                found = point.orbit.multipliers
+                polar = np.column_stack((np.abs(found), np.angle(found))).ravel().tolist()
+                motion = dict(zip((*states, *multipliers), (*point.orbit.state.tolist(), *polar), strict=True))
+                yield {**about, **point_row(point), "motion": motion}
+
+    @property
+    def named(self) -> Iterable[tuple[str, Branch]]:
+        """The branches with their names."""
+        return zip(self.names, self.branches, strict=True)
 
     def to_dict(self, points: bool = True) -> dict[str, Any]:
         """Return the result as plain JSON values, as the commands print it with ``--json``.

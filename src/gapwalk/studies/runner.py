@@ -13,19 +13,28 @@ from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.parallel.work_chunks import Pace
-from gapwalk.parallel.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
 from gapwalk.results.versions import versions
-from gapwalk.studies.kind import Work
-from gapwalk.studies.load import as_before, earlier_result, load_result, result_of
-from gapwalk.studies.request import Call, Keeper, NoFile, claimed, request_file
+from gapwalk.studies.read_result import (
+    Call,
+    Keeper,
+    NoFile,
+    as_before,
+    claimed,
+    earlier_result,
+    load_result,
+    request_file,
+    result_of,
+)
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_kind import Work
 from gapwalk.studies.verify import with_checks, with_verification
 
 Report = Callable[..., object]
-"""Called with each part when it is done and is in the file; with what, says `gapwalk.studies.kind.Found`."""
+"""Called with each part when it is done and is in the file; with what, says `gapwalk.studies.study_kind.Found`."""
 
 AnyWork = TypeVar("AnyWork", bound=Work)
 
@@ -54,7 +63,7 @@ def run_study(
         before = None if earlier is None else dict(earlier.versions)
         finished, is_kept = _carry_out(work, study.options, None, lambda: request_file(study, output, before), report)
         if output is None or finished:
-            result = result_of(study, work.content(), versions(before)) if finished or work.done else None
+            result = result_of(study, work, versions(before)) if finished or work.done else None
         else:  # after Ctrl-C at any moment, what is stored is what counts
             result = load_result(output) if is_kept or before is not None else None
     if finished and result is not None:
@@ -69,7 +78,7 @@ def call(
     work: AnyWork,
     system: System,
     *,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> AnyWork:
@@ -78,11 +87,11 @@ def call(
     Parameters
     ----------
     asked, work
-        What is asked for, of a kind of study where there is a file, and the work.
+        The request, which is a kind of study where there is a file, and the work.
     system
         The system, as the file keeps it.
-    hands
-        Who does the work; by default as many local processes as `asked` says.
+    workers
+        Number of local processes, or workers that were started before; by default as `asked` says.
     report
         Called with what is new, once it is in the file.
     output
@@ -101,7 +110,7 @@ def call(
             with reading(output) as parts:
                 _take(work, parts, system)
         if not work.complete:
-            finished, _ = _carry_out(work, asked, hands, lambda: request_file(request, output, before), report)
+            finished, _ = _carry_out(work, asked, workers, lambda: request_file(request, output, before), report)
             if not finished:
                 raise Interrupted(work.record) from None
     return work
@@ -114,7 +123,7 @@ def _take(work: Work, parts: Parts, system: System) -> None:
 
 
 def _carry_out(
-    work: Work, asked: Any, hands: Workers | None, opened: Callable[[], Keeper], report: Report | None
+    work: Work, asked: Any, workers: Workers | int | None, opened: Callable[[], Keeper], report: Report | None
 ) -> tuple[bool, bool]:
     """Do what is left, and keep and report it part by part.
 
@@ -133,9 +142,8 @@ def _carry_out(
         file: Keeper | None = None
         try:
             # this process does the work where the options say nothing of others
-            count = getattr(asked, "workers", 1)
-            own = workers(count) if hands is None else nullcontext(hands)
-            with own as executor, closing(work.parts(executor)) as parts:
+            count = getattr(asked, "workers", 1) if workers is None else workers
+            with local_workers(count) as executor, closing(work.parts(executor)) as parts:
                 for found in parts:
                     file = file or stack.enter_context(opened())
                     if found.entries:

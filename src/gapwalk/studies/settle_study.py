@@ -28,8 +28,8 @@ from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Rows, StudyKind, Work, plain_numbers
-from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
 from gapwalk.summary import Table
 
@@ -78,29 +78,28 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
     kind: ClassVar[str] = "settle"
     table_types: ClassVar[Mapping[str, Any]] = {
-        "start": RestOrState,
         "phase": Annotated[Angle, AfterValidator(_lies_in_one_turn)],
         "lyapunov": None,
     }
 
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
-    start: str | tuple[float, ...] = "rest"
+    start: RestOrState = "rest"
     phase: float = 0.0
     lyapunov: LyapunovOptions = LyapunovOptions()
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
         return f"settle from {start}, showing {self.signal}"
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; its signal is the first coordinate if the table says nothing else."""
+        """Return the study of a table; its signal is the first coordinate if the table says nothing else."""
         return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
 
     def work(self, system: System) -> SettleWork:
-        """The work on the study, which has one part."""
+        """Return the work on the study, which has one part."""
         return SettleWork(system, self)
 
 
@@ -170,7 +169,7 @@ class SettleFinding(Finding):
         yield repr(self.rattle)
 
     def document(self, points: bool) -> dict[str, Any]:
-        """The same as plain JSON values; with the section if points are wanted."""
+        """Return plain JSON values; with the section if points are wanted."""
         attractor = plain(self.attractor)
         del attractor["strobes"]
         rattle = self.rattle
@@ -212,15 +211,7 @@ SETTLED = Part("settled", SettleFinding)
 
 
 class SettleWork(Work):
-    """Finds where a motion settles, and what it is there.
-
-    Parameters
-    ----------
-    system
-        The system.
-    asked
-        What is asked for.
-    """
+    """Finds where a motion settles, and what it is there."""
 
     def __init__(self, system: System, asked: SettleStudyOptions) -> None:
         self.system, self.asked = system, asked
@@ -233,7 +224,7 @@ class SettleWork(Work):
             raise ValueError("the motion does not belong to the study")
         self._found = found
 
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Find it: one part."""
         asked = self.asked
         settled = settle(self.system, asked.start, asked)
@@ -246,7 +237,7 @@ class SettleWork(Work):
 
     @property
     def complete(self) -> bool:
-        """Whether it has been found."""
+        """True if it has been found."""
         return self._found is not None
 
     @property
@@ -254,13 +245,13 @@ class SettleWork(Work):
         """The settled motion."""
         return self._found and self._found.settled
 
-    def content(self) -> Content:
-        """What has been found."""
-        return Content(self.complete, finding=self._found)
+    def finding(self) -> SettleFinding | None:
+        """Return the settled motion with its evidence; None before it is found."""
+        return self._found
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:
-    """The motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
+    """Return the motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
     converged = settled.converged or attractor.orbit is not None
     return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
 

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
-from typing import Any, ClassVar
+from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
@@ -33,18 +33,17 @@ from gapwalk.studies.changes import (
     walked_parameters,
 )
 from gapwalk.studies.derive import DerivedPart, all_keys, study_schema
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.kinds import kind_of, kinds
 from gapwalk.studies.measure import check_measurement
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
-from gapwalk.studies.request import Request
+from gapwalk.studies.study_kind import StudyKind
+from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import StudyPart, Surroundings
 
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """What is known of the system of a file.
+    """Known part of the system of a file.
 
     Parameters
     ----------
@@ -105,7 +104,7 @@ def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[s
 
 
 def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:
-    """What stands under some keys, as far as it is allowed."""
+    """Return the values of some keys, as far as they are allowed."""
     known = {key: table[key] for key in keys if key in table}
     return {key: value for key, value in known.items() if allowed is None or value in list(allowed)}
 
@@ -115,7 +114,7 @@ def _is_list_of_tables(value: object) -> bool:
 
 
 @dataclass(frozen=True)
-class Study(Request):
+class Study:
     """A system, and what is to be studied of it.
 
     Parameters
@@ -123,7 +122,7 @@ class Study(Request):
     system
         The system; a parameter that the study walks has its first value.
     options
-        What is to be done; its type tells the kind of study.
+        What is to be done; its type is the kind of study.
     title
         A line for people; may be empty.
     text
@@ -131,16 +130,14 @@ class Study(Request):
     changes
         What was changed after reading it, by name.
     name
-        What tells it from the other studies of its file; may be empty.
+        Name among the studies of its file; may be empty.
     reduced
         What the system was reduced from, if the file says so.
     unused
         Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
     matrices
-        Digest of the matrices that stand in files beside the model file; empty if none do.
+        Digest of the matrices in files next to the model file; empty if there are none.
     """
-
-    asks: ClassVar[str] = "study"
 
     system: System
     options: StudyKind
@@ -197,12 +194,12 @@ def read_studies(
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
-    """The study that a source describes; see `read_study`."""
+    """Return the study that a source describes; see `read_study`."""
     return _one_of(check_studies(source, changes), name, source.name)
 
 
 def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
-    """The studies that a source describes; see `read_studies`."""
+    """Return the studies that a source describes; see `read_studies`."""
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
     model, found = check_model(source)
@@ -239,7 +236,7 @@ def _check_table(
     asked: Mapping[str, object],
     reduction: ReductionPart | None,
 ) -> tuple[Study | None, list[Problem]]:
-    """The study of one table; None if something is wrong with it."""
+    """Return the study of one table; None if something is wrong with it."""
     own, problems = study_changes(source, at, sketch.system if sketch else None)
     # what is given from outside of the file has the last word
     sketch, found = _changed(sketch, source, {key: own[key] for key in own if key not in asked}, changes)
@@ -303,7 +300,7 @@ def _kind_problem(table: Mapping[str, object]) -> str:
 
 
 def _refused(source: Source, at: Path, table: StudyPart, error: ModelError) -> Problem:
-    """What a kind of study refuses as a whole, at the key with which its message begins."""
+    """Return the refusal of a whole study as a problem at the key with which the message begins."""
     fields = type(table).model_fields.items()
     keys = {name: info.alias or name for name, info in fields}
     name, _, _ = str(error).partition(" ")
@@ -324,7 +321,7 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
 
 
 def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
-    """The study of a name, or the only one."""
+    """Return the study of a name, or the only one."""
     named = [study for study in studies if study.name == name] if name else list(studies)
     if len(named) == 1:
         return named[0]
@@ -337,7 +334,7 @@ def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
 
 
 def template() -> str:
-    """The text of a complete model file whose comments explain it."""
+    """Return the text of a complete model file whose comments explain it."""
     return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
-from gapwalk.studies.kinds import INLINE, Counted
-from gapwalk.studies.sweep_segment import Band, Patience, SweepSegment, bands_of
+from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 
 _MOST = 100_000_000  # states that are kept
 
@@ -33,6 +33,31 @@ class Way(StrEnum):
     def number(self) -> int:
         """A number of its own, whatever other ways there are."""
         return list(Way).index(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a transient is followed.
+
+    Parameters
+    ----------
+    shortest, longest
+        Forcing periods at least and at most.
+    tolerance
+        Distance from the periodic motion that it comes to, at which it has settled; in half-widths of the box of
+        states.
+    """
+
+    shortest: int = 48
+    longest: int = 2000
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_integers(self, shortest=1, longest=1)
+        if self.longest < self.shortest:
+            raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
+        if not 1e-12 <= self.tolerance <= 1e-2:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 1e-2 (half-widths)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +100,7 @@ class SweepOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("steps", 2), ("points", 2), ("seed", 0), ("max_period", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        check_integers(self, steps=2, points=2, seed=0, max_period=1)
         if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
             raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
         starts = self.starts if isinstance(self.starts, int) else len(self.starts)
@@ -100,7 +122,7 @@ class SweepOptions:
         self.each_way()
 
     def each_way(self) -> tuple[Way, ...]:
-        """The ways, in the order in which they are written."""
+        """Return the ways, in the order in which they are written."""
         words = [word.strip() for word in self.ways.split(" and ")]
         if not set(words) <= set(Way) or len(set(words)) < len(words):
             raise ModelError(
@@ -131,8 +153,79 @@ class Lane:
     start: int
     state: NDArray[np.float64]
 
+    @property
+    def is_carried(self) -> bool:
+        """True if the state is carried over from one value to the next; otherwise each begins at the start."""
+        return self.way is not Way.AFRESH
+
     def __repr__(self) -> str:
         return f"Lane({self.way}, start {self.start})"
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSegment:
+    """Motions at the values of a segment, in the order in which they were visited.
+
+    Attributes
+    ----------
+    lane, number
+        Which lane of the sweep, and which of its segments.
+    sections : shape (count, points, 2n)
+        States a forcing period apart; nan where the motion has diverged, and after that if the state is carried over.
+    transients : shape (count,)
+        Forcing periods that were let pass before.
+    settled : shape (count,), bool
+        Whether the transient had settled by then.
+    regimes
+        In words; empty where there is nothing.
+    note
+        Why it ended before its last value; empty if it did not.
+    """
+
+    lane: int
+    number: int
+    sections: NDArray[np.float64]
+    transients: NDArray[np.intp]
+    settled: NDArray[np.bool_]
+    regimes: tuple[str, ...]
+    note: str = ""
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """The state with which the next segment continues, shape (2n,)."""
+        return self.sections[-1, -1]
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range of the parameter in which the regime is the same.
+
+    Attributes
+    ----------
+    regime
+        In words, such as ``period 3``.
+    low, high
+        Its ends, halfway to the next values of another regime.
+    count
+        Number of values in it.
+    """
+
+    regime: str
+    low: float
+    high: float
+    count: int
+
+
+def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
+    """The bands of equal regimes along increasing values; where a regime is empty, nothing is known and no band is."""
+    edges = np.concatenate((values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]))
+    bands, first = [], 0
+    for regime, group in groupby(regimes):
+        count = len(list(group))
+        if regime:
+            bands.append(Band(regime, float(edges[first]), float(edges[first + count]), count))
+        first += count
+    return tuple(bands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +269,11 @@ class Sweep(Shown):
     notes: tuple[str, ...] = ()
 
     def bands(self, lane: int = 0) -> tuple[Band, ...]:
-        """The bands of equal regimes along a lane, in the order of the parameter."""
+        """Return the bands of equal regimes along a lane, in the order of the parameter."""
         return bands_of(self.values, self.regimes[lane].tolist())
 
     def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
-        """All section points of a coordinate or of its velocity: the values of the parameter, and its own.
+        """Return all section points of a coordinate or of its velocity: the values of the parameter, and its own.
 
         Parameters
         ----------
@@ -202,7 +295,7 @@ class Sweep(Shown):
         return x[seen], y[seen]
 
     def place(self, coordinate: str | None) -> int:
-        """Where a coordinate, or a velocity, stands in a state; errors as `section`."""
+        """Return the place of a coordinate or a velocity in a state; errors as `section`."""
         names = [*self.system.coordinates, *(f"{name}'" for name in self.system.coordinates)]
         name = names[0] if coordinate is None else coordinate
         if name not in names:
@@ -252,16 +345,11 @@ def enter(sweep: Sweep, segment: SweepSegment) -> str:
     sweep.regimes[segment.lane, places] = segment.regimes
     if not segment.note:
         return ""
-    ends = "" if lane.way is Way.AFRESH else " and was not carried on"
+    ends = " and was not carried on" if lane.is_carried else ""
     return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
 
 
 def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:
-    """The places of the values of a segment, in the order in which they are visited."""
+    """Return the places of the values of a segment, in the order in which they are visited."""
     places = np.arange(number * BLOCK, min((number + 1) * BLOCK, steps))
     return steps - 1 - places if way is Way.DOWN else places
-
-
-def segments_of(steps: int) -> int:
-    """Number of segments of a lane."""
-    return math.ceil(steps / BLOCK)

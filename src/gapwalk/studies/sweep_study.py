@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -21,12 +22,13 @@ from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.columns import parameter_headings
-from gapwalk.studies.kind import Content, Finding, Found, Rows, Work, plain_numbers, values_of
-from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, Way, blank_sweep, enter, places_of, segments_of
-from gapwalk.studies.sweep_segment import SweepSegment, Task, sweep_stretch
+from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_registry import OPEN
+from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
+from gapwalk.studies.sweep_segment import Task, sweep_stretch
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
 
 if TYPE_CHECKING:
@@ -48,11 +50,6 @@ class SweepFinding(Finding):
         return self.sweep
 
     @property
-    def complete(self) -> bool:
-        """Whether it was driven to its end."""
-        return self.sweep.complete
-
-    @property
     def stored(self) -> str:
         """How many values have been done."""
         done = int(np.count_nonzero(self.sweep.regimes != ""))
@@ -60,8 +57,13 @@ class SweepFinding(Finding):
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is any section point: all motions may have diverged."""
+        """True if there is any section point: all motions may have diverged."""
         return not np.isnan(self.sweep.sections).all()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing: what a sweep notes are failures."""
+        return ()
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -162,31 +164,31 @@ class SweepStudy(SweepOptions, RangeStudy):
     """
 
     kind: ClassVar[str] = "sweep"
-    table_types: ClassVar[Mapping[str, Any]] = {"starts": CountOrStates, "block": None}
+    table_types: ClassVar[Mapping[str, Any]] = {"starts": key_type(CountOrStates), "block": None}
 
     signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
     block: int = BLOCK
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         starts = self.starts if isinstance(self.starts, int) else len(self.starts)
         many = f", from {starts} starts" if starts > 1 else ""
         return f"sweep over {self.range_words} at {self.steps} values, {self.ways}{many}, showing {self.signal}"
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study of a table; the picture shows the first coordinate if the table says nothing else."""
+        """Return the study of a table; the picture shows the first coordinate if the table says nothing else."""
         values["signal"] = values.get("signal") or system.coordinates[0]
         return super().of_table(values, system)
 
     def work(self, system: System) -> SweepWork:
-        """The work on the sweep."""
+        """Return the work on the sweep."""
         return SweepWork(system, self)
 
 
 class _Done(NamedTuple):
-    """What is remembered of a segment besides what stands in the sweep: what failed, and where it ended."""
+    """Failure and last state of a segment, which are not in the arrays of the sweep."""
 
     note: str
     last: NDArray[np.float64]
@@ -194,13 +196,6 @@ class _Done(NamedTuple):
 
 class SweepWork(Work):
     """The segments of one sweep: which are to be done, in what order, and what they make together.
-
-    Parameters
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    asked
-        What is asked for.
 
     Raises
     ------
@@ -216,7 +211,10 @@ class SweepWork(Work):
         self.system, self.asked = system, asked
         self.values = np.linspace(low, high, asked.steps)
         self.box = np.maximum(*(state_box(end) for end in at_ends))
-        starts = _starts(at_ends[0], asked, self.box)
+        if isinstance(asked.starts, int):  # the first one is rest
+            starts = [np.zeros(len(self.box)), *spread_starts(self.box, asked.starts, asked.seed, 0.0)[1:]]
+        else:
+            starts = [check_state(at_ends[0], start) for start in asked.starts]
         self.lanes = tuple(
             Lane(way, number, state) for way in asked.each_way() for number, state in enumerate(starts, start=1)
         )
@@ -242,22 +240,22 @@ class SweepWork(Work):
                 raise ModelError(f"segment {number} of lane {lane} has another size than those of this sweep")
             self._keep(segment)
 
-    def parts(self, hands: Workers) -> Generator[Found]:
-        """The segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Yield the segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
         tasks = self._first_tasks()
         try:
-            for _, segment in hands.each(sweep_stretch, tasks, in_order=False):
+            for _, segment in workers.each(sweep_stretch, tasks, in_order=False):
                 self._keep(segment)
-                if self.lanes[segment.lane].way is not Way.AFRESH:
+                if self.lanes[segment.lane].is_carried:
                     tasks.extend(self._next_task(segment.lane, segment.number))
                 yield Found.part(STRETCH, segment, self._place(segment))
         except WorkError as error:
-            names = {str(self.lanes[tasks[index].lane]) for index in error.pieces}
+            names = {str(tasks[index].lane) for index in error.pieces}
             raise WorkError(f"{', '.join(sorted(names))}: {error}" if names else str(error), error.pieces) from None
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
         return self.done == self.total
 
     @property
@@ -276,16 +274,16 @@ class SweepWork(Work):
         notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
         return replace(self._sweep, complete=self.complete, notes=notes)
 
-    def content(self) -> Content:
-        """The sweep as what a study has found."""
-        return Content(self.complete, finding=SweepFinding(self.record))
+    def finding(self) -> SweepFinding:
+        """Return the sweep as what a study has found."""
+        return SweepFinding(self.record)
 
     @property
     def _per_lane(self) -> int:
-        return segments_of(self.asked.steps)
+        return math.ceil(self.asked.steps / BLOCK)
 
     def _place(self, segment: SweepSegment) -> int:
-        """The number of a segment in a file."""
+        """Return the number of a segment in a file."""
         return segment.lane * self._per_lane + segment.number
 
     def _keep(self, segment: SweepSegment) -> None:
@@ -294,24 +292,23 @@ class SweepWork(Work):
             self._never += self._per_lane - 1 - segment.number
 
     def _ends(self, lane: int, number: int) -> bool:
-        return bool(self._done[lane, number].note) and self.lanes[lane].way is not Way.AFRESH
+        return bool(self._done[lane, number].note) and self.lanes[lane].is_carried
 
     def _first_tasks(self) -> list[Task]:
         tasks = []
         for index, lane in enumerate(self.lanes):
-            if lane.way is Way.AFRESH:
-                numbers = range(self._per_lane)
-                tasks += [self._task(index, n, lane.state) for n in numbers if (index, n) not in self._done]
-                continue
             known = [number for owner, number in self._done if owner == index]
-            if not known:
-                tasks.append(self._task(index, 0, lane.state))
-            else:
+            if not lane.is_carried:
+                numbers = set(range(self._per_lane)) - set(known)
+                tasks += [self._task(index, number, lane.state) for number in sorted(numbers)]
+            elif known:
                 tasks += self._next_task(index, max(known))
+            else:
+                tasks.append(self._task(index, 0, lane.state))
         return tasks
 
     def _next_task(self, lane: int, number: int) -> list[Task]:
-        """What follows a segment of a lane that is carried over; nothing at its end."""
+        """Return the task that follows a segment of a lane that is carried over; none at its end."""
         if self._ends(lane, number) or number + 1 == self._per_lane:
             return []
         return [self._task(lane, number + 1, self._done[lane, number].last)]
@@ -319,30 +316,8 @@ class SweepWork(Work):
     def _task(self, index: int, number: int, state: NDArray[np.float64]) -> Task:
         lane, asked = self.lanes[index], self.asked
         places = places_of(lane.way, asked.steps, number)
-        return Task(
-            index,
-            number,
-            self.system,
-            asked.parameter,
-            places,
-            self.values[places],
-            state,
-            lane.way is not Way.AFRESH,
-            self.box,
-            asked.points,
-            asked.max_period,
-            asked.patience,
-            asked.kick,
-            (asked.seed, lane.way.number, lane.start),
-        )
-
-
-def _starts(system: System, options: SweepOptions, box: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The states from which a sweep starts."""
-    if not isinstance(options.starts, int):
-        return [check_state(system, start) for start in options.starts]
-    rest = np.zeros(len(box))
-    return [rest, *spread_starts(box, options.starts, options.seed, 0.0)[1:]]
+        where = (lane, index, number, places, self.values[places])
+        return Task(self.system, asked.parameter, asked.limits, self.box, *where, state)
 
 
 @shows_progress(lambda count, part, pace: str(pace))
@@ -352,7 +327,7 @@ def sweep(
     to: tuple[float, float],
     *,
     options: SweepOptions | None = None,
-    hands: Workers | None = None,
+    workers: Workers | int | None = None,
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Sweep:
@@ -369,9 +344,9 @@ def sweep(
         Name of the parameter, and the range.
     options
         How it is driven.
-    hands
+    workers
         Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
+        `gapwalk.parallel.on_cluster`. The result does not depend on it.
     report
         Called with each segment of values when it is done, and is in the file.
     output
@@ -393,4 +368,4 @@ def sweep(
     low, high = sorted((float(to[0]), float(to[1])))
     asked = SweepStudy(parameter, low, high, **values_of(options or SweepOptions()))
     work = asked.work(system)
-    return call(asked, work, asked.first_system(system), hands=hands, report=report, output=output).record
+    return call(asked, work, asked.first_system(system), workers=workers, report=report, output=output).record

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any
 
+from annotated_types import Ge, Le, MinLen
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -20,10 +21,10 @@ from pydantic import (
 
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Count, Number, Part, Text, by_shape, one_of, tagged
+from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.studies.option_tables import count_shape
+from gapwalk.studies.study_registry import MAX_VALUES, Counted
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""
@@ -32,8 +33,20 @@ MAX_CELLS = 10_000_000
 """Of a map over a plane; of each some hundred bytes are kept."""
 
 
+CountOrValues = Annotated[int, Ge(1), Le(MAX_VALUES)] | Annotated[tuple[float, ...], MinLen(1)]
+"""How many values, spread evenly over a range; or the values themselves."""
+
+
+def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> None:
+    """A ModelError that begins with a key if one of its values lies outside a range."""
+    low, high = sorted(ends)
+    for value in values:
+        if not low <= value <= high:
+            raise ModelError(f"{key} has {value:g}, outside the range from {low:g} to {high:g}")
+
+
 def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
-    """The number of columns and rows, or a ModelError that says what to write."""
+    """Return the number of columns and rows, or a ModelError that says what to write."""
     both = (given, given) if isinstance(given, int) else tuple(given)
     if len(both) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in both):
         raise ModelError(f"resolution is {given!r}; write a number of cells, or (columns, rows)")
@@ -43,17 +56,18 @@ def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
 
 
 def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tuple[tuple[str, str], Within]:
-    """The names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
+    """Return the names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
     if len(plane) != 2:
         raise ModelError(
             f"a plane has two axes, but {len(plane)} ranges were given ({', '.join(plane) or 'none'}); write "
             '{"frequency": (0.2, 1.2), "harmonic1.amplitude": (0, 1)}'
         )
     first, second = plane
-    return (first, second), (_range(system, first, plane[first]), _range(system, second, plane[second]))
+    return (first, second), (check_range(system, first, plane[first]), check_range(system, second, plane[second]))
 
 
-def _range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
+def check_range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
+    """Return the range of a parameter, the smaller value first; a ModelError if the system cannot have its ends."""
     try:
         low, high = (float(value) for value in given)
     except (TypeError, ValueError):
@@ -67,7 +81,7 @@ def _range(system: System, name: str, given: Sequence[float]) -> tuple[float, fl
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the validators of a study may look at.
+    """Values that the validators of a study may look at.
 
     Parameters
     ----------
@@ -93,7 +107,7 @@ class Surroundings:
     guessed: bool = False
 
 
-def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
+def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
     system = info.context.system
     if system and len(start) != 2 * system.size:
         raise ValueError(
@@ -101,10 +115,6 @@ def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> lis
             "then the velocities"
         )
     return start
-
-
-def _start_shape(value: object) -> str:
-    return "state" if isinstance(value, list) else "word"
 
 
 class Start(StrEnum):
@@ -116,47 +126,26 @@ class Start(StrEnum):
     """Newton's method from where a transient from rest has come to."""
 
 
-class Rest(StrEnum):
-    """The one start that has a name where no orbit is looked for."""
+_STATE = "the state at t = 0, a list of numbers"
 
-    REST = "rest"
-
-
-_StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
-_RestName = Annotated[Rest, BeforeValidator(one_of(Rest, "the state at t = 0, a list of numbers")), AfterValidator(str)]
-_State = Annotated[list[Number], AfterValidator(_state_length), AfterValidator(tuple)]
-State = _State
+State = Annotated[tuple[float, ...], AfterValidator(_state_length)]
 """A state at t = 0: positions, then velocities."""
 
-CountOrStates = Annotated[
-    Annotated[Count, tagged("count")] | Annotated[list[State], Field(min_length=1), tagged("values")],
-    by_shape(count_shape),
-    AfterValidator(lambda given: tuple(given) if isinstance(given, list) else given),
-]
+CountOrStates = Counted | Annotated[tuple[State, ...], MinLen(1)]
 """How many states; or the states themselves."""
 
-RestOrState = Annotated[
-    Annotated[_RestName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-]
+RestOrState = Annotated[str, BeforeValidator(one_of(["rest"], _STATE))] | State
 """Where a motion begins: from rest, or from a state."""
 
-StartOrState = Annotated[
-    Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-]
+StartOrState = Annotated[Start, BeforeValidator(one_of(Start, _STATE))] | State
 """Where an orbit is looked for: from rest, from where a transient settles, or from a state."""
 
-
-_Pair = Annotated[list[Count], Field(min_length=2, max_length=2)]
-Resolution = Annotated[
-    Annotated[Count, tagged("count")] | Annotated[_Pair, tagged("values")],
-    by_shape(count_shape),
-    AfterValidator(lambda given: check_resolution(given if isinstance(given, int) else tuple(given))),
-]
+Resolution = Annotated[Counted | tuple[Counted, Counted], AfterValidator(check_resolution)]
 """Cells along each axis of a plane, or columns and rows; as columns and rows."""
 
 
 def check_signal(signal: str, known: Sequence[str]) -> str:
-    """Refuse a signal that is none of those that are known; nothing is said if none is known."""
+    """Refuse an unknown signal; nothing is refused if none is known."""
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")
     return signal
@@ -189,11 +178,11 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
     """Read a text with a unit where the parameter has one; the number is in the unit of that parameter."""
     parameter, system = info.data.get("parameter"), info.context.system
     if parameter is None and has_unit(value):
-        return math.nan  # nobody knows its unit while the parameter is wrong itself
+        return math.nan  # its unit is unknown while the parameter is wrong itself
     kind = kind_of(parameter) if isinstance(parameter, str) else None
     if value is None or kind is None or isinstance(value, bool | list | Mapping):
         return handler(value)
-    if system is None:  # the file is wrong elsewhere, so nobody knows whether it has units
+    if system is None:  # the file is wrong elsewhere, so it is unknown if it has units
         return read_quantity(value, kind).number if isinstance(value, str) else handler(value)
     if system.units is None or (value == 0 and not isinstance(value, str)):
         return handler(value)
@@ -201,11 +190,11 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
 
 
 WITH_UNIT = WrapValidator(_with_unit)
-"""Reads texts with units where the parameter that is named beside a value has a unit."""
+"""Reads texts with units where the parameter of the same table has a unit."""
 
 
 class StudyPart(Part):
-    """What the tables of all kinds of study have in common; `gapwalk.studies.derive` makes the keys of each kind."""
+    """Keys that the tables of all kinds of study share; `gapwalk.studies.derive` adds those of each kind."""
 
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""

@@ -12,11 +12,11 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.results.result_file import lock, seal_fault, write_more
 from gapwalk.studies.family import Family
-from gapwalk.studies.kind import StudyKind
-from gapwalk.studies.load import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.map import Map
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.read_result import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.result import FullCheck, Result
+from gapwalk.studies.study_kind import StudyKind
 from gapwalk.verification import (
     Check,
     Ledger,
@@ -39,7 +39,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Each orbit is carried around by another integrator; its stages, extremes and multipliers are checked. Between
     neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts must be
     explained by special points between; each special point is looked at from both sides and located again. Balanced
-    orbits are checked by quadrature and beside exact ones; of loci some points are shot again. See `Check`.
+    orbits are checked by quadrature and against exact ones; some points of loci are shot again. See `Check`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
 
 
 def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
-    """The result in a file, and what its verification finds; parameters and errors as in `verify`."""
+    """Return the result in a file, and what its verification finds; parameters and errors as in `verify`."""
     ledger = Ledger()
     fault = seal_fault(path)
     ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
@@ -125,7 +125,7 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 
 
 def _found(result: Result) -> Verifiable:
-    """What of a result can be verified."""
+    """Return the record of a result that can be verified."""
     if result.finding is not None:
         if isinstance(result.finding.record, Family):
             return result.finding.record

@@ -21,11 +21,11 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
-from gapwalk.verification.balanced import verify_truncated
+from gapwalk.verification.branch_corrector import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
+from gapwalk.verification.verify_balanced import verify_truncated
 from gapwalk.verification.verify_orbits import verify_orbits
 from gapwalk.verification.verify_special_points import verify_special_points
-from gapwalk.verification.walk_again import CROSSING, Track
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians

@@ -13,16 +13,17 @@ from itertools import combinations
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
-from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.verification.branch_corrector import special_spot
 from gapwalk.verification.verification import Check, Ledger, Spot
-from gapwalk.verification.walk_again import special_spot
 
 _POINTS = 6  # number of points of a branch that is searched for: enough to distinguish it from others
 _CLOSE = 1e-2  # difference of the halves of an orbit below which a doubled branch may end before its parent

@@ -13,17 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border, multipliers
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
-from gapwalk.verification.balanced import imbalance
+from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.dop853 import Round, carry
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
-from gapwalk.verification.walk_again import Track
+from gapwalk.verification.verify_balanced import imbalance
 
 _CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
 _MOST = 24  # largest number of segments

@@ -20,16 +20,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import depth_near, describe_switch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.verification.branch_corrector import CROSSING, Track, special_spot
 from gapwalk.verification.verification import Check, Ledger, Spot
-from gapwalk.verification.walk_again import CROSSING, Track, special_spot
 
 _REACH = 1e-3  # arclength at which the sides of a special point are examined, unless its neighbours are nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be corrected

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk import Contact, Harmonic, Inertia, Shaft, Side, Stage, System, Train
+from gapwalk import Contact, Harmonic, Side, Stage, System
+from gapwalk.train import Inertia, Shaft, Train
 
 SHARED = 5  # neighbouring seeds with one structure: compiling takes as long as a walk
 _LAWS = ("elastic", "hunt-crossley", "hunt-crossley", "viscous")

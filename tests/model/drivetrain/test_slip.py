@@ -15,28 +15,35 @@ ENGINE, DRIVEN, DRAG, TORQUE, SIZE, PHASE, W = 0.3, 0.07, 0.05, 2.0, 5.0, 0.3, 3
 ALONE = ENGINE * DRIVEN / (ENGINE + DRIVEN)
 
 
-def coupled(**more) -> gw.Train:
+def coupled(**more) -> gw.train.Train:
     """Two inertias that a drag alone joins."""
-    inertias = [gw.Inertia("engine", ENGINE), gw.Inertia("driven", DRIVEN)]
+    inertias = [gw.train.Inertia("engine", ENGINE), gw.train.Inertia("driven", DRIVEN)]
     load = gw.Harmonic(SIZE, {"engine": 1.0}, phase=PHASE)
-    oil = gw.Shaft("oil", ("engine", "driven"), damping=DRAG)
-    return gw.Train(inertias, [oil], mean={"engine": TORQUE}, harmonics=[load], frequency=W, reaction="driven", **more)
+    oil = gw.train.Shaft("oil", ("engine", "driven"), damping=DRAG)
+    return gw.train.Train(
+        inertias, [oil], mean={"engine": TORQUE}, harmonics=[load], frequency=W, reaction="driven", **more
+    )
 
 
 FLY, PUMP, TURBINE, LOAD = 1.0, 0.2, 0.3, 2.0
 MEAN, FIRING, PACE = 0.5, 1.5, 2.0
 
 
-def converter() -> gw.Train:
+def converter() -> gw.train.Train:
     """A staged clutch before a fluid coupling, gears that rattle behind it, and a second drag across."""
-    return gw.Train(
-        [gw.Inertia("fly", FLY), gw.Inertia("pump", PUMP), gw.Inertia("turbine", TURBINE), gw.Inertia("load", LOAD)],
+    return gw.train.Train(
         [
-            gw.Shaft("clutch", ("fly", "pump"), stiffness=1.0, damping=0.05, stages=(gw.Stage(0.4, 6.0),)),
-            gw.Shaft("oil", ("pump", "turbine"), damping=0.4),
-            gw.Shaft("seal", ("fly", "load"), damping=0.02),
+            gw.train.Inertia("fly", FLY),
+            gw.train.Inertia("pump", PUMP),
+            gw.train.Inertia("turbine", TURBINE),
+            gw.train.Inertia("load", LOAD),
         ],
-        [gw.Gear("mesh", ("turbine", "load"), 1.0, clearance=0.05, stiffness=20.0, impact_damping=0.1)],
+        [
+            gw.train.Shaft("clutch", ("fly", "pump"), stiffness=1.0, damping=0.05, stages=(gw.Stage(0.4, 6.0),)),
+            gw.train.Shaft("oil", ("pump", "turbine"), damping=0.4),
+            gw.train.Shaft("seal", ("fly", "load"), damping=0.02),
+        ],
+        [gw.train.Gear("mesh", ("turbine", "load"), 1.0, clearance=0.05, stiffness=20.0, impact_damping=0.1)],
         mean={"fly": MEAN},
         reaction="load",
         harmonics=[gw.Harmonic(FIRING, {"fly": 1.0}, phase=PHASE)],
@@ -141,22 +148,22 @@ def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
 
 def test_a_coupled_train_rests_slipping_and_vibrates_as_its_two_sides_do() -> None:
     system = converter().system()
-    (rest,) = gw.rest_of(system).equilibria
+    (rest,) = gw.find_equilibria(system).equilibria
     leaks = system.structure.assembly.numbers(system.values).leaks
     assert leaks[1] * rest.position[1] == pytest.approx(MEAN / (0.4 + 0.02), rel=1e-12)
     assert rest.stable
     assert not rest.loose
     sides = [0.0, np.sqrt(7.0 * (1 / FLY + 1 / PUMP)), np.sqrt(20.0 * (1 / TURBINE + 1 / LOAD))]
-    assert gw.modes_of(system).frequencies == pytest.approx(sorted(sides), rel=1e-9, abs=1e-6)
+    assert gw.find_modes(system).frequencies == pytest.approx(sorted(sides), rel=1e-9, abs=1e-6)
 
 
 def test_a_rotor_that_a_drag_alone_joins_to_the_ground_takes_its_mean_torque() -> None:
-    train = gw.Train(
-        [gw.Inertia("disc", 0.4), gw.Inertia("rotor", 0.1)],
+    train = gw.train.Train(
+        [gw.train.Inertia("disc", 0.4), gw.train.Inertia("rotor", 0.1)],
         [
-            gw.Shaft("wall", ("disc", "ground"), stiffness=2.0, damping=0.1),
-            gw.Shaft("bearing", ("disc", "rotor"), damping=0.3),
-            gw.Shaft("air", ("rotor", "ground"), damping=0.05),
+            gw.train.Shaft("wall", ("disc", "ground"), stiffness=2.0, damping=0.1),
+            gw.train.Shaft("bearing", ("disc", "rotor"), damping=0.3),
+            gw.train.Shaft("air", ("rotor", "ground"), damping=0.05),
         ],
         mean={"rotor": 0.7},
         harmonics=[gw.Harmonic(1.0, {"disc": 1.0})],
@@ -180,18 +187,19 @@ def test_a_coupled_train_is_stored_and_given_other_numbers() -> None:
 
 
 def test_units_leave_a_slip_as_it_is() -> None:
-    parts: Any = gw  # quantities with units are texts
+    base: Any = gw  # quantities with units are texts
+    parts: Any = gw.train
     train = parts.Train(
         [parts.Inertia("engine", f"{ENGINE} kg m^2"), parts.Inertia("driven", f"{DRIVEN} kg m^2")],
         [parts.Shaft("oil", ("engine", "driven"), damping=f"{DRAG * np.pi / 180.0} N m s/deg")],
         mean={"engine": f"{TORQUE} N m"},
         reaction="driven",
-        harmonics=[parts.Harmonic(f"{SIZE} N m", {"engine": 1.0}, phase="0.3 rad")],
+        harmonics=[base.Harmonic(f"{SIZE} N m", {"engine": 1.0}, phase="0.3 rad")],
         frequency=f"{W} rad/s",
     )
     torque = gw.find_orbit(train.system()).motion(64).signal("oil.torque")
     assert torque == pytest.approx(gw.find_orbit(coupled().system()).motion(64).signal("oil.torque"), rel=1e-9)
-    other = gw.nondimensional(train.system())
+    other = gw.train.nondimensional(train.system())
     assert np.sort(gw.find_orbit(other.system).multipliers.real) == pytest.approx(
         np.sort(gw.find_orbit(coupled().system()).multipliers.real), rel=1e-6
     )

@@ -69,10 +69,10 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
     path.write_text(GOOD, encoding="utf-8")
     stages = (gw.Stage(0.1, 30.0, side=gw.Side.POSITIVE), gw.Stage(0.3, 90.0, name="stop"))
-    train = gw.Train(
-        [gw.Inertia("engine", 0.2), gw.Inertia("hub", 0.05), gw.Inertia("load", 4.0)],
-        [gw.Shaft("clutch", ("engine", "hub"), stiffness=10.0, damping=0.1, stages=stages, viscous_damping=0.2)],
-        [gw.Gear("pair", ("hub", "load"), 2.5, stiffness=70.0, clearance=0.01, cubic=5.0, impact_damping=0.4)],
+    train = gw.train.Train(
+        [gw.train.Inertia("engine", 0.2), gw.train.Inertia("hub", 0.05), gw.train.Inertia("load", 4.0)],
+        [gw.train.Shaft("clutch", ("engine", "hub"), stiffness=10.0, damping=0.1, stages=stages, viscous_damping=0.2)],
+        [gw.train.Gear("pair", ("hub", "load"), 2.5, stiffness=70.0, clearance=0.01, cubic=5.0, impact_damping=0.4)],
         mean={"engine": 3.0},
         harmonics=[gw.Harmonic(0.7, {"engine": 1.0})],
         frequency=2.0,
@@ -132,11 +132,11 @@ def test_without_an_inertia_there_is_no_train() -> None:
 
 def test_parts_can_be_set_walked_and_refused_by_name() -> None:
     changes = {"third.clearance": 0.003, "final.ratio": 3.9, "study.load.to": 5.0}
-    drive, load = gw.read_studies(EXAMPLE, changes)
+    drive, load = gw.studies.read_studies(EXAMPLE, changes)
     assert (drive.system["third.clearance"], load.system["final.ratio"]) == (0.003, 3.9)
     assert load.system["mean.engine"] == 30.0
     with pytest.raises(ModelFileError, match=r"no parameter 'third\.clearence'; did you mean 'third\.clearance'"):
-        gw.read_studies(EXAMPLE, {"third.clearence": 0.003})
+        gw.studies.read_studies(EXAMPLE, {"third.clearence": 0.003})
 
 
 def test_the_walk_of_the_example_over_its_load_finds_both_flips(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.paper import parameter_set
 from tests.model.drivetrain.trains import DEGREE, by_hand, physical
 
-SCALES = gw.Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)
+SCALES = gw.train.Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)
 
 
 def test_a_train_with_units_is_the_one_in_si_units() -> None:
@@ -21,7 +21,7 @@ def test_a_train_with_units_is_the_one_in_si_units() -> None:
     assert system["speed"] == 1500.0
     assert system.frequency == pytest.approx(100.0 * np.pi, rel=1e-15)
     angles = np.repeat([DEGREE, DEGREE], [2, 2])
-    np.testing.assert_allclose(gw.modes_of(system).frequencies, gw.modes_of(other).frequencies, rtol=1e-13)
+    np.testing.assert_allclose(gw.find_modes(system).frequencies, gw.find_modes(other).frequencies, rtol=1e-13)
     orbit, same = gw.find_orbit(system), gw.find_orbit(other)
     np.testing.assert_allclose(orbit.state * angles, same.state, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(same.multipliers), rtol=1e-9)
@@ -42,10 +42,12 @@ def test_derivatives_by_parameters_are_those_in_their_units(name: str) -> None:
     np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), rtol=1e-6, atol=1e-9 * np.abs(slope).max())
 
 
-def two(**more) -> gw.Train:
+def two(**more) -> gw.train.Train:
     """Two inertias with backlash between them."""
-    shaft = gw.Shaft("clutch", ("flywheel", "hub"), stiffness="2 N m/deg", clearance="1 deg")
-    return gw.Train([gw.Inertia("flywheel", "0.1 kg m^2"), gw.Inertia("hub", "0.01 kg m^2")], [shaft], **more)
+    shaft = gw.train.Shaft("clutch", ("flywheel", "hub"), stiffness="2 N m/deg", clearance="1 deg")
+    return gw.train.Train(
+        [gw.train.Inertia("flywheel", "0.1 kg m^2"), gw.train.Inertia("hub", "0.01 kg m^2")], [shaft], **more
+    )
 
 
 def test_orders_are_counted_per_turn_and_the_period_is_the_shortest() -> None:
@@ -73,9 +75,9 @@ def test_parameters_take_texts_in_any_unit_of_their_kind() -> None:
 
 def test_all_mistakes_of_units_are_told_at_once() -> None:
     with pytest.raises(ModelError) as error:
-        gw.Train(
-            [gw.Inertia("a", "0.1 kg m^2"), gw.Inertia("b", 0.2)],
-            [gw.Shaft("ab", ("a", "b"), stiffness="3 N m", stages=(gw.Stage("1 N m", 2.0),), damping=0.0)],
+        gw.train.Train(
+            [gw.train.Inertia("a", "0.1 kg m^2"), gw.train.Inertia("b", 0.2)],
+            [gw.train.Shaft("ab", ("a", "b"), stiffness="3 N m", stages=(gw.Stage("1 N m", 2.0),), damping=0.0)],
             mean={"a": "3 J"},
             harmonics=[gw.Harmonic("1 N m", {"a": 1.0}, phase=0.5)],
             speed="900 rpm",
@@ -95,12 +97,12 @@ def test_all_mistakes_of_units_are_told_at_once() -> None:
 def test_a_speed_is_a_quantity_and_stands_alone() -> None:
     for wrong in ({"speed": 900.0}, {"speed": "900 rpm", "frequency": "50 Hz"}):
         with pytest.raises(ModelError, match="write a speed such as"):
-            gw.Train([gw.Inertia("a", "1 kg m^2")], **wrong)
+            gw.train.Train([gw.train.Inertia("a", "1 kg m^2")], **wrong)
 
 
 def test_the_non_dimensional_form_is_exact_and_leads_back() -> None:
     system = physical().system()
-    form = gw.nondimensional(system, SCALES)
+    form = gw.train.nondimensional(system, SCALES)
     plain, units = form.system, system.units
     assert plain.units is None
     assert units is not None
@@ -124,25 +126,25 @@ def test_the_non_dimensional_form_is_exact_and_leads_back() -> None:
 
 
 def test_scales_are_found_that_make_numbers_of_about_one() -> None:
-    form = gw.nondimensional(physical().system())
-    numbers = gw.paper_numbers(physical().system())
+    form = gw.train.nondimensional(physical().system())
+    numbers = gw.train.paper_numbers(physical().system())
     assert numbers.K11 + numbers.n1 == pytest.approx(1.0, rel=1e-13)
     assert numbers.b == pytest.approx(1.0, rel=1e-14)
     assert form.scales.inertia == pytest.approx(0.14 * 0.005 / 0.145, rel=1e-13)
     with pytest.raises(ModelError, match="has no units"):
-        gw.nondimensional(by_hand().system())
+        gw.train.nondimensional(by_hand().system())
     with pytest.raises(ModelError, match="the scale angle is -1"):
-        gw.Scales(-1.0, 1.0, 1.0)
+        gw.train.Scales(-1.0, 1.0, 1.0)
 
 
-def of_the_paper(figure: str) -> gw.PaperNumbers:
+def of_the_paper(figure: str) -> gw.train.PaperNumbers:
     """The printed numbers of a figure, with C11 and C22 such that three inertias can have them."""
     given = parameter_set(figure)
     k11, k12, k21, k22 = given.stiffness
     _, c12, c21, _ = given.damping
     te2, p, phi = given.second or (0.0, 2, 0.0)
     (n1, n2), (tm1, tm2) = given.n, given.mean
-    return gw.PaperNumbers(
+    return gw.train.PaperNumbers(
         **{"K11": k11, "K12": k12, "K21": k21, "K22": k22},
         **{"C11": c21 * n1 / n2, "C12": c12, "C21": c21, "C22": c12 * k22 / k12},
         **{"n1": n1, "n2": n2, "Tm1": tm1, "Tm2": tm2, "Te1": given.excitation, "Te2": te2, "p": p, "phi": phi},
@@ -156,7 +158,7 @@ def test_sets_of_the_paper_are_those_of_physical_trains(figure: str) -> None:
     """Orbits of equations 10 to 18, in bc1 and bc3, against those of three inertias in N m, rad and s."""
     numbers = of_the_paper(figure)
     system = numbers.train(SCALES).system()
-    back = gw.paper_numbers(system, SCALES, numbers.length_ratio())
+    back = gw.train.paper_numbers(system, SCALES, numbers.length_ratio())
     for name, value in dataclasses.asdict(numbers).items():
         assert getattr(back, name) == pytest.approx(value, rel=1e-13, abs=1e-15), name
     dampers = {"damping.q1.q1": numbers.C11, "damping.q3.q3": numbers.C22}
@@ -180,6 +182,6 @@ def test_printed_dampers_that_no_three_inertias_have_are_refused() -> None:
 
 def test_only_three_inertias_in_line_have_the_numbers_of_the_paper() -> None:
     with pytest.raises(ModelError, match="the paper has three inertias in line"):
-        gw.paper_numbers(two(frequency="50 Hz").system())
+        gw.train.paper_numbers(two(frequency="50 Hz").system())
     with pytest.raises(ModelError, match="torques on the first and the last inertia only"):
-        gw.paper_numbers(physical().system().at({"mean.hub": 1.0}))
+        gw.train.paper_numbers(physical().system().at({"mean.hub": 1.0}))

@@ -12,12 +12,16 @@ DAMPING, SHAFT_DAMPING, BETA, GAP = 0.3, 0.5, 0.05, 3.0 * DEGREE
 MEAN, SIZE, ORDER = 20.0, 100.0, 2
 
 
-def physical(speed: str = "1500 rpm") -> gw.Train:
+def physical(speed: str = "1500 rpm") -> gw.train.Train:
     """Flywheel, hub and gearbox in kg m^2, N m, deg and rpm."""
-    return gw.Train(
-        [gw.Inertia("flywheel", "0.14 kg m^2"), gw.Inertia("hub", "50 kg cm^2"), gw.Inertia("box", "0.03 kg m²")],
+    return gw.train.Train(
         [
-            gw.Shaft(
+            gw.train.Inertia("flywheel", "0.14 kg m^2"),
+            gw.train.Inertia("hub", "50 kg cm^2"),
+            gw.train.Inertia("box", "0.03 kg m²"),
+        ],
+        [
+            gw.train.Shaft(
                 "clutch",
                 ("flywheel", "hub"),
                 stiffness="2 N m/deg",
@@ -25,7 +29,7 @@ def physical(speed: str = "1500 rpm") -> gw.Train:
                 stages=(gw.Stage("3 deg", "28 Nm/deg"),),
                 impact_damping="0.05 s/rad",
             ),
-            gw.Shaft("input", ("hub", "box"), stiffness="1e4 N m/rad", damping="0.5 N m s/rad"),
+            gw.train.Shaft("input", ("hub", "box"), stiffness="1e4 N m/rad", damping="0.5 N m s/rad"),
         ],
         mean={"flywheel": "20 N m", "box": "-20 N m"},
         harmonics=[gw.Harmonic("100 N m", {"flywheel": 1.0}, order=ORDER)],
@@ -33,12 +37,12 @@ def physical(speed: str = "1500 rpm") -> gw.Train:
     )
 
 
-def by_hand(speed: float = 1500.0) -> gw.Train:
+def by_hand(speed: float = 1500.0) -> gw.train.Train:
     """The same in SI units."""
-    return gw.Train(
-        [gw.Inertia("flywheel", FLYWHEEL), gw.Inertia("hub", HUB), gw.Inertia("box", BOX)],
+    return gw.train.Train(
+        [gw.train.Inertia("flywheel", FLYWHEEL), gw.train.Inertia("hub", HUB), gw.train.Inertia("box", BOX)],
         [
-            gw.Shaft(
+            gw.train.Shaft(
                 "clutch",
                 ("flywheel", "hub"),
                 stiffness=FIRST,
@@ -46,7 +50,7 @@ def by_hand(speed: float = 1500.0) -> gw.Train:
                 stages=(gw.Stage(GAP, SECOND),),
                 impact_damping=BETA,
             ),
-            gw.Shaft("input", ("hub", "box"), stiffness=SHAFT, damping=SHAFT_DAMPING),
+            gw.train.Shaft("input", ("hub", "box"), stiffness=SHAFT, damping=SHAFT_DAMPING),
         ],
         mean={"flywheel": MEAN, "box": -MEAN},
         harmonics=[gw.Harmonic(SIZE, {"flywheel": 1.0})],

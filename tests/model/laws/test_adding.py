@@ -18,7 +18,7 @@ from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
-from gapwalk.model.equilibria import rest_of
+from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.laws import CLEARANCE, LAWS, Law, register
 from gapwalk.model.loads import LOADS
 from gapwalk.model.parameter import Parameter
@@ -207,7 +207,7 @@ def test_equilibria_and_modes_know_the_law() -> None:
     stages = [gw.Stage(0.3, 2.0, side=gw.Side.POSITIVE, numbers={"bend": 3.0})]
     stop = gw.Contact("stop", {"x": 1.0}, stages, law="quadratic", drag=0.4)
     system = gw.System(["x"], [[0.5]], [[0.1]], contacts=[stop], mean={"x": 1.0})
-    (rest,) = rest_of(system).equilibria
+    (rest,) = find_equilibria(system).equilibria
     x = brentq(lambda x: 0.5 * x + 2.0 * (x - 0.3) + 3.0 * (x - 0.3) ** 2 - 1.0, 0.3, 2.0)
     assert rest.position[0] == pytest.approx(x, rel=1e-10)
     assert rest.stiffness[0, 0] == pytest.approx(2.5 + 6.0 * (x - 0.3), rel=1e-9)
@@ -273,18 +273,18 @@ def test_what_a_backend_cannot_carry_it_refuses_by_name() -> None:
     for call in (
         lambda: gw.find_orbit(system, method=gw.Balance()),
         lambda: batch_flow_of(system).run(np.zeros((4, 2)), 1),
-        lambda: rest_of(system),
+        lambda: find_equilibria(system),
     ):
         with pytest.raises(ModelError, match="cannot include 'stop': its force law 'yielding' is not a polynomial"):
             call()
 
 
 def test_drive_trains_know_the_law_and_the_load(tmp_path: Path) -> None:
-    inertias = [gw.Inertia("a", 1.0), gw.Inertia("b", 2.0)]
+    inertias = [gw.train.Inertia("a", 1.0), gw.train.Inertia("b", 2.0)]
     stage = gw.Stage(0.3, 2.0, numbers={"bend": 2.0})
-    shaft = gw.Shaft("s", ("a", "b"), damping=0.1, law="quadratic", drag=0.4, stages=[stage])
+    shaft = gw.train.Shaft("s", ("a", "b"), damping=0.1, law="quadratic", drag=0.4, stages=[stage])
     loads = [unbalance.Unbalance(0.5, {"a": 1.0})]
-    system = gw.Train(inertias, [shaft], mean={"a": 0.1, "b": -0.1}, harmonics=loads, frequency=0.8).system()
+    system = gw.train.Train(inertias, [shaft], mean={"a": 0.1, "b": -0.1}, harmonics=loads, frequency=0.8).system()
     (tmp_path / "train.toml").write_text("""\
 frequency = 0.8
 mean = { a = 0.1, b = -0.1 }

@@ -93,6 +93,6 @@ def test_only_a_number_with_something_behind_it_has_a_unit() -> None:
 @pytest.mark.parametrize(("example", "imported"), [("train", False), ("drivetrain", True)])
 def test_a_model_without_units_does_not_pay_for_them(example: str, imported: bool) -> None:
     file = Path(__file__).parents[3] / "examples" / f"{example}.toml"
-    script = f"import sys, gapwalk as gw; gw.read_studies({str(file)!r}); print('pint' in sys.modules)"
+    script = f"import sys, gapwalk as gw; gw.studies.read_studies({str(file)!r}); print('pint' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == str(imported)

@@ -81,7 +81,7 @@ def test_pictures_go_into_a_folder_and_nothing_is_computed_twice(capsys, monkeyp
     assert names == {"figure-12-literal.png", "figure-12-literal.svg", "results"}
     results = {path.name for path in Path("out/paper/results").iterdir() if not path.name.endswith("-lock")}
     assert results == {"12-literal.gapwalk", "12-literal-points.csv", "12-literal-special-points.csv"}
-    monkeypatch.setattr("gapwalk.studies.diagram_study.Grower", None)  # a second computation would fail
+    monkeypatch.setattr("gapwalk.studies.diagram_study.DiagramWork.parts", None)  # a second computation would fail
     drawn = Path("out/paper/figure-12-literal.png").stat().st_mtime_ns
     assert main(["12", "--slope", "literal"]) == 0
     assert Path("out/paper/figure-12-literal.png").stat().st_mtime_ns == drawn

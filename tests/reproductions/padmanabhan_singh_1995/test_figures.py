@@ -43,7 +43,7 @@ def test_every_job_of_a_figure_makes_a_study_in_every_reading(reading: Reading) 
             study = job.study
             assert str(job.reading) in study.title
             asked = gw.paper.case(job.case, slope=reading.slope, damping=reading.damping).at(job.changes)
-            if not isinstance(job.options, gw.SettleStudyOptions):
+            if not isinstance(job.options, gw.studies.SettleStudyOptions):
                 asked = asked.at({job.options.parameter: job.options.begin})
             assert np.array_equal(rates(study.system), rates(asked))
 
@@ -73,7 +73,7 @@ def test_a_job_without_longer_periods() -> None:
 def test_a_job_has_its_changes_and_begins_where_it_says() -> None:
     for key, job in JOBS.items():
         system, options = job.study.system, job.options
-        begin = {} if isinstance(options, gw.SettleStudyOptions) else {options.parameter: options.begin}
+        begin = {} if isinstance(options, gw.studies.SettleStudyOptions) else {options.parameter: options.begin}
         assert all(system[name] == value for name, value in {**job.changes, **begin}.items())
         assert key == job.key
     assert len({job.key for job in JOBS.values()}) == len(JOBS)

@@ -20,7 +20,7 @@ def results(tmp_path_factory):
 
 
 def computed(keys, folder):
-    with gw.workers(1) as workers:
+    with gw.parallel.local_workers(1) as workers:
         return compute([JOBS[key] for key in keys], folder, workers)[0]
 
 

@@ -61,7 +61,7 @@ def test_the_record_is_the_motion_and_noise(orbits) -> None:
     orbit = orbits["8a"]
     record = synthetic_record(orbit)
     assert "SYNTHETIC" in record.name
-    found = gw.align(orbit, record, third_inertia(orbit.system))
+    found = gw.measure.align(orbit, record, third_inertia(orbit.system))
     assert found.phase == pytest.approx(1.0, abs=0.05)
     assert found.agreement.relative == pytest.approx(NOISE, rel=0.1)
     assert np.array_equal(record.acceleration, synthetic_record(orbit).acceleration)

@@ -14,7 +14,7 @@ RUN = gw.run
 
 
 def done(jobs, folder: Path, **options):
-    with gw.workers(1) as workers:
+    with gw.parallel.local_workers(1) as workers:
         return compute(jobs, folder, workers, **options)
 
 
@@ -35,7 +35,7 @@ def never(monkeypatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("it was computed again")
 
-    monkeypatch.setattr("gapwalk.studies.diagram_study.Grower", fail)
+    monkeypatch.setattr("gapwalk.studies.diagram_study.DiagramWork.parts", fail)
     monkeypatch.setattr("gapwalk.studies.settle_study.settle", fail)
 
 
@@ -95,7 +95,7 @@ def test_a_folder_that_cannot_be_made(tmp_path) -> None:
 
 @pytest.mark.slow
 def test_other_processes_do_the_same(tmp_path) -> None:
-    with gw.workers(2) as workers:
+    with gw.parallel.local_workers(2) as workers:
         results, failures = compute([JOB, JOBS["18"]], tmp_path, workers)
     assert {key: result.system.frequency for key, result in results.items()} == {"17": FREQUENCY, "18": 0.634}
     assert not failures

@@ -1,7 +1,7 @@
 """Search for isolated branches and other attractors, with many starts, settled transients, and Newton's method."""
 
 from gapwalk.bifurcation.isolated.search import (
-    Found,
+    FoundOrbit,
     Progress,
     SearchResult,
     Tally,
@@ -13,7 +13,7 @@ from gapwalk.bifurcation.isolated.search import (
 from gapwalk.bifurcation.isolated.search_options import SearchOptions
 
 __all__ = [
-    "Found",
+    "FoundOrbit",
     "Progress",
     "SearchOptions",
     "SearchResult",

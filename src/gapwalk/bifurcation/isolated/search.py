@@ -21,7 +21,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
 from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
-from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
@@ -75,7 +75,7 @@ class SearchResult:
     """
 
     parameter: str
-    found: tuple[Found, ...]
+    found: tuple[FoundOrbit, ...]
     tallies: tuple[Tally, ...]
     complete: bool
 
@@ -85,11 +85,11 @@ class SearchResult:
         return tuple(tally.value for tally in self.tallies)
 
     @property
-    def new(self) -> tuple[Found, ...]:
+    def new(self) -> tuple[FoundOrbit, ...]:
         """Orbits that lie on none of the known branches."""
         return tuple(each for each in self.found if each.is_new)
 
-    def at(self, value: float) -> tuple[Found, ...]:
+    def at(self, value: float) -> tuple[FoundOrbit, ...]:
         """Return the orbits found at one value."""
         return tuple(each for each in self.found if each.value == value)
 
@@ -102,7 +102,7 @@ class SearchResult:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundOrbit:
     """One orbit that the search has found.
 
     Attributes
@@ -170,7 +170,7 @@ def search(
     *,
     known: Sequence[Branch] = (),
     options: SearchOptions = SearchOptions(),
-    hands: PieceRunner | None = None,
+    workers: PieceRunner | None = None,
     report: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> SearchResult:
@@ -190,8 +190,8 @@ def search(
         Known branches along this parameter: orbits on them are not new.
     options
         Options of the search.
-    hands
-        Executor of the work; by default this process alone. ``with gapwalk.parallel.workers.workers() as hands:``
+    workers
+        Executor of the work; by default this process alone. ``with gw.parallel.local_workers() as workers:``
         uses all local cores. The result does not depend on it.
     report
         Called after each piece of work.
@@ -219,7 +219,7 @@ def search(
             report(Progress(len(catches), len(chunks), chunks[number].value, catch))
 
     try:
-        (hands.run if hands else _run_here)(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+        (workers.run if workers else _run_here)(search_chunk, chunks, keep, lambda _: stop is None or not stop())
     except KeyboardInterrupt:
         raise Interrupted(_result(parameter, chunks, catches, curves, numbers)) from None
     return _result(parameter, chunks, catches, curves, numbers)
@@ -257,7 +257,7 @@ def _result(
     parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
 ) -> SearchResult:
     """Return what the completed pieces of work have found."""
-    found: list[Found] = []
+    found: list[FoundOrbit] = []
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):
         done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
@@ -271,7 +271,7 @@ def _result(
                 entry.newton += newton
         for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
             branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
-            found.append(Found(value, entry.orbit, entry.settled, entry.newton, branch))
+            found.append(FoundOrbit(value, entry.orbit, entry.settled, entry.newton, branch))
         tallies.append(
             Tally(
                 value,

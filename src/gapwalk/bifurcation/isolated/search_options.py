@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
@@ -55,15 +57,15 @@ class SearchOptions:
         Starts in one piece of work. It affects the result, because a piece does not use what others find.
     """
 
-    starts: int = 24
-    periods: int = 8
-    newton_starts: int = 24
-    newton_periods: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
-    patience: int = 400
-    box: tuple[float, ...] | None = None
-    spread: float = 1.5
-    seed: int = 0
-    block: int = 24
+    starts: Annotated[int, Ge(1)] = 24
+    periods: Annotated[int, Ge(1)] = 8
+    newton_starts: Annotated[int, Ge(0)] = 24
+    newton_periods: tuple[Annotated[int, Ge(1)], ...] = (1, 2, 3, 4, 5, 6, 7, 8)
+    patience: Annotated[int, Ge(16)] = 400
+    box: tuple[Annotated[float, Gt(0)], ...] | None = None
+    spread: Annotated[float, Gt(0)] = 1.5
+    seed: Annotated[int, Ge(0)] = 0
+    block: Annotated[int, Ge(1)] = 24
 
     def __post_init__(self) -> None:
         for name, least in (("starts", 1), ("periods", 1), ("patience", 16), ("block", 1)):

@@ -1,11 +1,11 @@
 """Kinds of special points: one file for each, and their registration."""
 
 from gapwalk.bifurcation.kinds.branch_crossing import BranchPointKind
-from gapwalk.bifurcation.kinds.event import Event
 from gapwalk.bifurcation.kinds.flip import Flip
 from gapwalk.bifurcation.kinds.fold import Fold
 from gapwalk.bifurcation.kinds.grazing import Grazing
 from gapwalk.bifurcation.kinds.neimark_sacker import NeimarkSacker
+from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol, register
 
 # in the order of tables and legends

@@ -14,15 +14,14 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.walk_options import Range
-from gapwalk.continuation.walk_scales import scales_of
+from gapwalk.continuation.walk_scales import Range, scales_of
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.method import Method
 

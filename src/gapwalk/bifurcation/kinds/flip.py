@@ -19,17 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.bifurcation.branch import REACH, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
-from gapwalk.bifurcation.kinds.condition import Criticality, bounded_product, nearest, smallest_singular_value
+from gapwalk.bifurcation.kinds.defining_functions import Criticality, bounded_product, nearest, smallest_singular_value
+from gapwalk.bifurcation.special_point import REACH, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
-from gapwalk.continuation.walk_options import Range, check_range
-from gapwalk.continuation.walk_scales import scales_of
+from gapwalk.continuation.walk_scales import Range, check_range, scales_of
 from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
+from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.branch_point import BranchPoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kinds.condition import (
+from gapwalk.bifurcation.kinds.defining_functions import (
     Criticality,
     bounded_product,
     critical_pair,

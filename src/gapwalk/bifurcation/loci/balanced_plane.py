@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
+from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.loci.orbit_plane import STEP, OrbitPlane, Place, Turning
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence

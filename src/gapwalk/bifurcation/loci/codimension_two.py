@@ -27,12 +27,12 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import halves_apart, is_close
-from gapwalk.bifurcation.kinds.condition import critical_pair
+from gapwalk.bifurcation.kinds.defining_functions import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector

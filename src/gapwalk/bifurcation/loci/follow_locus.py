@@ -14,16 +14,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.loci.codimension_two import Finding, find_codim2, find_merging
 from gapwalk.bifurcation.loci.corner import AWAY, Approach, Corner, approaches, leaps, turn_corner
 from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
 from gapwalk.bifurcation.loci.locus_start import LocusStart, Ranges, lift, refined, start_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.both_directions import Tracing, in_one_direction
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.tracing import Tracing, in_one_direction
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.method import Method

@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
@@ -20,10 +19,11 @@ from gapwalk.bifurcation.loci.locus_equations import (
     onto_curve,
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.walk_options import Range
-from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names

@@ -12,9 +12,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.kinds.condition import Criticality
+from gapwalk.bifurcation.kinds.defining_functions import Criticality
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.forces import accelerations

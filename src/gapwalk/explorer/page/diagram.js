@@ -225,14 +225,8 @@ function color(name) {
 }
 
 export function describe(special) {
-  const parts = [
-    `<b>${escaped(special.text)}</b> on ${escaped(special.branch)}`,
-    special.values ? `at ${special.values.map((v) => v.toPrecision(9)).join(", ")}` : `at ${special.value.toPrecision(11)} ± ${special.uncertainty.toExponential(0)}`,
-    escaped(special.change ?? ""),
-    escaped(special.nature ?? ""),
-    escaped(special.contact),
-  ];
-  return parts.filter(Boolean).join("<br>");
+  const title = `<b>${escaped(special.text)}</b> on ${escaped(special.branch)}`;
+  return [title, ...special.lines.filter(Boolean).map(escaped)].join("<br>");
 }
 
 function escaped(text) {

@@ -41,7 +41,7 @@ class Train:
     frequency
         The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
     reaction
-        Name of the inertia that takes what the other mean torques of a free train leave over, so that it runs steadily;
+        Name of the inertia on which the torque acts that balances the other mean torques of a free train;
         the mean torque of that one is then no parameter.
     speed
         In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted

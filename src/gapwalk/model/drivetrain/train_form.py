@@ -176,7 +176,8 @@ class TrainForm:
     torques
         The excitation.
     reaction
-        The inertia that takes what the other mean torques leave over, by number; None if nothing does.
+        Index of the inertia on which the torque acts that balances the other mean torques; None if there is
+        none.
     """
 
     inertias: tuple[str, ...]

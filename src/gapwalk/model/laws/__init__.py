@@ -4,6 +4,7 @@
 """
 
 from gapwalk.model.laws.closed_form import Stages, StageShape, StageTerms, Term, closed_form_of
+from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
@@ -16,7 +17,6 @@ from gapwalk.model.laws.law import (
     never_negative,
     register,
 )
-from gapwalk.model.laws.springs import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
 
 for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
     register(_law())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,7 +39,7 @@ class StageTerms:
     depth: Any
     closed: Any
     innermost: bool
-    numbers: Mapping[str, Any]
+    numbers: Mapping[str, Any] = field(hash=False)
 
     def __getitem__(self, name: str) -> Any:
         return self.numbers[name]

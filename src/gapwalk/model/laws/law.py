@@ -52,7 +52,7 @@ class Law(ABC):
     it by name; the flow, shooting, special points, loci, verification and files do not.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
-    `gapwalk.flow.switching`; where it does not, nothing is computed.
+    `gapwalk.flow.contact_events`; where it does not, nothing is computed.
 
     Examples
     --------

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
@@ -50,10 +51,10 @@ class Balance(Method):
     columns: ClassVar[tuple[str, ...]] = ("harmonics", "truncation")
     needs_contacts: ClassVar[str] = "solves for the deflections of contacts"
 
-    harmonics: int | None = None
-    error: float = 1e-4
+    harmonics: Annotated[int, Ge(1)] | None = None
+    error: Annotated[float, Gt(0)] = 1e-4
     stability: str = "variational"
-    tolerance: float = 1e-10
+    tolerance: Annotated[float, Gt(0)] = 1e-10
 
     def __post_init__(self) -> None:
         h = self.harmonics
@@ -64,7 +65,7 @@ class Balance(Method):
         if not 1e-12 <= self.error <= 1.0:
             raise ModelError(f"error is {self.error!r}; it must lie between 1e-12 and 1 (a share of the amplitude)")
         if self.stability not in STABILITIES:
-            raise ModelError(f'stability is {self.stability!r}; write "variational" or "hill"')
+            raise ModelError(f'stability is "{self.stability}"; it must be one of "variational", "hill"')
         if not 1e-14 <= self.tolerance <= 1e-3:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.motion import integrate
-from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers

@@ -7,13 +7,13 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
-from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.options import SecondParameter
 from gapwalk.studies.study_file import Study
+from gapwalk.studies.study_kind import StudyKind
 
 
 def without_units(study: Study) -> Study:
-    """The same study in non-dimensional form; its changes say what its numbers mean.
+    """Return a study in non-dimensional form; its changes say what its numbers mean.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
 
@@ -17,20 +17,16 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.codec import OneOf, column_of, register
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kinds import kind_of
-from gapwalk.summary import Summary
+from gapwalk.studies.study_registry import kind_of
+from gapwalk.summary import Rows, Summary
 
 if TYPE_CHECKING:
     from typing import Self
 
-    from gapwalk.bifurcation.branch import Branch
-    from gapwalk.bifurcation.diagram import Diagram
-    from gapwalk.studies.map import Map
-
 
 @dataclass(frozen=True)
 class StudyKind:
-    """What is asked of a study, of any kind.
+    """Request of a study of any kind.
 
     A kind of study is a frozen dataclass that derives from this class:
 
@@ -41,8 +37,8 @@ class StudyKind:
     - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
       which it holds: no option is written down twice.
     - `work` returns its `Work`, which yields what is found part by part. So one runner (`gapwalk.studies.runner`)
-      serves all kinds: it writes each part, reports it once it is safe, and goes on with what a stopped run has left.
-    - A line in `gapwalk.studies.kinds`, or `gapwalk.studies.kinds.add_kind`, makes it known by its `kind`.
+      serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
+    - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
     """
 
     kind: ClassVar[str]
@@ -56,16 +52,16 @@ class StudyKind:
     """What pydantic takes for the types of keys, where it does not follow from the fields; None for what is not a key.
 
     A pair of a type and a default is a key that is no field of this type: `of_table` makes something of it. These keys
-    are checked after all others, in this order: a validator sees in ``info.data`` what stands before it."""
+    are checked after all others, in this order: a validator sees the keys before it in ``info.data``."""
 
     @property
     def plan(self) -> str:
-        """What is to be done, in a line."""
+        """A line on the work to be done."""
         return self.kind
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """The study that a table asks for.
+        """Return the study that a table asks for.
 
         Parameters
         ----------
@@ -93,11 +89,11 @@ class StudyKind:
         return ()
 
     def first_system(self, system: System) -> System:
-        """The system at the beginning of the study."""
+        """Return the system at the beginning of the study."""
         return system
 
     def work(self, system: System) -> Work:
-        """The work of the study on a system, of which nothing is done yet; a ModelError if it makes no sense."""
+        """Return the work of the study on a system, of which nothing is done yet; a ModelError if it makes no sense."""
         raise NotImplementedError
 
 
@@ -119,24 +115,15 @@ class Found(NamedTuple):
 
     @classmethod
     def part(cls, part: Part, value: Any, number: int = 0) -> Found:
-        """One part of the work, counted by its pace."""
+        """Return one part of the work, counted by its pace."""
         return cls((part.entry(value, number),))
-
-
-class Content(NamedTuple):
-    """What the result of a study holds; see `gapwalk.studies.result.Result`."""
-
-    complete: bool
-    branches: tuple[Branch, ...] = ()
-    diagram: Diagram | None = None
-    map: Map | None = None
-    finding: Finding | None = None
 
 
 class Work(ABC):
     """The work on one study: what is done of it, and what is left.
 
-    It is used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `content` or `record`
+    Most kinds of work are made of a system, as it is at the beginning of the study, and of what is asked for. A work is
+    used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `record` or `finding`
     at any moment.
     """
 
@@ -145,28 +132,28 @@ class Work(ABC):
         """Take over what a file has; any of LookupError, TypeError and ValueError if that makes no sense."""
 
     @abstractmethod
-    def parts(self, hands: Workers) -> Generator[Found]:
+    def parts(self, workers: Workers) -> Generator[Found]:
         """Do what is left, part by part; KeyboardInterrupt where Ctrl-C ends it.
 
         The parts come in an order in which each makes sense together with those before it: what a file has after any
-        of them is enough to go on from, to the same result bit for bit.
+        of them is enough to continue to the same result, bit for bit.
         """
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
-        """What a file keeps when the work ends, because all is done or after Ctrl-C.
+        """Return the parts that a file keeps when the work ends, because all is done or after Ctrl-C.
 
         Numbered parts that the file has are left out: Ctrl-C may come when a part is done and not yet in the file.
         """
         return ()
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """What is reported of all that was taken over, as far as that is reported again."""
+        """Yield the reports of the parts that were taken over, as far as they are reported again."""
         return iter(())
 
     @property
     @abstractmethod
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
 
     @property
     def done(self) -> int:
@@ -181,26 +168,16 @@ class Work(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """What the Python function returns that does the same work, as far as that has come."""
+        """Record that the Python function of the same work returns, as far as the work has come."""
 
-    @abstractmethod
-    def content(self) -> Content:
-        """What the result of the study holds, as far as the work has come."""
+    def finding(self) -> Finding | None:
+        """Return the finding of the study, as far as the work has come; None for a branch, a diagram or a map."""
+        return None
 
 
 def values_of(options: Any) -> dict[str, Any]:
-    """The fields of a dataclass of options by name, of which a kind of study is made that derives from it."""
+    """Return the fields of a dataclass of options by name, of which a kind of study is made that derives from it."""
     return {field.name: getattr(options, field.name) for field in fields(options)}
-
-
-def in_order(parts: Iterable[tuple[int, Any]]) -> list[Any]:
-    """Parts that follow one another from number 0; a ValueError if one is missing."""
-    found = []
-    for number, value in parts:
-        if number != len(found):
-            raise ValueError(f"what should follow its part {len(found)} is missing")
-        found.append(value)
-    return found
 
 
 register(
@@ -212,12 +189,8 @@ register(
 )
 
 
-Rows = Iterable[Sequence[object]]
-"""The rows of a table, the first of them the headings."""
-
-
 class Finding(ABC):
-    """What a study has found, of a kind whose result is more, or other, than a list of branches.
+    """Result of a study of a kind that finds more than, or something other than, branches.
 
     A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
     values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
@@ -226,32 +199,32 @@ class Finding(ABC):
     @property
     @abstractmethod
     def record(self) -> Any:
-        """What the Python function of the same name returns; None if the work was stopped before there was one."""
+        """Record that the Python function of the same name returns; None if the work was stopped before that."""
 
     @property
-    @abstractmethod
     def complete(self) -> bool:
-        """Whether nothing is left to do."""
+        """True if nothing is left to do."""
+        return self.record is not None and self.record.complete
 
     @property
     @abstractmethod
     def stored(self) -> str:
-        """What has been done, in words, as far as it is not complete."""
+        """Part of the work that is done, in words, while it is not complete."""
 
     @property
     def can_be_drawn(self) -> bool:
-        """Whether there is something to draw."""
+        """True if there is something to draw."""
         return self.record is not None
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else there is to say, in sentences."""
-        return ()
+        """Remarks, in sentences."""
+        return getattr(self.record, "notes", ())
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Where the numerics gave up, in sentences."""
-        return ()
+        return getattr(self.record, "failures", ())
 
     def summary(self) -> Summary:
         """Return what the terminal shows of its record: lines, `Table` and `Tree`; without notes and failures."""
@@ -259,7 +232,7 @@ class Finding(ABC):
 
     @abstractmethod
     def document(self, points: bool) -> dict[str, Any]:
-        """The same as plain JSON values; with everything point by point if wanted."""
+        """Return plain JSON values; with everything point by point if wanted."""
 
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
@@ -278,7 +251,7 @@ R = TypeVar("R")
 
 
 def found_by(call: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
-    """What a call returns; after Ctrl-C, what it had found by then."""
+    """Return what a call returns; after Ctrl-C, what it had found by then."""
     try:
         return call(*arguments, **options)
     except Interrupted as stop:

@@ -12,13 +12,15 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.find import find_orbit
@@ -252,7 +254,7 @@ def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Sta
 
 @space_of.register(BalancedOrbit)
 def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
-    from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
+    from gapwalk.bifurcation.fourier_space import LineSpace  # loads numba, which takes time
 
     return LineSpace(branch, points)
 

@@ -8,14 +8,16 @@ import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.studies.map import Map, Section
+from gapwalk.studies.map import Map, MapSection
 
 SECONDS = 0.25
 """Time between two reports of progress; more reports would only cost time in the page."""
@@ -23,13 +25,6 @@ SECONDS = 0.25
 
 Step = tuple[BranchPoint | LocusPoint, Sequence[SpecialPoint | Codim2Point]]
 """A point, and the special points before it."""
-
-
-class NamedLocus(NamedTuple):
-    """A finished locus and its name."""
-
-    name: str
-    locus: Locus
 
 
 @dataclass
@@ -42,8 +37,8 @@ class Progress:
         Points of the branch or the locus under way, each with the special points before it.
     kind, second
         Kind of the locus under way, and its second parameter; None and empty for a branch.
-    members, loci
-        Finished branches and loci.
+    finished
+        Finished branches and loci with their names.
     done, total
         Finished parts of work without branches, such as a search, and all parts.
     """
@@ -51,15 +46,14 @@ class Progress:
     steps: list[Step] = field(default_factory=list)
     kind: Kind | None = None
     second: str = ""
-    members: list[DiagramBranch] = field(default_factory=list)
-    loci: list[NamedLocus] = field(default_factory=list)
+    finished: list[tuple[str, Branch | Locus]] = field(default_factory=list)
     done: int = 0
     total: int = 0
 
     def add(self, more: Progress) -> None:
         """Add later progress."""
-        for name in ("steps", "members", "loci"):
-            getattr(self, name).extend(getattr(more, name))
+        self.steps += more.steps
+        self.finished += more.finished
         self.kind, self.second = more.kind or self.kind, more.second or self.second
         if more.total:
             self.done, self.total = more.done, more.total
@@ -88,16 +82,16 @@ class News:
 
     def member(self, diagram: Diagram, member: DiagramBranch) -> None:
         """Add a new branch of a diagram."""
-        self._progress.members.append(member)
+        self._progress.finished.append((member.name, member.branch))
         self._report_if_due()
 
-    def chart(self, chart: Map, addition: Section | Locus) -> None:
+    def chart(self, chart: Map, addition: MapSection | Locus) -> None:
         """Add a new section or a new locus of a map."""
         if isinstance(addition, Locus):
-            self._progress.loci.append(NamedLocus(chart.names[-1], addition))
+            self._progress.finished.append((chart.names[-1], addition))
         else:
             number = len(chart.sections)
-            self._progress.members += [DiagramBranch(f"S{number}-{name}", branch) for name, branch in addition.named]
+            self._progress.finished += [(f"S{number}-{name}", branch) for name, branch in addition.named]
         self._report_if_due()
 
     def part(self, *about: Any) -> None:
@@ -143,12 +137,12 @@ class Events:
             loop.call_soon_threadsafe(self._wake)
 
     def join(self) -> asyncio.Event:
-        """Take a place for one more page, at once, so that pages that come together do not exceed the limit.
+        """Reserve a connection for one more page, at once, so that pages that connect together do not exceed the limit.
 
         Raises
         ------
         ModelError
-            If all places are taken.
+            If all connections are taken.
         """
         if len(self._pages) >= _PAGES:
             raise ModelError(f"{_PAGES} pages are open on this server; close some of them")

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.walk_scales import powers_of_two
@@ -82,7 +85,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = self._determined(self.equation_at(point), orbit)
+        known = self._determined(cast("OrbitEquation", corrector.equation), orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]

@@ -21,9 +21,9 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.independent_equations import Equations
 from gapwalk.verification.verification import Check, Ledger, Spot
-from gapwalk.verification.walk_again import Track
 
 _PERIOD = 2.0 * math.pi
 _NODES, _WEIGHTS = leggauss(8)

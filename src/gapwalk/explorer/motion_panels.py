@@ -100,11 +100,10 @@ def _sampled(motion: Orbit | Settled, most: int) -> Motion:
 
 
 def _text(motion: Orbit | Settled) -> str:
-    orbit = motion if isinstance(motion, Orbit) else motion.orbit
-    if orbit is None:
-        return "; ".join(motion.evidence) if isinstance(motion, Settled) else ""
-    state = "stable" if orbit.stable else f"unstable ({orbit.instability.label})"
-    return f"period {orbit.period}, {state}, contacts {orbit.pattern}"
+    if isinstance(motion, Settled):
+        return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
+    state = "stable" if motion.stable else f"unstable ({motion.instability.label})"
+    return f"period {motion.period}, {state}, contacts {motion.pattern}"
 
 
 def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
@@ -120,11 +119,7 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
             "signal": force_of(form),
             "deflection": _rounded(sampled.deflections[:, i]),
             "force": _rounded(sampled.forces[:, i]),
-            "stops": sorted(
-                side * system[f"{form.stage_prefix(stage)}.clearance"]
-                for stage in form.stages
-                for side in stage.side.signs
-            ),
+            "stops": sorted(side * clearance for contact, side, clearance in system.breakpoints if contact == i),
         }
         for i, form in ((place, forms[place]) for place in places)
     ]
@@ -148,14 +143,10 @@ def _log(sampled: Motion) -> list[dict[str, Any]]:
 def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
     """Return the moving bodies: the inertias of a train by their angles, otherwise the coordinates."""
     assembly = system.structure.assembly
+    names, moved, turning = system.coordinates, sampled.q, isinstance(assembly, TrainAssembly)
     if isinstance(assembly, TrainAssembly):
-        names, moved = (
-            assembly.form.inertias,
-            sampled.q @ np.asarray(assembly.numbers(system.values).angles, dtype=float).T,
-        )
-    else:
-        names, moved = system.coordinates, sampled.q
-    turning = isinstance(assembly, TrainAssembly)
+        angles = np.asarray(assembly.numbers(system.values).angles, dtype=float)
+        names, moved = assembly.form.inertias, sampled.q @ angles.T
     shown = [{"name": str(name), "moved": _rounded(moved[:, i])} for i, name in enumerate(names[:_COORDINATES])]
     return {"turning": turning, "parts": shown}
 
@@ -205,8 +196,8 @@ class Flows:
             for part in parts:
                 await self.do(part)
 
-    async def do_last(self, tab: str, parts: list[Callable[[], T]]) -> list[T]:
-        """Return the values of calls, made one after the other, unless the same tab sends a newer request.
+    async def do_last(self, tab: str, call: Callable[[], T]) -> T:
+        """Return the value of a call, unless the same tab sends a newer request before it begins.
 
         Raises
         ------
@@ -218,16 +209,14 @@ class Flows:
             if len(self._last) > _TABS:
                 self._last.clear()
             self._last[tab] = number
-        found = []
-        for part in parts:
-            found.append(await self.do(lambda part=part: self._unless_old(tab, number, part)))
-        return found
+
+        def unless_old() -> T:
+            if self._last.get(tab) != number:
+                raise SupersededError("superseded by a newer request")
+            return call()
+
+        return await self.do(unless_old)
 
     def close(self) -> None:
         """End the thread."""
         self._thread.shutdown(wait=True, cancel_futures=True)
-
-    def _unless_old(self, tab: str, number: int, part: Callable[[], T]) -> T:
-        if self._last.get(tab) != number:
-            raise SupersededError
-        return part()

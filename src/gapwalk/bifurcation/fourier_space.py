@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.membership import Knot, StateSpace
+from gapwalk.bifurcation.orbit_on_branch import Knot, StateSpace
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk_scales import powers_of_two

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
-    from gapwalk.studies.kind import StudyKind
+    from gapwalk.studies.study_kind import StudyKind
 
 INLINE = "inline"
 """In ``Annotated``, marks a field whose own fields are keys of the table around it."""
@@ -21,6 +22,45 @@ OPEN = "open"
 
 Counted = Annotated[int, Ge(1)]
 """1, 2, 3, ..., as options have it: a bound that the schema of a table knows too."""
+
+MAX_VALUES = 100_000
+"""Of a parameter, at which something is to be done; and of periods and branches."""
+
+
+def check_integers(options: object, most: float = math.inf, **least: int) -> None:
+    """Refuse options that are not integers in their range.
+
+    Parameters
+    ----------
+    options
+        The options.
+    most
+        The largest value of any of them.
+    **least
+        The smallest value of each, by its name.
+
+    Raises
+    ------
+    ModelError
+        It says what is allowed.
+    """
+    for name, low in least.items():
+        value = getattr(options, name)
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= most:
+            allowed = f">= {low}" if most == math.inf else f"from {low} to {most:,}"
+            raise ModelError(f"{name} is {value!r}; it must be an integer {allowed}")
+
+
+def check_values(name: str, values: object, least: int, parameter: str) -> None:
+    """Refuse what is neither a number of values of a parameter, of at least so many, nor a tuple of its values."""
+    if isinstance(values, tuple):
+        fits = len(values) >= least and all(isinstance(each, float | int) and math.isfinite(each) for each in values)
+    else:
+        fits = isinstance(values, int) and not isinstance(values, bool) and least <= values <= MAX_VALUES
+    if not fits:
+        allowed = f"an integer from {least} to {MAX_VALUES:,}, or values of {parameter}"
+        raise ModelError(f"{name} is {values!r}; it must be {allowed}")
+
 
 # Each is loaded only when it is asked for: a frequency response need not wait for the code of basins.
 _HOMES = {
@@ -38,7 +78,7 @@ _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
 
 def kinds() -> tuple[str, ...]:
-    """The values of ``kind``."""
+    """Return the values of ``kind``."""
     return (*_HOMES, *_added)
 
 

@@ -1,0 +1,140 @@
+"""Record of a special point: where it is, its kind, its error, and the stability on either side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.notebook import Shown
+from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.orbit import Orbit
+
+REACH = 0.01
+"""Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
+_WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
+VERTEX = 1e-3
+"""Parameter component of the tangent below which the branch counts as turning back."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpecialPoint(Shown):
+    """Point at which orbits appear, vanish, bifurcate, or touch a stop.
+
+    Attributes
+    ----------
+    kind
+        Kind of the special point.
+    point
+        The located point of the branch.
+    before, after
+        Unstable multipliers on either side, in the direction of the walk.
+    uncertainty
+        Estimated error of its parameter value. It is four times the difference from the same point computed with
+        another discretisation (by shooting with another number of segments, by harmonic balance with more harmonics,
+        so that truncation is included), plus four times the effect of rounding of the equations, plus the bracket in
+        which the point was located. Infinite if unknown.
+    contact
+        For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
+    nature
+        Criticality: ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or
+        ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
+    judged
+        Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
+        the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
+    """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "parameter": "value",
+        "uncertainty": "uncertainty",
+        "before": "before.label",
+        "after": "after.label",
+        "unstable.before": "before.total",
+        "unstable.after": "after.total",
+        "multiplier": "multiplier",
+        "stability": "change",
+        "nature": "nature",
+        "judged": "judged",
+        "contact": "contact",
+        "contacts": "orbit.pattern",
+    }
+
+    kind: Kind
+    point: BranchPoint
+    before: Instability
+    after: Instability
+    uncertainty: float
+    contact: str = ""
+    nature: str = ""
+    judged: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Value of the parameter."""
+        return self.point.value
+
+    @property
+    def orbit(self) -> Orbit:
+        """Orbit at the point."""
+        return self.point.orbit
+
+    @property
+    def multiplier(self) -> complex:
+        """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
+        return self.kind.critical_multiplier(self.point.orbit.multipliers)
+
+    @property
+    def is_vertex(self) -> bool:
+        """True for a branch point at which this branch turns back, because it branches off from the other one."""
+        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < VERTEX
+
+    @property
+    def nature_words(self) -> str:
+        """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
+        whole = self.kind is not Kind.FLIP or not self.nature
+        if whole or self.judged >= _WHOLE * REACH * magnitude(self.orbit.state, self.orbit.system):
+            return self.nature
+        return f"{self.nature} up to {self.judged:.1g}"
+
+    @property
+    def multiplier_words(self) -> str:
+        """Critical multiplier with six digits, a complex one with its conjugate; empty at a grazing point."""
+        multiplier = self.multiplier
+        if np.isnan(multiplier):
+            return ""
+        if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
+            return f"{multiplier.real:+.6f}"
+        return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
+
+    def summary(self) -> Iterator[str]:
+        """Return what is known of the point, a line for each figure."""
+        return (f"{name} {text}" for name, text in self.words.items() if text)
+
+    @property
+    def words(self) -> dict[str, str]:
+        """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
+        return {
+            "kind": self.kind.value,
+            "at": f"{self.value:#.10g}",
+            "±": f"{self.uncertainty:.0e}" if np.isfinite(self.uncertainty) else "",
+            "multiplier": self.multiplier_words,
+            "stability": self.change,
+            "criticality": self.nature_words,
+            "contact": self.contact,
+        }
+
+    @property
+    def change(self) -> str:
+        """Change of stability in the direction of the walk, in words."""
+        texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
+        return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
+
+    def __repr__(self) -> str:
+        place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
+        return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"

@@ -1,0 +1,10 @@
+"""Loads, and what a load of your own needs.
+
+Functions: `register`.
+
+Classes: `Harmonic`, `Line`, `Load`, `Parameter`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -1,0 +1,13 @@
+"""Public names of `gapwalk.parallel`; see `gapwalk.lazy_names`."""
+
+from ..ensemble import BatchFlow as BatchFlow
+from ..ensemble import BatchOptions as BatchOptions
+from ..ensemble import BatchRun as BatchRun
+from ..ensemble import BatchSurvey as BatchSurvey
+from ..ensemble import batch_flow_of as batch_flow_of
+from ..notebook import show_progress as show_progress
+from .work_chunks import Pace as Pace
+from .workers import Workers as Workers
+from .workers import local_workers as local_workers
+from .workers import on_cluster as on_cluster
+from .workers import on_cores as on_cores

@@ -1,0 +1,13 @@
+"""Records that other records hold, and that functions return: each is described here, none is made by hand.
+
+Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`, `BranchWalk`, `Cascade`,
+`Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`,
+`DiagramBranch`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`, `Lane`,
+`LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
+`Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialCheck`,
+`SpecialPointPath`, `Spot`, `Summary`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

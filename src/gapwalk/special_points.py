@@ -1,0 +1,10 @@
+"""Kinds of special points of branches, and what a kind of your own needs.
+
+Functions: `register`.
+
+Classes: `Criticality`, `Event`, `Kind`, `Symbol`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -1,0 +1,58 @@
+"""Records describe themselves: their words, their tables and their plain values need no code of their own."""
+
+import json
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gapwalk as gw
+from gapwalk.notebook import Shown
+from gapwalk.studies.export import table_of
+from gapwalk.summary import rows_of
+from tests.systems import clutch
+
+
+@dataclass(frozen=True)
+class Mark:
+    _row: ClassVar = {"name": "name", "place": "place", "size": "name.__len__.__name__"}
+
+    name: str
+    place: complex
+
+
+@dataclass(frozen=True, eq=False)
+class Ramp(Shown):
+    title: str
+    time: NDArray[np.float64]
+    height: NDArray[np.float64]
+    far_marks: tuple[Mark, ...]
+    steps: NDArray[np.int64]
+
+
+MARKS = (Mark("a", 1 + 2j), Mark("", complex("nan")))
+RAMP = Ramp("up", np.array([0.0, 1.0]), np.array([2.0, np.inf]), MARKS, np.array([7]))
+
+
+def test_tables_follow_the_fields() -> None:
+    tables = RAMP.tables()
+    assert list(tables) == ["far-marks", "time", "steps"]
+    assert list(tables["steps"]()) == list(tables["steps"]()) == [["steps"], [7]]  # a table can be read again
+    assert table_of(RAMP, "time") == "time,height\n0.0,2.0\n1.0,inf\n"
+    assert table_of(RAMP, "far-marks") == "name,re.place,im.place,size\na,1.0,2.0,__len__\n,,,__len__\n"
+    assert list(rows_of([], ["a", "b"])) == [["a", "b"]]
+
+
+def test_plain_values_follow_the_fields() -> None:
+    marks = [{"name": "a", "place": [1.0, 2.0]}, {"name": "", "place": None}]
+    plain = {"title": "up", "time": [0.0, 1.0], "height": [2.0, None], "far_marks": marks, "steps": [7]}
+    assert RAMP.to_dict() == plain
+
+
+def test_records_of_gapwalk_can_be_saved(tmp_path) -> None:
+    orbit = gw.find_orbit(clutch().at({"frequency": 1.0}))
+    assert json.loads(json.dumps(orbit.to_dict(), allow_nan=False))["period"] == 1
+    modes = gw.find_modes(clutch())
+    assert [path.name for path in gw.save_tables(modes, tmp_path / "clutch")] == ["clutch-frequencies.csv"]
+    assert list(modes.summary()) == [repr(modes)]
