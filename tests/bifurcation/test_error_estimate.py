@@ -14,6 +14,8 @@ from gapwalk.bifurcation.step_interval import Zero
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.orbit_equation import roundings
+from gapwalk.orbit.shooting import ShootingEquation
 from tests.orbit.test_edges import oscillator
 
 
@@ -67,6 +69,16 @@ def test_folds_change_the_number_of_unstable_multipliers_by_one_also_where_trunc
     for method in (None, Balance(), Balance(8, error=1.0)):
         for fold in walked(preloaded_stop(), 1.3, method).special(Kind.FOLD):
             assert abs(fold.after.total - fold.before.total) == 1
+
+
+def test_the_rounding_of_a_residual_is_a_few_units_of_the_last_digit_and_the_same_each_time():
+    system = preloaded_stop()
+    equation, orbit = ShootingEquation(system, "frequency"), find_orbit(system)
+    evaluation = equation.evaluate(orbit.state, system.frequency)
+    samples = roundings(equation, orbit.state, system.frequency, evaluation)
+    assert samples.shape == (4, 2)
+    assert 1e-17 < np.abs(samples).max() < 1e-13
+    assert np.array_equal(samples, roundings(equation, orbit.state, system.frequency, evaluation))
 
 
 @cache

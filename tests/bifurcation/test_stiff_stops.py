@@ -126,6 +126,18 @@ def test_special_points_beyond_grazes_are_those_of_the_closed_form_from_both_sid
             assert abs(special.value - exact.special(special.kind, special.orbit)) < special.uncertainty + 1e-14
 
 
+def test_stated_errors_hold_however_the_last_digits_are_rounded():
+    """Rounding moves the fold far beyond the graze by 1e-12, and the difference of two computations by as much."""
+    exact, errors, stated = Impacting(1e6, symmetric=True), [], []
+    for number in range(6):
+        system = oscillator(1e6 * (1.0 + 3e-16 * number), Side.BOTH)
+        fold = walk(system, 1.0).special(Kind.FOLD)[-1]
+        errors.append(abs(fold.value - exact.special(Kind.FOLD, fold.orbit)))
+        stated.append(fold.uncertainty)
+    assert all(error < uncertainty for error, uncertainty in zip(errors, stated, strict=True))
+    assert 1e-12 < min(stated) < max(stated) < 5e-11
+
+
 def test_beyond_what_numbers_can_resolve_special_points_stand_at_the_graze():
     """Past a graze at a stop of stiffness 1e8 the branch turns within a depth of 1e-16."""
     branch, exact = walk(oscillator(1e8), 0.3), Impacting(1e8)

@@ -1,6 +1,7 @@
 """Branch switching: doubled branches that close on their parents, broken symmetry, super- and subcritical flips."""
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,29 @@ RANGE = (0.15, 2.0)
 @pytest.fixture(scope="module")
 def parent():
     return paper_response("13")
+
+
+def test_the_direction_that_rounding_leaves_where_a_branch_joins_its_parent_hides_no_fold(parent):
+    """Balanced, a branch that bends within 1e-6 has there a tangent of 3e-5, of either sign, and no multiplier of 1."""
+    (beginning,) = switch(parent.special(Kind.FLIP)[0], "frequency", RANGE)
+    loop = walk_out([beginning])
+    assert loop.ends[-1].reason is EndReason.JOINED
+    *others, vertex = loop.points
+
+    def ending(component: float, reason: EndReason) -> list[str]:
+        tangent = vertex.tangent.copy()
+        tangent[-1] = component
+        multipliers = vertex.orbit.multipliers * (1.0 + 1.5e-5)
+        end = replace(vertex, orbit=replace(vertex.orbit, multipliers=multipliers), tangent=tangent, memo={})
+        ends = (loop.ends[0], replace(loop.ends[-1], reason=reason))
+        return [each.text for each in replace(loop, points=(*others, end), ends=ends).unexplained]
+
+    way = np.sign(others[-1].tangent[-1])
+    for component in (-3e-5, -1e-5, 0.0, 3e-5):
+        assert ending(component, EndReason.JOINED) == []
+    turned = ["the branch turns back, with 0 points of the kind fold between"]
+    assert ending(-3e-5 * way, EndReason.RANGE) == turned
+    assert ending(-3e-3 * way, EndReason.JOINED) == turned
 
 
 def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):

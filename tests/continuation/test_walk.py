@@ -197,7 +197,9 @@ def test_work_of_the_main_job_does_not_grow():
     Flow.calls = 0
     branch = follow(orbit, "frequency", to=0.15)
     assert len(branch.points) < 340
-    assert Flow.calls < 1640 + 6 * len(branch.special_points)  # each is computed a second time, for its error
+    # each is computed a second time, for its error (6 calls); its rounding takes 6 calls, and at a graze 6 more
+    grazes = sum(special.kind is Kind.GRAZING for special in branch.special_points)
+    assert Flow.calls < 1640 + 12 * len(branch.special_points) + 6 * grazes
 
 
 def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
@@ -221,8 +223,9 @@ def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     options = WalkOptions(largest_step=0.06)
     branch = follow(start, "frequency", to=0.15, method=Balance(10, error=1.0), walk=options)
     assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
-    assert counts["evaluations"] < 1430 + 2 * len(branch.special_points)  # each has its error
-    assert counts["orbits"] < 580 + len(branch.special_points)
+    # each has its error; its rounding takes 6 evaluations and an orbit, and at a graze 6 and 3 more
+    assert counts["evaluations"] < 1430 + 8 * len(branch.special_points) + 6 * 7
+    assert counts["orbits"] < 580 + 2 * len(branch.special_points) + 3 * 7
 
 
 def test_no_step_is_longer_than_the_largest():

@@ -82,7 +82,7 @@ def test_follow_verifies_on_request(branch):
 
 def test_follow_raises_where_a_check_fails(monkeypatch):
     monkeypatch.setattr(
-        "gapwalk.verification.verify_branch.unexplained", lambda a, b, special: ["something has changed"]
+        "gapwalk.verification.verify_branch.unexplained", lambda a, b, special, joining: ["something has changed"]
     )
     with pytest.raises(VerificationError, match=r"points 0 to 1.*something has changed") as error:
         gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.84, verify=True)

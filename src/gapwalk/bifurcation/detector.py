@@ -20,7 +20,7 @@ import numpy as np
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.branch_point import BranchPoint
@@ -126,8 +126,14 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
         Unexplained(a.value, b.value, text)
         for number, (a, b, special) in enumerate(steps_of(branch))
         if not (number == 0 and branch.ends[0].reason is EndReason.BRANCHED)  # all test functions vanish there
-        for text in unexplained(a, b, special)
+        for text in unexplained(a, b, special, joining_points(branch))
     )
+
+
+def joining_points(branch: Branch) -> list[BranchPoint]:
+    """Return the ends of a branch at which it joins the branch from which it had branched off."""
+    ends = zip((branch.points[0], branch.points[-1]), (branch.ends[0], branch.ends[-1]), strict=True)
+    return [point for point, end in ends if end.reason is EndReason.JOINED]
 
 
 def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
@@ -141,11 +147,20 @@ def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[Sp
         yield a, b, between
 
 
-def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
-    """Yield, as sentences, the changes from one point to the next that the special points between do not explain."""
+def unexplained(
+    a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint], joining: Sequence[BranchPoint] = ()
+) -> Iterator[str]:
+    """Yield, as sentences, the changes from one point to the next that the special points between do not explain.
+
+    Of the points, `joining` are ends where the branch joins another. A step was cut off there, at the vertex of the
+    branch, after all of it had been explained. What remains of the test functions that vanish at a vertex has no sign.
+    """
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
-        signs = [0 if _is_unclear(kind, point) else math.copysign(1.0, kind.at(point)) for point in (a, b)]
+        unclear = [_is_unclear(kind, point) or (_is_vertex(point, kind) and point in joining) for point in (a, b)]
+        signs = [
+            0.0 if doubt else math.copysign(1.0, kind.at(point)) for doubt, point in zip(unclear, (a, b), strict=True)
+        ]
         found = sum(each.kind is kind or (kind.is_turning and each.is_vertex) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
@@ -187,6 +202,11 @@ def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
         return _is_undecided(point)
     near = abs(point.orbit.multipliers - 1.0).min()
     return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
+
+
+def _is_vertex(point: BranchPoint, kind: Kind) -> bool:
+    """Return whether a test function of a kind would vanish at a point if the branch turned back just there."""
+    return kind.moves_through_one and abs(float(point.tangent[-1])) < VERTEX
 
 
 def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:

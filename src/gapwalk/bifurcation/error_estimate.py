@@ -1,7 +1,8 @@
 """Error estimate for points of a branch from a second computation with another or finer discretisation.
 
 Shooting uses one segment more, harmonic balance 50 % more harmonics. The difference between the two computations is an
-estimate of the error.
+estimate of the error. Where it is rounding, it may be small by chance, or both computations may share the error. So the
+effect of the rounding of the residual is added: what remains of it where the branch is ill-conditioned.
 
 Method: docs/numerics/special-points.md
 """
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.orbit_equation import OrbitEquation
+from gapwalk.orbit.orbit_equation import OrbitEquation, roundings
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.step_interval import Zero
@@ -43,6 +44,7 @@ class ErrorEstimator:
 
     def __init__(self, corrector: Corrector) -> None:
         self._equation = cast("OrbitEquation", corrector.equation)
+        self._own = corrector
         self._other = self._equation.otherwise()
         self._known = corrector.scales
         known = corrector.scales[:-1]
@@ -83,6 +85,35 @@ class ErrorEstimator:
             value += shift * float(point.tangent[-1])
         return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
+    def blur(self, point: BranchPoint, rounding: NDArray[np.float64] | None = None) -> _Blur:
+        """Return how rounding moves a point of the first computation across its tangent.
+
+        Parameters
+        ----------
+        point
+            The point.
+        rounding : shape (samples, N)
+            Samples of the rounding errors of the residual, if they are known from a point nearby.
+
+        Raises
+        ------
+        NumericalError
+            If the Jacobian is singular, or there is no motion so far aside.
+        """
+        evaluation, x = self._own.evaluate(point.x), point.x * self._known
+        assert evaluation.by_parameter is not None
+        if rounding is None:
+            rounding = roundings(self._equation, x[:-1], float(x[-1]), evaluation)
+        jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
+        right = np.column_stack((rounding, np.zeros(len(rounding)))).T
+        try:
+            moved = np.linalg.solve(np.vstack((jacobian, point.tangent)), right).T
+        except np.linalg.LinAlgError:
+            raise NumericalError(f"the branch is singular at {point.value:.12g}") from None
+        farthest = point.x + moved[int(np.argmax(np.linalg.norm(moved, axis=1)))]
+        aside = self._own.exact_point(farthest, point.tangent, point.arclength)
+        return _Blur(float(np.abs(moved[:, -1]).max()), aside, rounding)
+
     def crossing(self, point: BranchPoint, reach: float) -> float:
         """Return the parameter at which the second computation has a crossing, near a branch point.
 
@@ -110,37 +141,108 @@ class ErrorEstimator:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
 
 
+class _Blur(NamedTuple):
+    """Effect of rounding on a point of a branch.
+
+    Attributes
+    ----------
+    off
+        Largest change of the scaled parameter.
+    aside
+        The point displaced farthest.
+    rounding : shape (samples, N)
+        Samples of the rounding errors of the residual.
+    """
+
+    off: float
+    aside: BranchPoint
+    rounding: NDArray[np.float64]
+
+
 class _Seen(NamedTuple):
-    """Point, and the test function there."""
+    """Point, the test function there, and what rounding makes of both.
+
+    Attributes
+    ----------
+    point
+        The point.
+    zero
+        The test function.
+    off
+        Change of the scaled parameter across the branch by rounding.
+    blur
+        Change of the test function by rounding.
+    """
 
     point: BranchPoint
     zero: float
+    off: float = 0.0
+    blur: float = 0.0
 
 
-def location_error(zero: Zero, second: ErrorEstimator, around: Sequence[BranchPoint]) -> float:
+def location_error(
+    zero: Zero, second: ErrorEstimator, around: Sequence[BranchPoint], ends: Sequence[BranchPoint] = ()
+) -> float:
     """Estimate the error of the parameter at a special point; infinite if it cannot be estimated.
 
     The point is compared with points near it on the branch, and with the same point of a second computation, in the
     plane across the tangent. The largest of the estimates counts.
+
+    At a graze the depth may rise on one side of the point and stay almost zero on the other, and rounding may move the
+    motions of one side only. So its effect on the points of both sides is counted with the steepest of the rates, and
+    so is a second computation that lies on the other side.
+
+    Parameters
+    ----------
+    zero
+        The point.
+    second
+        The second computation.
+    around
+        The points near it.
+    ends
+        Points that may be too near for a rate, but show the effect of rounding.
 
     Raises
     ------
     NumericalError
         If there is no such point.
     """
-    here, other, *near = (_Seen(point, zero.function(point)) for point in (zero.point, second.at(zero.point), *around))
-    return max(_location_error(zero, here, other, each) for each in near)
+    there, blur = second.at(zero.point), second.blur(zero.point)
+
+    def seen(point: BranchPoint, blur: _Blur) -> _Seen:
+        value = zero.function(point)
+        return _Seen(point, value, blur.off, abs(zero.function(blur.aside) - value))
+
+    here, other = seen(zero.point, blur), _Seen(there, zero.function(there))
+    if not zero.contact:  # both sides are alike
+        return max(_location_error(zero, here, other, _Seen(point, zero.function(point))) for point in around)
+    near, further = ([seen(point, second.blur(point, blur.rounding)) for point in each] for each in (around, ends))
+    sides = [here, *near, *further]
+    here = here._replace(off=max(each.off for each in sides), blur=max(each.blur for each in sides))
+    steepest = max(near, key=lambda each: abs(_rate(here, each)))
+    return max(_location_error(zero, here, other, each, each is not steepest) for each in near)
 
 
-def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen) -> float:
+def _rate(here: _Seen, near: _Seen) -> float:
+    """Return the rate of change of the test function along the branch between two points; 0 if they are the same."""
+    apart = near.point.arclength - here.point.arclength
+    return (near.zero - here.zero) / apart if apart else 0.0
+
+
+def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen, is_flat: bool = False) -> float:
     kind, spread = zero.kind, zero.spread
     point, apart = here.point, near.point.arclength - here.point.arclength
-    rate = (near.zero - here.zero) / apart if apart else 0.0
+    rate = _rate(here, near)
     if not rate or not math.isfinite(rate):
         return math.inf
     off = abs(other.point.value - point.value)  # across the branch
-    along = max(abs(here.zero), abs(other.zero), zero.noise) / abs(rate)
+    shift, blur = abs(other.zero), here.blur
+    if is_flat:
+        shift, blur = shift if other.zero * near.zero > 0.0 else 0.0, near.blur
+    along = max(abs(here.zero), shift, zero.noise, blur) / abs(rate)
     width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
+    off += width * here.off
     ahead = abs(float(point.tangent[-1])) * along
     if kind.is_turning:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature

@@ -18,7 +18,8 @@ from gapwalk.summary import SummaryParts, summarizes
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
-_VERTEX = 1e-3  # parameter component of the tangent below which the branch counts as turning back
+VERTEX = 1e-3
+"""Parameter component of the tangent below which the branch counts as turning back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,8 @@ class SpecialPoint(Shown):
     uncertainty
         Estimated error of its parameter value. It is four times the difference from the same point computed with
         another discretisation (by shooting with another number of segments, by harmonic balance with more harmonics,
-        so that truncation is included), plus the bracket in which the point was located. Infinite if unknown.
+        so that truncation is included), plus four times the effect of rounding of the equations, plus the bracket in
+        which the point was located. Infinite if unknown.
     contact
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     nature
@@ -90,7 +92,7 @@ class SpecialPoint(Shown):
     @property
     def is_vertex(self) -> bool:
         """True for a branch point at which this branch turns back, because it branches off from the other one."""
-        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
+        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < VERTEX
 
     @property
     def nature_words(self) -> str:

@@ -240,9 +240,10 @@ class _Corner:
             second, start = self._second
             other = self._point(second, second.hold(start, self._depth(label)))
             beside = self._at(label + _NEAR)
+            held = self._held[label]
+            off = abs(other.value - here.value) + held.error + self._posed.rounding(held)
         except NumericalError:
             return math.inf
-        off = abs(other.value - here.value) + self._held[label].error
         if kind is not Kind.GRAZING:
             rise = kind.at(beside) - kind.at(here)
             off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0

@@ -24,7 +24,7 @@ from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation
+from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
 
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
@@ -224,6 +224,15 @@ class TouchEquation:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
         return np.append(held.slope[:-1].reshape(-1, self._size)[self._firsts[:-1]].ravel(), held.slope[-1])
 
+    def rounding(self, held: Held) -> float:
+        """Return the largest change of the value of an orbit by rounding of the residual; see `roundings`."""
+        unknowns = held.states.ravel()
+        matrix = _bordered(held.evaluation, self._depths(np.append(unknowns, held.value))[1]) * self._scales
+        samples = roundings(self._posed, unknowns, held.value, held.evaluation)
+        right = np.zeros((len(matrix), len(samples)))
+        right[: len(unknowns)] = samples.T
+        return float(np.abs(np.linalg.lstsq(matrix, right, rcond=None)[0][-1]).max() * self._scales[-1])
+
     def _lead(self, touch: Touch, lead: float) -> float:
         """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""
         before = [event.theta for event in self._near.events if event.theta < touch.theta]
@@ -250,9 +259,8 @@ class TouchEquation:
         for _ in range(_ITERATIONS):
             value = float(unknowns[-1])
             evaluation = self._posed.evaluate(unknowns[:-1], value)
-            assert evaluation.by_parameter is not None
             depths, rows = self._depths(unknowns)
-            matrix = np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
+            matrix = _bordered(evaluation, rows)
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths)
             right[len(unknowns) - 1 :, 1] = 1.0
@@ -285,6 +293,12 @@ class TouchEquation:
             )
             depths[number] += depth
         return depths, rows
+
+
+def _bordered(evaluation: Evaluation, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of a residual with respect to the unknowns and the parameter, with further rows below."""
+    assert evaluation.by_parameter is not None
+    return np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
 
 
 class _Gauge:

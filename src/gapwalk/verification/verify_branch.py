@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift
-from gapwalk.bifurcation.detector import steps_of, unexplained
+from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
 from gapwalk.continuation.walk import End, EndReason
@@ -171,7 +171,7 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
         spot = Spot(track.name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
         ledger.enter(Check.GAPS, spot, max(_gap(track, *pair) for pair in pairwise(knots)))
-        ledger.judge(Check.COUNTS, spot, unexplained(a, b, special))
+        ledger.judge(Check.COUNTS, spot, unexplained(a, b, special, joining_points(track.branch)))
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:

@@ -39,7 +39,9 @@ class Grazing(Kind):
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from both sides: the depth may rise on one side and stay almost zero on the other."""
-        return location_error(zero, second, [search.near(zero.point), *search.known_sides(zero.point)])
+        sides = search.known_sides(zero.point)
+        near = {point.arclength: point for point in (search.near(zero.point), *sides)}
+        return location_error(zero, second, [*near.values()], () if len(sides) == 2 else (search.first, search.last))
 
     @property
     def no_locus(self) -> str:
