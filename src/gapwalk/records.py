@@ -5,7 +5,7 @@ Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchCheck`, `
 `DiagramBranch`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`, `Lane`,
 `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
 `Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialCheck`,
-`SpecialPointPath`, `Spot`, `Summary`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
+`SpecialPointPath`, `Spot`, `Summary`, `SummaryText`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -47,6 +47,7 @@ from .studies.family import SpecialPointPath as SpecialPointPath
 from .studies.map import MapSection as MapSection
 from .studies.sweep import Band as Band
 from .studies.sweep import Lane as Lane
+from .summary import SummaryText as SummaryText
 from .summary import Table as Table
 from .summary import Tree as Tree
 from .verification import Check as Check

@@ -10,8 +10,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import partial, wraps
+from io import StringIO
 from operator import attrgetter
-from typing import Any, ClassVar, ParamSpec
+from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec
+
+if TYPE_CHECKING:
+    import rich.console
+    import rich.table
+    import rich.tree
+
+_WIDTH = 1000  # of text, where tables are not folded
 
 
 @dataclass(frozen=True)
@@ -71,8 +79,6 @@ class SummaryText(tuple[str | Table | Tree, ...]):
     __slots__ = ()
 
     def __str__(self) -> str:
-        from gapwalk.terminal import text_of
-
         return text_of(self)
 
     __repr__ = __str__
@@ -203,3 +209,53 @@ def remarks(notes: Iterable[str], failures: Iterable[str]) -> Iterator[str]:
     """Return the last lines of a summary: notes, and what could not be computed."""
     yield from (f"note: {text}" for text in notes)
     yield from (f"failed: {text}" for text in failures)
+
+
+# rich is imported where it is needed: help of commands must appear at once
+
+
+def render(summary: SummaryParts, screen: rich.console.Console) -> None:
+    """Print the parts of a summary on a console."""
+    for part in summary:
+        if isinstance(part, Table):
+            screen.print(_rich_table(part))
+        elif isinstance(part, Tree):
+            screen.print(_rich_tree(part))
+        else:
+            screen.print(printable(part), soft_wrap=True)
+
+
+def text_of(summary: SummaryParts) -> str:
+    """Return the parts of a summary as text."""
+    from rich.console import Console
+
+    stream = StringIO()
+    render(summary, Console(file=stream, markup=False, emoji=False, highlight=False, width=_WIDTH, color_system=None))
+    return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().split("\n"))
+
+
+def printable(text: str) -> str:
+    """Make a text from a file safe for a terminal."""
+    return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
+
+
+def _rich_table(table: Table) -> rich.table.Table:
+    from rich import box
+    from rich.table import Table as RichTable
+
+    made = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading, is_right in table.columns:
+        made.add_column(printable(heading), justify="right" if is_right else "left")
+    for number, row in enumerate(table.rows):
+        made.add_row(*map(printable, row), end_section=number in table.groups)
+    return made
+
+
+def _rich_tree(tree: Tree, above: rich.tree.Tree | None = None) -> rich.tree.Tree:
+    from rich.tree import Tree as RichTree
+
+    label = printable(tree.label)
+    made = RichTree(label, guide_style="dim") if above is None else above.add(label)
+    for child in tree.children:
+        _rich_tree(child, made)
+    return made

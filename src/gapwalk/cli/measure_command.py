@@ -11,7 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.studies.changes import parse_changes
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.measure import measure, read_measured_model
-from gapwalk.terminal import printable
+from gapwalk.summary import printable
 
 _PICTURES = (".png", ".svg")
 

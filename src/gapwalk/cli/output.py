@@ -13,8 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from gapwalk.errors import GapwalkError, NumericalError
-from gapwalk.summary import SummaryParts
-from gapwalk.terminal import printable, render
+from gapwalk.summary import SummaryParts, printable, render
 
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
 _WIDTH = 1000  # of text to a file or a pipe, where tables are not folded

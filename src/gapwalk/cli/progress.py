@@ -22,7 +22,7 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
 from gapwalk.studies.map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
-from gapwalk.terminal import printable
+from gapwalk.summary import printable
 
 _FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 
