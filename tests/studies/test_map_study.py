@@ -273,7 +273,7 @@ def test_a_damaged_file_is_named(path, change, message) -> None:
 
 
 def test_bad_requests_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"a section at 0\.7, outside the range from 0\.2 to 0\.3"):
+    with pytest.raises(ModelError, match=r"a section is requested at 0\.7, outside the range from 0\.2 to 0\.3"):
         gw.run(clutch_map(sections=(0.7,)))
     with pytest.raises(ModelError, match="list each value only once"):
         gw.MapOptions(sections=(0.2, 0.2))
