@@ -8,7 +8,6 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
-from tests.tiers import in_campaign
 
 
 def steel(side: Side, law: str, damping: float) -> System:
@@ -24,7 +23,7 @@ def steel(side: Side, law: str, damping: float) -> System:
     [
         (Side.POSITIVE, "elastic", 0.0),
         (Side.POSITIVE, "hunt-crossley", 0.1),
-        in_campaign(Side.BOTH, "viscous", 10.0),
+        (Side.BOTH, "viscous", 10.0),
     ],
 )
 def test_a_walk_at_a_stiff_stop_passes_and_is_looked_at_closely(side, law, damping) -> None:
@@ -41,7 +40,6 @@ def test_a_walk_at_a_stiff_stop_passes_and_is_looked_at_closely(side, law, dampi
     assert "closure" in {breach.check.word for breach in gw.verify(replace(branch, points=tuple(points))).breaches}
 
 
-@pytest.mark.slow
 def test_motions_that_are_small_for_their_branch_pass() -> None:
     """Their contact events are stored as exactly as those of the largest motion, in units of the branch."""
     spring = Contact("c", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
