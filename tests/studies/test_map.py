@@ -60,6 +60,7 @@ def test_one_curve_of_folds_bounds_the_island_of_figure_27(chart):
     assert gone.ends[-1].reason is not EndReason.CLOSED
 
 
+@pytest.mark.slow
 def test_the_islands_overlap_once_their_bounds_have_crossed(chart):
     """Both grow with W. Their bounds cross at W = 0.2575: a little above the 0.255 of figure 28, not below it."""
     for figure in ("27", "28"):

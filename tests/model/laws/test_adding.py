@@ -26,6 +26,7 @@ from gapwalk.model.problems import ModelFileError
 from gapwalk.results.codec import encode
 from gapwalk.results.result_file import Part, ResultFile, reading
 from tests.models import read_system
+from tests.tiers import in_campaign
 from tests.toys import quadratic, unbalance, yielding
 
 MODEL = """\
@@ -217,7 +218,7 @@ def test_equilibria_and_modes_know_the_law() -> None:
 YIELDING = MODEL.replace("quadratic", "yielding").replace("bend = 3.0\ndrag", "fading")
 
 
-@pytest.mark.parametrize("text", [MODEL, YIELDING])
+@pytest.mark.parametrize("text", [MODEL, in_campaign(YIELDING)])
 def test_a_study_runs_is_kept_and_drawn(tmp_path: Path, text: str) -> None:
     """In a process of its own, as a user would who imports the law and the load and then calls the command line."""
     file = tmp_path / "toy.toml"
