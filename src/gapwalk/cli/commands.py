@@ -9,8 +9,6 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from gapwalk.cli.output import DONE, guard
-
 app = App(
     name="gapwalk",
     help="Numerical continuation for vibrating systems with gaps.",
@@ -32,6 +30,8 @@ def command(sort_key: float) -> Callable[[Callable[..., int]], Callable[..., int
     def add(job: Callable[..., int]) -> Callable[..., int]:
         @wraps(job)
         def guarded(*arguments: Any, debug: bool = False, **options: Any) -> int:
+            from gapwalk.cli.output import guard
+
             return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug)
 
         return app.command(guarded, sort_key=sort_key)
@@ -311,4 +311,4 @@ def explore(
     from gapwalk.explorer.serve import serve
 
     serve(file, host, port, browser=browser)
-    return DONE
+    return 0

@@ -172,6 +172,10 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
     # [ P_1  -I        ]
     # [       P_2  -I  ]
     # [ -I        P_3  ]
+    if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
+        jacobian = _transition(arcs[0]).copy()
+        jacobian.flat[:: size + 1] -= 1.0
+        return Evaluation(residual, jacobian, by_parameter, arcs)
     jacobian = np.zeros((states.size, states.size))
     for j, arc in enumerate(arcs):
         jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
