@@ -179,9 +179,10 @@ function choose(found) {
   if (page.chosen.special?.has_locus) $("locus-part").open = true;
   enable();
   const chosen = page.chosen;
+  parameters.edited.clear();
   motion.show({ file, ...chosen.start }, chosen.title).then((shown) => {
     if (!shown || page.chosen !== chosen) return;
-    parameters.take(shown.parameters);
+    parameters.take(shown.parameters, parameters.edited); // what was written meanwhile stays
     showLocusRange({ keep: true });
   });
 }

@@ -2,6 +2,7 @@
 
 export class Parameters {
   constructor(list, filter) {
+    this.edited = new Set(); // names of the fields that were written into since a point was chosen
     this.list = list;
     filter.addEventListener("input", () => {
       const wanted = filter.value.toLowerCase();
@@ -17,11 +18,11 @@ export class Parameters {
     this.list.replaceChildren(...parameters.map((parameter) => this.row(parameter)));
   }
 
-  /** Show other values: those of the chosen point, or of the file. */
-  take(values) {
+  /** Show other values: those of the chosen point, or of the file; but not in the fields of the names to keep. */
+  take(values, keep = new Set()) {
     for (const [name, value] of Object.entries(values)) {
       this.base.set(name, value);
-      if (this.rows.has(name)) this.set(name, value);
+      if (this.rows.has(name) && !keep.has(name)) this.set(name, value);
     }
   }
 
@@ -87,8 +88,8 @@ export class Parameters {
     field.setAttribute("aria-label", words);
     slider.setAttribute("aria-label", `${words}, slider`);
     const changed = () => this.mark(name);
-    slider.addEventListener("input", () => { field.value = Number(Number(slider.value).toPrecision(6)); changed(); });
-    field.addEventListener("input", () => { slider.value = field.value; changed(); });
+    slider.addEventListener("input", () => { field.value = Number(Number(slider.value).toPrecision(6)); this.edited.add(name); changed(); });
+    field.addEventListener("input", () => { slider.value = field.value; this.edited.add(name); changed(); });
     row.append(label, field, slider);
     this.rows.set(name, { field, slider, row, words });
     this.set(name, value);
