@@ -55,6 +55,7 @@ def test_what_the_page_shows_is_what_it_computes(page, folder) -> None:
     page.click("summary:text-is('Values')")
     page.fill(field(page, "stop.clearance"), "0.5")
     computed(page, "#compute-values", 1)
+    until(page, "[...gapwalk.curves.all.values()][0]?.x.length > 2")  # it is fetched once the result is complete
     page.evaluate("gapwalk.diagram.chosen({ curve: [...gapwalk.curves.all.values()][0], index: 2 })")
     until(page, "gapwalk.motion.motion?.parameters['stop.clearance'] === 0.5")
     until(page, f"document.querySelector(\"{field(page, 'stop.clearance')}\").value === '0.5'")
