@@ -279,8 +279,8 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
     """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts)."""
     layout, coefficients, motion = layout_of(system.structure), coefficients_of(system), along.motion
-    springs = contact_forces(layout, coefficients, motion.q, np.zeros_like(motion.v))
-    rates = contact_deflections(layout, coefficients, motion.v)
+    springs = contact_forces(layout, coefficients, motion.theta, motion.q, np.zeros_like(motion.v))
+    rates = contact_deflections(layout, coefficients, motion.theta, motion.v, derivative=1)
     return (motion.forces - springs) * rates
 
 

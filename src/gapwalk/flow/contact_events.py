@@ -10,9 +10,9 @@ before the event and ``F+`` after it. The event is where a guard ``g(y)`` vanish
     S  = R_y + (F+ - R_y F- - R_theta) (x) g_y / den                              state transition
     s+ = R_y s- + R_p + (F+ - R_y F- - R_theta) (g_y s- + g_p) / den              sensitivity to a parameter
 
-(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). Here no guard and no reset depends on theta. All
-derivatives are taken by a complex step, so a force law provides its formulas only. Where the state is not reset and
-the force does not jump, the rule is the identity, and nothing is computed.
+(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). All derivatives are taken by a complex step, so a force
+law provides its formulas only. Where the state is not reset and the force does not jump, as at the guards of the modes
+of a law, the rule is the identity, and nothing is computed.
 
 Method: docs/numerics/flow.md
 """
@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.forces import accelerations, contact_force, named
-from gapwalk.model.coefficients import ContactSlots
+from gapwalk.flow.forces import Angles, accelerations, contact_force, is_at_high, named, stages_of
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
 from gapwalk.model.laws import closed_form_of
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
@@ -40,9 +40,14 @@ _AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not v
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
 _STEP = 1e-150  # of the complex step
+_SAME = 1e-12  # radians within which an angle at which a level changes is the start or the end of an interval
 
-Formula = Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]
-"""A function of states, shape (..., 2n), and of coefficients, shape (..., number of coefficients)."""
+Formula = Callable[[NDArray[Any], NDArray[Any], Any], NDArray[Any]]
+"""A function of states, shape (..., 2n), coefficients, shape (..., number of coefficients), and theta."""
+
+
+_Quotient = Callable[[float, float], float]
+"""A function of a rate and of theta."""
 
 
 class ContactEvent(NamedTuple):
@@ -93,6 +98,10 @@ class EventCall:
         """Report a terminal event to the owner; return whether the integrator continues."""
         return self.owner().at_event(self.index, integrator.time)
 
+    def mode(self, _integrator: Any, direction: int) -> bool:
+        """Report that a guard of a mode changes its sign; return whether the integrator continues."""
+        return self.owner().at_guard(self.index, direction)
+
     def turn(self, integrator: Any, theta: float, _direction: int) -> None:
         """Report an event that does not stop the integrator."""
         self.owner().at_event(self.index, theta)
@@ -118,13 +127,19 @@ class Switchboard:
         self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
         self._signs = self.signs.tolist()
-        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
+        self._sways = [contact.sway for contact in contacts]
+        moving = [sway for sway in self._sways if sway is not None]
+        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
+        self._orders = np.array(layout.orders, dtype=float)
+        self.cycle_count, self.mode_count = len(layout.cycles), len(equations.modes)
+        self._modes, self._levels = equations.first_mode, equations.first_level
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
-        self._jumps = [_jump_of(contacts[k], each) for k, (_, each) in enumerate(equations.switches)]
+        self._jumps = [_jump_of(layout, *switch) for switch in equations.switches]
         self._rebounds = [
             stage.innermost and contact.form.law.rebounds for contact, stage in zip(contacts, stages, strict=True)
         ]
+        self._inside: list[bool] = []
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
@@ -133,21 +148,25 @@ class Switchboard:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
-        if self.count:
+        if self.count or self.mode_count:
             answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
-        self._of_motion: dict[int, tuple[NDArray, Callable[[float], float], NDArray, NDArray]] = {}
+        self._of_motion: dict[int, tuple[NDArray, _Quotient, NDArray, NDArray]] = {}
+        self._coefficients = coefficients
+        if self.cycle_count:
+            self._set_levels(theta)
+        if self.mode_count:
+            self._set_modes(theta)
         if not self.count:
             return
-        self._coefficients = coefficients
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
         self._speed = _SLOW * max(map(abs, state[self.n :]))
-        depths = self._depths(state)
+        depths = self._depths(state, theta)
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
         self._changed = [theta] * self.count
@@ -160,10 +179,12 @@ class Switchboard:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
+        if self.mode_count and not self._modes_are_right():
+            return False
         if not self.count:
             return True
         state = self._state[: 2 * self.n].tolist()
-        depths = self._depths(state)
+        depths = self._depths(state, self._integrator.time)
         if [depth > 0.0 for depth in depths] == self._inside:
             return True
         near = self._are_near(depths, state, _NEAR)
@@ -185,6 +206,16 @@ class Switchboard:
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
         self._simultaneous = [self._possibly_simultaneous(switch) for switch in range(self.count)]
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
+        self._lines = [None if sway is None else coefficients[sway] for sway in self._sways]
+
+    def _sway(self, switch: int, theta: float, derivative: int = 0) -> float:
+        """Return the displacement that is added to the deflection of a switch, or a derivative of it by theta."""
+        lines, count = self._lines[switch], len(self._orders)
+        if lines is None:
+            return 0.0
+        angles = self._orders * theta + 0.5 * math.pi * derivative
+        powers = self._orders**derivative
+        return float(lines[:count] @ (powers * np.cos(angles)) + lines[count:] @ (powers * np.sin(angles)))
 
     def _possibly_simultaneous(self, switch: int) -> tuple[int, ...]:
         """Return the switches that may change simultaneously: of other contacts, and of breakpoints close by."""
@@ -196,11 +227,11 @@ class Switchboard:
             if other != switch and (k != contact or abs(place - offset) <= _CLOSE * self._scales[switch])
         )
 
-    def _depths(self, positions: list[float]) -> list[float]:
+    def _depths(self, positions: list[float], theta: float) -> list[float]:
         """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
         return [
-            sign * (sum([factor * positions[i] for i, factor in row]) - offset)
-            for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
+            sign * (sum([factor * positions[i] for i, factor in row]) + self._sway(switch, theta) - offset)
+            for switch, (sign, row, offset) in enumerate(zip(self._signs, self._rows, self._offsets, strict=True))
         ]
 
     def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
@@ -229,6 +260,8 @@ class Switchboard:
         velocity = 0.0
         for i, factor in self._rate_rows[switch]:
             velocity += factor * self._state.item(i)
+        if self._lines[switch] is not None:
+            velocity += self._sway(switch, theta, 1) / float(self._coefficients[0])
         before = self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
@@ -244,7 +277,7 @@ class Switchboard:
             self._rebound(switch, theta)
             return True
         if self._columns and self._jumps[switch] is not None:
-            self._jump(switch, velocity, inside)
+            self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
         return True
 
@@ -255,7 +288,7 @@ class Switchboard:
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
-        near = self._are_near(self._depths(state), state, _ON)
+        near = self._are_near(self._depths(state, theta), state, _ON)
         for other in self._simultaneous[switch]:
             if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
@@ -274,7 +307,11 @@ class Switchboard:
             self._integrator.step(max_delta_t=0.0, write_tc=True)
             series, longest = self._integrator.tc[: self.n, 1:], _reach(self._integrator.tc[: 2 * self.n])
             for switch, start in starts.items():
-                depths = self.signs[switch] * (self._vectors[switch] @ series)
+                depths = self._vectors[switch] @ series
+                if self._lines[switch] is not None:
+                    powers = range(1, series.shape[1] + 1)
+                    depths += [self._sway(switch, theta, power) / math.factorial(power) for power in powers]
+                depths *= self.signs[switch]
                 time, depth = _beginning(depths, distance, longest)
                 self._inside[switch], self._left[switch] = start + depth > 0.0, theta + time
             if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
@@ -284,14 +321,16 @@ class Switchboard:
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
         """Decide a slow crossing: the velocity decides, unless the motion turns back within the cooldown."""
         q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
-        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v)
+        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v, unit=self._unit)
         turning = float(self._vectors[switch] @ acceleration)
+        if self._lines[switch] is not None:
+            turning += self._sway(switch, theta, 2) / float(self._coefficients[0]) ** 2
         span = 4.0 * COOLDOWN * self._coefficients[0]
         turns_back = velocity * turning < 0 and 2.0 * abs(velocity) <= span * abs(turning)
         leading = turning if turns_back or velocity == 0.0 else velocity
         return bool(self.signs[switch] * leading > 0)
 
-    def _jump(self, switch: int, rate: float, inside: bool) -> None:
+    def _jump(self, switch: int, rate: float, inside: bool, theta: float) -> None:
         """Transform the sensitivities at a jump of the force, without a reset of the state.
 
         Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
@@ -310,33 +349,145 @@ class Switchboard:
         shifts = columns[:, :n] @ self._vectors[switch]
         if len(places):  # g_p, of each direction of the coefficients
             shifts[self._columns - len(places) :] += vectors @ self._state[:n] - places
-        columns[:, n:] -= np.outer(shifts, (quotient(rate) if inside else -quotient(rate)) * push)
+            if (sway := self._sways[switch]) is not None:
+                angles = self._orders * theta
+                waves = np.concatenate((np.cos(angles), np.sin(angles)))
+                shifts[self._columns - len(places) :] += self._directions()[:, sway] @ waves
+        jump = quotient(rate, theta)
+        columns[:, n:] -= np.outer(shifts, (jump if inside else -jump) * push)
+
+    def _contact_modes(self, theta: float, state: NDArray[np.float64]) -> list[tuple[bool, float]]:
+        """Return the modes of all laws at a state by their guards, and the values of these."""
+        n, layout, found = self.n, self.equations.layout, []
+        angles = Angles(layout, self._coefficients, theta, unit=self._unit)
+        for slots in layout.contacts:
+            law = slots.form.law
+            if not law.mode_count:
+                continue
+            unit = 1.0 if law.stage_parameters else self._unit
+            moves = [
+                (
+                    unit * (state[:n] @ self._coefficients[vector] + angles.sway(slots, place)),
+                    unit * (state[n:] @ self._coefficients[vector] + angles.sway(slots, place, 1)),
+                )
+                for place, vector in enumerate(slots.deflections)
+            ]
+            stages = stages_of(slots, angles, moves)
+            guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves))
+            found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
+        return found
+
+    def _set_modes(self, theta: float) -> None:
+        """Set the modes of all laws for the motion that begins; where a guard vanishes, by the motion just after."""
+        state = self._state[: 2 * self.n]
+        self._parameters[self._modes : self._modes + self.mode_count] = [
+            mode for mode, _ in self._contact_modes(theta, state)
+        ]
+        self._integrator.step(max_delta_t=0.0, write_tc=True)
+        series = self._integrator.tc[: 2 * self.n]
+        ahead = 1e-3 * _reach(series)
+        later = series @ ahead ** np.arange(series.shape[1])
+        after = self._contact_modes(theta + ahead, later)
+        sizes = [abs(guard) for _, guard in after]
+        before = self._contact_modes(theta, state)
+        self._parameters[self._modes : self._modes + self.mode_count] = [
+            late if abs(guard) <= _ON * size else mode
+            for (mode, guard), (late, _), size in zip(before, after, sizes, strict=True)
+        ]
+
+    def _modes_are_right(self) -> bool:
+        """Return True if the modes are those of the guards at the present state, unless it is on one of them."""
+        found = self._contact_modes(self._integrator.time, self._state[: 2 * self.n])
+        modes = self._parameters[self._modes : self._modes + self.mode_count].tolist()
+        largest = max(abs(guard) for _, guard in found)
+        return all(
+            mode == now or abs(guard) <= _NEAR * largest for (mode, guard), now in zip(found, modes, strict=True)
+        )
+
+    def at_guard(self, mode: int, direction: int) -> bool:
+        """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
+        self._parameters[self._modes + mode] = direction > 0
+        self.event_limit -= 1
+        return self.event_limit > 0
+
+    def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
+        """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""
+        found = []
+        for number, cycle in enumerate(self.equations.layout.cycles):
+            length = 2.0 * math.pi / cycle.order
+            for slot, rises in ((cycle.up, True), (cycle.down, False)):
+                first = float(self._coefficients[slot])
+                low, high = math.ceil((start - first) / length) - 1, math.floor((stop - first) / length) + 1
+                angles = (first + k * length for k in range(low, high + 1))
+                # a change at the start belongs to this interval, one at the end to the next
+                found += [
+                    (max(angle, start), number, rises) for angle in angles if start - _SAME <= angle < stop - _SAME
+                ]
+        return sorted(found)
+
+    def _set_levels(self, theta: float) -> None:
+        """Set the levels of all cycles just before a change at an angle, if there is one."""
+        cycles = self.equations.layout.cycles
+        self._parameters[self._levels : self._levels + len(cycles)] = [
+            is_at_high(cycle, self._coefficients, theta - 2.0 * _SAME) for cycle in cycles
+        ]
+
+    def change_level(self, theta: float, number: int, rises: bool) -> None:
+        """Change a level at its angle; transform the sensitivities to what moves that angle.
+
+        The angle does not depend on the state, so ``g_y`` is 0 and the transition matrix continues.
+        """
+        cycle, n = self.equations.layout.cycles[number], self.n
+        place = self._levels + number
+        directions = self._directions() if self._columns else np.zeros((0, 0))
+        moves = directions[:, cycle.up if rises else cycle.down] if len(directions) else np.zeros(0)
+        if moves.any():
+            q, v = self._state[:n], self._state[n : 2 * n]
+            levels = [bool(each) for each in self._parameters[self._levels : self._levels + self.cycle_count]]
+            sides = []
+            for level in (not rises, rises):
+                levels[number] = level
+                sides.append(
+                    accelerations(
+                        self.equations.layout, self._coefficients, theta, q, v, self._closed(), levels, self._unit
+                    )
+                )
+            columns = self._state[2 * n :].reshape(self._columns, 2 * n)
+            slip = float(self._coefficients[0]) * (sides[1] - sides[0])
+            columns[self._columns - len(moves) :, n:] -= np.outer(moves, slip)
+        self._parameters[place] = rises
+
+    def _closed(self) -> list[list[bool]]:
+        """Return for each contact which of its stages are closed."""
+        contacts = [index for index, _ in self.equations.switches]
+        return [
+            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
+            for contact in range(len(self.equations.layout.contacts))
+        ]
 
     def _rebound(self, switch: int, theta: float) -> None:
         """Reset the rate of the deflection, and transform the sensitivities accordingly."""
         n, layout = self.n, self.equations.layout
         slots = layout.contacts[self.equations.switches[switch][0]]
-        contacts = [index for index, _ in self.equations.switches]
-        closed = [
-            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
-            for contact in range(len(layout.contacts))
-        ]
+        closed = self._closed()
 
-        def reset(state: NDArray, coefficients: NDArray) -> NDArray:
+        def reset(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
             vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
-            rate = np.sum(vector * state[..., n:], axis=-1)
+            rate = np.sum(vector * state[..., n:], axis=-1) + Angles(layout, coefficients, theta).sway(slots, 0, 1)
             change = (slots.form.law.rebound(rate, named(slots.numbers, coefficients)) - rate) / np.sum(
                 vector * push, axis=-1
             )
             return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
 
-        def guard(state: NDArray, coefficients: NDArray) -> NDArray:
+        def guard(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
             vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
-            return np.sum(vector * state[..., :n], axis=-1) - self.signs[switch] * place
+            x = np.sum(vector * state[..., :n], axis=-1) + Angles(layout, coefficients, theta).sway(slots)
+            return x - self.signs[switch] * place
 
         def flow(state: NDArray[np.float64], _: bool) -> NDArray[np.float64]:
             q, v = state[:n], state[n:]
-            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed)))
+            unit = self._unit
+            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed, unit=unit)))
             return self._coefficients[0] * rates
 
         state = self._state[: 2 * n].copy()
@@ -344,8 +495,8 @@ class Switchboard:
             changes = self._state[2 * n :].reshape(self._columns, 2 * n)
             along, directions = np.zeros((self._columns, len(self._coefficients))), self._directions()
             along[self._columns - len(directions) :] = directions
-            changes[:] = pass_event(changes, along, state, self._coefficients, guard, reset, flow)
-        self._state[: 2 * n] = reset(state, self._coefficients)
+            changes[:] = pass_event(changes, along, state, self._coefficients, theta, guard, reset, flow)
+        self._state[: 2 * n] = reset(state, self._coefficients, theta)
 
     def _directions(self) -> NDArray[np.float64]:
         """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
@@ -361,6 +512,7 @@ def pass_event(
     directions: NDArray[np.float64],
     state: NDArray[np.float64],
     coefficients: NDArray[np.float64],
+    theta: float,
     guard: Formula,
     reset: Formula,
     flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
@@ -373,32 +525,39 @@ def pass_event(
         Changes before the event.
     directions : shape (columns, number of coefficients)
         Change of the coefficients along each column; zero for a change of the initial state.
-    state, coefficients
-        State and coefficients at the event, before the reset.
+    state, coefficients, theta
+        State and coefficients at the event, before the reset, and its angle.
     guard, reset
         The functions g and R.
     flow
         The right-hand sides F at a state, before (False) and after (True) the event.
     """
 
-    def along(formula: Formula, change: NDArray, direction: NDArray | float) -> NDArray[np.float64]:
-        found: NDArray[np.complex128] = formula(state + 1j * _STEP * change, coefficients + 1j * _STEP * direction)
+    def along(formula: Formula, change: NDArray, direction: NDArray | float, angle: float = 0.0) -> NDArray[np.float64]:
+        step = 1j * _STEP
+        found: NDArray[np.complex128] = formula(
+            state + step * change, coefficients + step * direction, theta + step * angle
+        )
         return found.imag / _STEP
 
-    before, after = flow(state, False), flow(reset(state, coefficients), True)
-    slip = after - along(reset, before, np.zeros_like(coefficients))
-    late = along(guard, changes, directions) / along(guard, before, np.zeros_like(coefficients))
+    before, after = flow(state, False), flow(reset(state, coefficients, theta), True)
+    still = np.zeros_like(coefficients)
+    slip = after - along(reset, before, still, 1.0)
+    late = along(guard, changes, directions) / along(guard, before, still, 1.0)
     return along(reset, changes, directions) + np.outer(late, slip)
 
 
-def _jump_of(slots: ContactSlots, stage: int) -> Callable[[NDArray[np.float64]], Callable[[float], float]] | None:
+def _jump_of(layout: CoefficientLayout, contact: int, stage: int) -> Callable[[NDArray[np.float64]], _Quotient] | None:
     """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
 
-    The result is a function of the coefficients that returns a function of the rate.
+    The result is a function of the coefficients that returns a function of the rate and of theta.
     """
+    slots = layout.contacts[contact]
     products = closed_form_of(slots.form.law, slots.form.shapes)
-    if products is None:
-        return lambda coefficients: lambda rate: _difference(slots, stage, coefficients, rate) / (rate or _AT_REST)
+    if products is None or (slots.varies and any(term.power == 0 for term in products)):
+        return lambda coefficients: (
+            lambda rate, theta: _difference(layout, slots, stage, coefficients, rate, theta) / (rate or _AT_REST)
+        )
     numbers = slots.stages[stage].numbers
     terms = [
         (term.factor, [*(slots.numbers[e] for e in term.numbers), *(numbers[e] for e in term.stage_numbers)], term.rate)
@@ -406,24 +565,31 @@ def _jump_of(slots: ContactSlots, stage: int) -> Callable[[NDArray[np.float64]],
         if term.stage == stage and term.power == 0
     ]
 
-    def quotients(coefficients: NDArray[np.float64]) -> Callable[[float], float]:
+    def quotients(coefficients: NDArray[np.float64]) -> _Quotient:
         known = [(factor * math.prod(coefficients[places].tolist()), rate - 1) for factor, places, rate in terms]
         if all(power == 0 for _, power in known):
             total = sum(factor for factor, _ in known)
-            return lambda rate: total
-        return lambda rate: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
+            return lambda rate, theta: total
+        return lambda rate, theta: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
 
     return quotients if terms else None
 
 
-def _difference(slots: ContactSlots, stage: int, coefficients: NDArray[np.float64], rate: float) -> float:
+def _difference(
+    layout: CoefficientLayout,
+    slots: ContactSlots,
+    stage: int,
+    coefficients: NDArray[np.float64],
+    rate: float,
+    theta: float,
+) -> float:
     """Return the jump of a contact's force where a stage closes, with only the stages inside of it closed."""
     here = slots.stages[stage]
     clearance = coefficients[here.clearance]
     inside = [each.sign == here.sign and coefficients[each.clearance] < clearance for each in slots.stages]
     after = [closed or number == stage for number, closed in enumerate(inside)]
-    x, rates = np.asarray(here.sign * clearance), np.asarray(rate)
-    forces = [contact_force(slots, coefficients, x, rates, closed) for closed in (after, inside)]
+    moves, angles = [(np.asarray(here.sign * clearance), np.asarray(rate))], Angles(layout, coefficients, theta)
+    forces = [contact_force(slots, angles, moves, closed) for closed in (after, inside)]
     return float(forces[0] - forces[1])
 
 

@@ -135,6 +135,10 @@ class Flow:
                 t_events=[
                     hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
                     for index, switch in enumerate(equations.switches)
+                ]
+                + [
+                    hy.t_event(equations.guard(*mode), callback=EventCall(index).mode, cooldown=COOLDOWN)
+                    for index, mode in enumerate(equations.modes)
                 ],
                 nt_events=[
                     hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
@@ -264,6 +268,8 @@ class _Integrator:
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
+        if self.equations.layout.cycles and self._switchboard.jumps_between(float(thetas[0]), float(thetas[-1])):
+            return self._vary_piecewise(coefficients, state, thetas, direction)
         outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
         if outcome != hy.taylor_outcome.time_limit:
             self._refuse(outcome, float(thetas[0]))
@@ -307,12 +313,13 @@ class _Integrator:
         self._turns = []
         Flow.calls += 1
         self._taylor.time = start
-        if self.equations.switches:
+        if self.equations.switches or self.equations.modes:
             self._taylor.reset_cooldowns()
         unit = self._unit = self._lengths.of_motion(coefficients, state)
         if unit != 1.0:
             coefficients, state = self._lengths.carried(coefficients, unit), state / unit
             direction = None if direction is None else self._lengths.carried(direction, unit)
+        self._parameters[self.equations.length] = unit
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
         self._coefficients[:] = coefficients[self.equations.active]
@@ -323,12 +330,18 @@ class _Integrator:
         self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
-        outcome, _, _, steps, *_ = self._taylor.propagate_until(
-            stop, max_steps=self._max_steps, max_delta_t=longest_step
-        )
-        if outcome != hy.taylor_outcome.time_limit:
-            self._refuse(outcome, start)
-        return steps
+        total, cycles = 0, self.equations.layout.cycles
+        changes = self._switchboard.jumps_between(start, stop) if cycles else []
+        for angle, *change in [*changes, (stop,)]:
+            outcome, _, _, steps, *_ = self._taylor.propagate_until(
+                angle, max_steps=self._max_steps, max_delta_t=longest_step
+            )
+            total += steps
+            if outcome != hy.taylor_outcome.time_limit:
+                self._refuse(outcome, start)
+            if change:
+                self._switchboard.change_level(angle, *change)
+        return total
 
     def _refuse(self, outcome, start: float) -> None:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit

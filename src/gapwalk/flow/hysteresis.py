@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.forces import contact_force
+from gapwalk.flow.forces import Angles, contact_force
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.contact import Contact
 from gapwalk.model.laws import Law
@@ -115,7 +115,8 @@ def hysteresis(
 
     def cycle(theta: NDArray[np.float64]):
         x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
-        return x, rate, contact_force(slots, coefficients, x, rate)
+        angles = Angles(layout_of(system.structure), coefficients, np.zeros_like(theta))
+        return x, rate, contact_force(slots, angles, [(x, rate)])
 
     nodes, weights = _nodes(edges)
     _, rate, force = cycle(nodes)

@@ -61,12 +61,12 @@ class Motion:
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces ``f_k``, shape (samples, contacts)."""
-        return contact_forces(layout_of(self.system.structure), self._coefficients, self.q, self.v)
+        return contact_forces(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
         """Contact deflections ``e_k^T q``, shape (samples, contacts)."""
-        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
+        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.theta, self.q)
 
     @cached_property
     def contacts(self) -> tuple[ContactRecord, ...]:

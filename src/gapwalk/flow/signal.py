@@ -77,7 +77,7 @@ class Signal:
         q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n:]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
-        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, q, v)
+        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, angles, q, v)
         columns = [q, v, a, forces]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):

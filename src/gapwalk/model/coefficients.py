@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,42 @@ _STEP = 1e-150  # complex step: its square must underflow relative to every coef
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Wave:
+    """Slots of what a number varies by over the angle: of its cosines and sines; and the cycles that are added.
+
+    Attributes
+    ----------
+    lines : shape (2 orders,)
+        Slots of the cosines, then of the sines, of all orders.
+    cycles
+        The cycles of two levels (`CycleSlots`) by their numbers, each with a factor.
+    """
+
+    lines: NDArray[np.intp]
+    cycles: tuple[tuple[int, float], ...]
+
+
+class CycleSlots(NamedTuple):
+    """Slots of a variation with two levels: of the low and the high one, and of the angles between them."""
+
+    order: int
+    low: int
+    high: int
+    up: int
+    down: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class StageSlots:
-    """Slots of the coefficients of one stage on one side, by the names of its parameters."""
+    """Slots of the coefficients of one stage on one side, by the names of its parameters.
+
+    `waves` has what those numbers vary by, of those that do.
+    """
 
     sign: int
     innermost: bool
     numbers: Mapping[str, int]
+    waves: Mapping[str, Wave]
 
     @property
     def clearance(self) -> int:
@@ -45,13 +75,34 @@ class StageSlots:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactSlots:
-    """Slots of the coefficients of one contact: arrays of shape (n,), its stages, its own parameters by name."""
+    """Slots of the coefficients of one contact: arrays of shape (n,), its stages, its own parameters by name.
+
+    It has one deflection vector for each argument of its law. `waves` has what its numbers vary by, of those that do;
+    those of the names of arguments are displacements, which are added to the deflections.
+    """
 
     form: ContactForm
-    deflection: NDArray[np.intp]
+    deflections: tuple[NDArray[np.intp], ...]
     force: NDArray[np.intp]
     stages: tuple[StageSlots, ...]
     numbers: Mapping[str, int]
+    waves: Mapping[str, Wave]
+
+    @property
+    def deflection(self) -> NDArray[np.intp]:
+        """The vector of its first deflection, which is the only one if it has stages."""
+        return self.deflections[0]
+
+    @property
+    def sway(self) -> NDArray[np.intp] | None:
+        """Slots of the displacement that is added to its first deflection: cosines, then sines; else None."""
+        wave = self.waves.get(self.form.law.arguments[0])
+        return None if wave is None else wave.lines
+
+    @property
+    def varies(self) -> bool:
+        """True if any of its numbers or deflections varies over the angle."""
+        return bool(self.waves) or any(stage.waves for stage in self.stages)
 
     def parameters(self) -> Iterator[tuple[Parameter, int]]:
         """Iterate over the parameters of its stages on each side, and its own, with their slots."""
@@ -80,6 +131,11 @@ class CoefficientLayout:
     def _columns(self) -> int:
         return 2 * self.structure.size + len(self.structure.contacts) + 1 + 2 * len(self.orders)
 
+    @property
+    def cycles(self) -> tuple[CycleSlots, ...]:
+        """Slots of each variation with two levels."""
+        return self._variations[2]
+
     @cached_property
     def accelerations(self) -> NDArray[np.intp]:
         """Slots of ``[A | B | D_1 ... | m | a_1 ... | b_1 ...]``, shape (n, columns)."""
@@ -95,48 +151,91 @@ class CoefficientLayout:
     def _contacts(self) -> tuple[tuple[ContactSlots, ...], NDArray[np.intp]]:
         """The slots of each contact, which follow those of the accelerations, and their places in the value vector."""
         s, n = self.structure, self.structure.size
-        first, places, contacts = 1 + n * self._columns, [], []
+        first, places, contacts = self._variations[0], [], []
 
         def slots_of(prefix: str, parameters: Sequence[Parameter]) -> dict[str, int]:
             start = first + len(places)
             places.extend(s.place(f"{prefix}.{each.name}") for each in parameters)
             return {each.name: start + offset for offset, each in enumerate(parameters)}
 
+        by_place: dict[tuple[int, int], dict[str, Wave]] = {}
+        for variation, wave in zip(s.variations, self._variations[1], strict=True):
+            by_place.setdefault((variation.contact, variation.stage), {})[variation.name] = wave
         for index, form in enumerate(s.contacts):
-            deflection = first + len(places) + np.arange(n)
-            places.extend(s.block(f"{form.name}.deflection", n))
+            deflections = []
+            for vector in form.vectors:
+                deflections.append(first + len(places) + np.arange(n))
+                places.extend(s.block(vector, n))
             prefixes = [form.stage_prefix(stage) for stage, _ in form.sides]
             stages = tuple(
-                StageSlots(*shape, slots_of(prefix, form.law.stage_parameters))
-                for prefix, shape in zip(prefixes, form.shapes, strict=True)
+                StageSlots(
+                    *shape,
+                    slots_of(prefix, form.law.stage_parameters),
+                    by_place.get((index, form.stages.index(stage)), {}),
+                )
+                for prefix, shape, (stage, _) in zip(prefixes, form.shapes, form.sides, strict=True)
             )
             numbers = slots_of(form.name, form.law.parameters)
-            contacts.append(ContactSlots(form, deflection, self.accelerations[:, 2 * n + index], stages, numbers))
+            push = self.accelerations[:, 2 * n + index]
+            contacts.append(
+                ContactSlots(form, tuple(deflections), push, stages, numbers, by_place.get((index, -1), {}))
+            )
         return tuple(contacts), np.array(places, dtype=np.intp)
+
+    @cached_property
+    def _variations(self) -> tuple[int, tuple[Wave, ...], tuple[CycleSlots, ...]]:
+        """The first slot after those of the variations, which follow the accelerations; waves, and cycles."""
+        s, lines = self.structure, 2 * len(self.orders)
+        first = 1 + s.size * self._columns
+        places = first + np.arange(len(s.variations) * lines).reshape(len(s.variations), lines)
+        first += places.size
+        jumps = [number for number, load in enumerate(s.harmonics) if load.kind.has_levels]
+        cycles = [
+            CycleSlots(s.harmonics[number].order, *range(first + 4 * place, first + 4 * place + 4))
+            for place, number in enumerate(jumps)
+        ]
+        waves = [
+            Wave(row, tuple((jumps.index(load), factor) for load, factor in variation.loads if load in jumps))
+            for variation, row in zip(s.variations, places, strict=True)
+        ]
+        return first + 4 * len(cycles), tuple(waves), tuple(cycles)
 
     def __len__(self) -> int:
         """Number of coefficients."""
-        return 1 + self.structure.size * self._columns + self._contacts[1].size
+        return self._variations[0] + self._contacts[1].size
 
     @cached_property
     def _column_places(self) -> NDArray[np.intp]:
         """Places, in the value vector, of ``[K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads."""
         s, n = self.structure, self.structure.size
-        columns = [f"{form.name}.{'deflection' if form.reciprocal else 'force'}" for form in s.contacts]
-        columns += ["mean", *(load.shape for load in s.harmonics)]
+        columns = [form.push for form in s.contacts]
+        columns += ["mean", *(load.shape for load in s.driving)]
         matrices = s.block("stiffness", n, n), s.block("damping", n, n)
         return np.hstack([*matrices, *(s.block(name, n, 1) for name in columns)])
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
         table, values, places = self.table(values), self.assembled.expand(values), self._contacts[1]
-        first = table.shape[1] - 1 - len(self.structure.harmonics)
+        s, count = self.structure, len(self.orders)
+        first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
         found = np.empty(len(self), values.dtype)
         found[0] = 1.0 / values.item(0)
-        accelerations = found[1 : -places.size or None].reshape(-1, self._columns)
+        last = 1 + s.size * self._columns
+        accelerations = found[1:last].reshape(-1, self._columns)
         accelerations[:, :first] = table[:, :first]
-        accelerations[:, first:] = table[:, first:] @ self._load_lines(values)
-        found[1 + accelerations.size :] = values[places]
+        lines = self._load_lines(values)
+        accelerations[:, first:] = table[:, first:] @ lines[[True, *driving]]
+        if s.variations:
+            waves = found[last : last + 2 * count * len(s.variations)].reshape(-1, 2 * count)
+            waves[:] = 0.0
+            for wave, variation in zip(waves, s.variations, strict=True):
+                for load, factor in variation.loads:
+                    wave += factor * lines[1 + load, 1:]
+            jumps = [number for number, load in enumerate(s.harmonics) if load.kind.has_levels]
+            for cycle, number in zip(self.cycles, jumps, strict=True):
+                numbers = map(values.item, self._load_places[number])
+                found[[*cycle[1:]]] = s.harmonics[number].levels(values.item(0), numbers)
+        found[self._variations[0] :] = values[places]
         return found
 
     @cached_property

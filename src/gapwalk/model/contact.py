@@ -126,6 +126,13 @@ class Contact:
         if problems:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))
 
+    @property
+    def vectors(self) -> list[Mapping[str, float]]:
+        """The vectors of its deflections, in the order of the arguments of its law."""
+        if not self.law.arguments[1:]:
+            return [self.deflection]
+        return [self.deflection[each] for each in self.law.arguments]  # type: ignore
+
     def values(self) -> Iterator[float]:
         """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
         for stage in self.stages:
@@ -167,7 +174,9 @@ def stop(
 
 
 def _stage_problems(contact: Contact):
-    if not contact.stages:
+    if contact.stages and not contact.law.stage_parameters:
+        yield f"it has stages, but the law {contact.law.name!r} has none"
+    elif not contact.stages and contact.law.stage_parameters:
         yield "it has no stage; give it at least one, with a clearance and a stiffness"
     if len(contact.stages) > 1:
         names = [stage.name for stage in contact.stages]

@@ -170,6 +170,17 @@ class ContactForm:
         return cls(contact.name, stages, contact.law, contact.force is None if reciprocal is None else reciprocal)
 
     @property
+    def vectors(self) -> tuple[str, ...]:
+        """Names of the vectors of its deflections."""
+        arguments = self.law.arguments
+        return tuple(f"{self.name}.{each}" for each in (arguments if arguments[1:] else ("deflection",)))
+
+    @property
+    def push(self) -> str:
+        """Name of the vector along which it acts."""
+        return self.vectors[0] if self.reciprocal else f"{self.name}.force"
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters of its law: of its stages, then of the contact as a whole."""
         groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
@@ -206,12 +217,94 @@ class ContactForm:
         return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
+class Variation(NamedTuple):
+    """A number of a contact that varies over the angle.
+
+    Attributes
+    ----------
+    contact
+        Number of the contact.
+    stage
+        Number of its stage, of those of its form; -1 for a number of the contact as a whole, or a deflection.
+    name
+        Name of the parameter in its law, or that of the deflection in its formula.
+    is_deflection
+        True for a deflection, which varies by the loads themselves: by a displacement.
+    loads
+        The numbers of the loads, each with a factor.
+    """
+
+    contact: int
+    stage: int
+    name: str
+    is_deflection: bool
+    loads: tuple[tuple[int, float], ...]
+
+
 class Breakpoint(NamedTuple):
     """The beginning of a stage on one side: number of its contact, side (1 or -1), place of its clearance."""
 
     contact: int
     side: int
     place: int
+
+
+def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterator[tuple[Variation, float]]:
+    """Find what a load varies, by its name such as ``mesh.stiffness``: each with a sign.
+
+    Raises
+    ------
+    ModelError
+        If there is nothing of that name, or it cannot vary.
+    """
+
+    def refuse(reason: str) -> ModelError:
+        return ModelError(f"{load.name} varies {name!r}, {reason}")
+
+    first, _, rest = name.partition(".")
+    index = next((index for index, each in enumerate(contacts) if each.name == first), None)
+    if index is None or not rest:
+        known = [f"{each.name}.{number}" for each in contacts for number in _varying_numbers(each)]
+        near = near_names(name, known) or known[:_SHOWN]
+        raise refuse(
+            "which is not a number of a contact or a force; "
+            + (f"write {' or '.join(map(repr, near))}" if near else "there are none")
+        )
+    contact = contacts[index]
+    stage_name, _, last = rest.rpartition(".")
+    stages = [place for place, stage in enumerate(contact.stages) if stage_name in ("", stage.name)]
+    displaced = contact.law.arguments if contact.law.arguments[1:] else ("deflection",)
+    jumps = load.kind.has_levels
+    if not stage_name and last in displaced:
+        if jumps:
+            raise refuse("which cannot jump; vary it by harmonics")
+        yield Variation(index, -1, contact.law.arguments[displaced.index(last)], True, ()), 1.0
+    elif last == "clearance" and contact.stages and stages:
+        signs = {sign for stage in contact.stages for sign in stage.side.signs}
+        if jumps:
+            raise refuse("which cannot jump; vary it by harmonics")
+        if len(signs) > 1 or stage_name:
+            raise refuse(
+                "but the clearance can only vary with all stages of a contact on one side. Write two contacts, "
+                'side = "positive" and side = "negative", and vary the clearance of both'
+            )
+        # the force depends on the depth alone: a wider gap on one side is a smaller deflection
+        yield Variation(index, -1, contact.law.arguments[0], True, ()), -float(signs.pop())
+    elif stages and last in {each.name for each in contact.law.stage_parameters[1:]}:
+        own = [last, *(["cubic"] if last == "stiffness" and contact.law.has_stage_parameter("cubic") else [])]
+        yield from ((Variation(index, place, each, False, ()), 1.0) for place in stages for each in own)
+    elif not stage_name and last in {each.name for each in contact.law.parameters}:
+        yield Variation(index, -1, last, False, ()), 1.0
+    else:
+        known = [f"{first}.{number}" for number in _varying_numbers(contact)]
+        raise refuse(f"which is not one of its numbers; write one of {', '.join(map(repr, known))}")
+
+
+def _varying_numbers(contact: ContactForm) -> list[str]:
+    """List the names of what can vary in a contact, without that of the contact."""
+    arguments = contact.law.arguments if contact.law.arguments[1:] else ("deflection",)
+    of_stages = [each.name for each in contact.law.stage_parameters if contact.stages]
+    return [*arguments, *of_stages, *(each.name for each in contact.law.parameters)]
 
 
 class Assembly(Protocol):
@@ -301,6 +394,27 @@ class Structure:
         )
 
     @cached_property
+    def driving(self) -> tuple[LoadForm, ...]:
+        """The loads that act on coordinates; the others vary numbers of contacts."""
+        return tuple(load for load in self.harmonics if not load.varies)
+
+    @cached_property
+    def variations(self) -> tuple[Variation, ...]:
+        """The numbers of contacts that vary over the angle, and the loads by which they do.
+
+        Raises
+        ------
+        ModelError
+            If a load varies what there is not, or what cannot vary.
+        """
+        found: dict[Variation, list[tuple[int, float]]] = {}
+        for number, load in enumerate(self.harmonics):
+            for name, factor in load.varies:
+                for variation, sign in varied(self.contacts, load, name):
+                    found.setdefault(variation, []).append((number, sign * factor))
+        return tuple(variation._replace(loads=tuple(loads)) for variation, loads in found.items())
+
+    @cached_property
     def equations(self) -> Structure:
         """Structure with the plain parameters of the equations of motion, without an assembly."""
         return Structure(self.coordinates, self.contacts, self.harmonics) if self.assembly else self
@@ -329,9 +443,11 @@ class Structure:
         yield NameBlock("mean", 1)
         for load in self.harmonics:
             yield from map(NameBlock, load.parameters)
-            yield NameBlock(load.shape, 1)
+            if not load.varies:
+                yield NameBlock(load.shape, 1)
         for contact in self.contacts:
-            yield NameBlock(f"{contact.name}.deflection", 1)
+            for vector in contact.vectors:
+                yield NameBlock(vector, 1)
             if not contact.reciprocal:
                 yield NameBlock(f"{contact.name}.force", 1)
             yield from map(NameBlock, contact.parameters)
@@ -368,8 +484,9 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
         n = structure.size
         yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
         for contact in structure.contacts:
-            if not values[structure.block(f"{contact.name}.deflection", n)].any():
-                yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
+            for vector in contact.vectors:
+                if not values[structure.block(vector, n)].any():
+                    yield f"{vector} is zero for every coordinate; it must name at least one that moves it"
     inner: dict[tuple[int, int], float] = {}
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
         clearance, inside = float(values[place]), inner.get((index, side), -math.inf)

@@ -110,9 +110,12 @@ class System(Shown):
         parts.append(_vector("mean", mean or {}, names, problems))
         for harmonic in harmonics:
             parts.append([*harmonic.values()])
+            if harmonic.varies:
+                continue
             parts.append(_vector(f"{harmonic.name}.acts_on", harmonic.acts_on, names, problems))
         for contact in contacts:
-            parts.append(_vector(f"{contact.name}.deflection", contact.deflection, names, problems))
+            for vector, given in zip(ContactForm.of(contact).vectors, contact.vectors, strict=True):
+                parts.append(_vector(vector, given, names, problems))
             if contact.force is not None:
                 parts.append(_vector(f"{contact.name}.force", contact.force, names, problems))
             parts.append([*contact.values()])
@@ -123,6 +126,7 @@ class System(Shown):
             tuple(ContactForm.of(contact) for contact in contacts),
             tuple(map(LoadForm.of, harmonics)),
         )
+        _ = structure.variations  # refuses what there is not
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
         self._set(structure, checked(structure, values))
 

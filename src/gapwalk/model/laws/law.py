@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 from gapwalk.errors import ModelError
@@ -99,6 +99,27 @@ class Law(ABC):
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
         """
         return rate
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the deflections on which the force depends; a contact has one."""
+        return ("x",)
+
+    def has_stage_parameter(self, name: str) -> bool:
+        """Return True if its stages have a parameter of that name."""
+        return any(each.name == name for each in self.stage_parameters)
+
+    @property
+    def mode_count(self) -> int:
+        """Number of its modes."""
+        return 0
+
+    def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Sequence[Any]:
+        """Compute one number for each mode of the law, which is 1 where that number is positive, and otherwise 0.
+
+        The force must be continuous where a guard vanishes. A guard may depend on earlier modes.
+        """
+        return ()
 
     @property
     def rebounds(self) -> bool:

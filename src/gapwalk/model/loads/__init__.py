@@ -4,8 +4,10 @@
 """
 
 from gapwalk.model.loads.harmonic import Harmonic
-from gapwalk.model.loads.load import LOADS, Line, Load, LoadForm, check_order, register
+from gapwalk.model.loads.load import LOADS, Levels, Line, Load, LoadForm, check_order, register
+from gapwalk.model.loads.rectangle import Rectangle
 
-register(Harmonic)
+for _kind in (Harmonic, Rectangle):
+    register(_kind)
 
-__all__ = ["LOADS", "Harmonic", "Line", "Load", "LoadForm", "check_order", "register"]
+__all__ = ["LOADS", "Harmonic", "Levels", "Line", "Load", "LoadForm", "Rectangle", "check_order", "register"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,21 +22,37 @@ class Line(NamedTuple):
     sine: Any = 0.0
 
 
+class Levels(NamedTuple):
+    """A part of a variation with two levels: ``high`` from the angle `up` to `down` in each cycle, otherwise ``low``.
+
+    The angles are those of the excitation, W t; they repeat after ``2 pi / order``.
+    """
+
+    low: Any
+    high: Any
+    up: Any
+    down: Any
+
+
 class Load(ABC):
-    """A load that repeats with the excitation, along one vector of coordinates.
+    """A load that repeats with the excitation, along one vector of coordinates; or a variation of other numbers.
 
     A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
-    its parameters, and the three below. All other code iterates over the registry: the tables of model files, names and
+    its parameters, and the four below. All other code iterates over the registry: the tables of model files, names and
     units of parameters, the flow, the batch integrator, harmonic balance, drive trains, documentation.
 
     Parameters
     ----------
     acts_on
-        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia.
+        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia. Empty for a variation.
     order
         Multiple of the fundamental frequency, an integer >= 1.
     name
         Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
+    varies
+        Names of what it varies instead, each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection (or the clearance
+        of a contact with one side) varies by the load itself; any other number of a contact or a force becomes that
+        number times ``1 + load``.
 
     Attributes
     ----------
@@ -45,7 +61,7 @@ class Load(ABC):
     words
         Description, in a few words.
     parameters
-        Its parameters, in the order of its fields.
+        Its parameters, in the order of its fields. Any further fields are constants.
 
     Notes
     -----
@@ -61,9 +77,10 @@ class Load(ABC):
             key, words = "unbalance", "the force of an unbalance"
             parameters = (Parameter("moment", None, "it is the mass times its distance from the axis"),)
             moment: float
-            acts_on: Mapping[str, float] = field(hash=False)
+            acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
             order: int = 1
             name: str = ""
+            varies: Mapping[str, float] = field(default_factory=dict, hash=False)
 
             @classmethod
             def lines(cls, order, frequency, numbers):
@@ -76,17 +93,28 @@ class Load(ABC):
     key: ClassVar[str]
     words: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
+    has_levels: ClassVar[bool] = False
 
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every kind is a dataclass
     acts_on: Mapping[str, float]
     order: int
     name: str
+    varies: Mapping[str, float]
 
     def __post_init__(self) -> None:
         check_order(self.order)
         if not self.name:
             object.__setattr__(self, "name", f"{self.key}{int(self.order)}")
         object.__setattr__(self, "order", int(self.order))
+        if isinstance(self.varies, str):
+            object.__setattr__(self, "varies", {self.varies: 1.0})
+        if bool(self.acts_on) is bool(self.varies):
+            both = "both acts_on and varies" if self.varies else "neither acts_on nor varies"
+            raise ModelError(
+                f'{self.name} has {both}; write acts_on = {{ q1 = 1.0 }} for a force, or varies = "mesh.stiffness"'
+            )
+        if self.has_levels and self.acts_on:
+            raise ModelError(f"{self.name} is {self.words}: it varies a number of a contact or a force, and is no load")
 
     @classmethod
     @abstractmethod
@@ -100,26 +128,38 @@ class Load(ABC):
         frequency
             The frequency W of the excitation: real or complex, or an array.
         numbers
-            Its parameters by name, of the same kinds.
+            Its parameters by name, of the same kinds, and its constants.
         """
+
+    @classmethod
+    def levels(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Levels:
+        """Give the two levels of a variation that jumps (``has_levels = True``); parameters as in `lines`."""
+        raise NotImplementedError
 
     def values(self) -> Iterator[float]:
         """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)
 
+    def constants(self) -> tuple[tuple[str, Any], ...]:
+        """Return its further fields with their values."""
+        known = {"acts_on", "order", "name", "varies", *(each.name for each in self.parameters)}
+        return tuple((each.name, getattr(self, each.name)) for each in fields(self) if each.name not in known)
+
 
 @dataclass(frozen=True, slots=True)
 class LoadForm:
-    """A load without its numbers: its name, its order, and its kind."""
+    """A load without its numbers: its name, its order, its kind, its constants, and what it varies, with factors."""
 
     name: str
     order: int
     kind: type[Load]
+    constants: tuple[tuple[str, Any], ...] = ()
+    varies: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def of(cls, load: Load) -> LoadForm:
         """Make the form of a load."""
-        return cls(load.name, load.order, type(load))
+        return cls(load.name, load.order, type(load), load.constants(), tuple(load.varies.items()))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -133,8 +173,15 @@ class LoadForm:
 
     def lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
         """Give its lines, for values of its parameters in their order."""
+        return tuple(self.kind.lines(self.order, frequency, self._numbers(values)))
+
+    def levels(self, frequency: Any, values: Iterable[Any]) -> Levels:
+        """Give its levels, for values of its parameters in their order."""
+        return self.kind.levels(self.order, frequency, self._numbers(values))
+
+    def _numbers(self, values: Iterable[Any]) -> dict[str, Any]:
         numbers = {each.name: value for each, value in zip(self.kind.parameters, values, strict=True)}
-        return tuple(self.kind.lines(self.order, frequency, numbers))
+        return {**dict(self.constants), **numbers}
 
     @property
     def orders(self) -> tuple[int, ...]:
