@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from gapwalk.flow.forces import contact_force
+from gapwalk.flow.forces import Angles, contact_force
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
@@ -213,7 +213,7 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
     """
     turn = -2.0 * np.pi / steps
     h = (turn * linear.rate)[:, None]
-    forces = [contact_forces(linear, states)]
+    forces = [contact_forces(linear, 0.0, states)]
     for number in range(HISTORY - 1):
         theta = number * turn
         k1 = _slopes(linear, theta, states)
@@ -221,15 +221,17 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
         k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2)
         k4 = _slopes(linear, theta + turn, states + h * k3)
         states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        forces.append(contact_forces(linear, states))
+        forces.append(contact_forces(linear, theta + turn, states))
     return np.array(forces).transpose(0, 2, 1)
 
 
-def contact_forces(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+def contact_forces(linear: Linear, theta: float, states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
     deflections = np.einsum("lakz,lz->akl", linear.deflections, states)
+    angles = Angles(linear.layout, linear.coefficients, theta)
     forces = [
-        contact_force(slots, linear.coefficients, *deflections[:, k]) for k, slots in enumerate(linear.layout.contacts)
+        contact_force(slots, angles, [(deflections[0, k], deflections[1, k])])
+        for k, slots in enumerate(linear.layout.contacts)
     ]
     return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
 
@@ -241,6 +243,6 @@ def _slopes(linear: Linear, theta: float, states: NDArray[np.float64]) -> NDArra
     basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)
     return (
         np.einsum("lij,lj->li", linear.matrix, states)
-        + np.einsum("lik,lk->li", linear.push, contact_forces(linear, states))
+        + np.einsum("lik,lk->li", linear.push, contact_forces(linear, theta, states))
         + linear.loads @ basis
     )

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.model.laws import Stages, StageTerms, closed_form_of
 from gapwalk.model.structure import ContactForm
@@ -88,6 +89,8 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
     ModelError
         If the force of a contact is no polynomial of the penetration; the message names the backend that needs it.
     """
+    if varying := [slots.form.name for slots in layout.contacts if slots.varies and backend != "an equilibrium"]:
+        raise ModelError(f"{backend} cannot include {varying[0]!r}: it varies over the angle")
     terms: list[tuple[tuple[int, int, int], float, list[int]]] = []
     switches = []
     for index, slots in enumerate(layout.contacts):

@@ -91,8 +91,11 @@ class TrainAssembly:
             damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
         mean, *shapes = numbers.torques
         parts = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ mean]
-        for torque, shape in zip(form.torques, shapes, strict=True):
-            parts += [form.numbers(torque.harmonic.parameters, numbers.values), turned.T @ shape]
+        known = iter(shapes)
+        for torque in form.torques:
+            parts.append(form.numbers(torque.harmonic.parameters, numbers.values))
+            if not torque.harmonic.varies:
+                parts.append(turned.T @ next(known))
         for number, contact in form.contacts:
             parts += [deflections[number], form.numbers(contact.parameters, numbers.values)]
         return np.concatenate(parts)
@@ -301,7 +304,8 @@ class TrainNumbers:
         mean[list(form.loaded)] = self.values[1 + len(form.inertias) :][: len(form.loaded)]
         if form.reaction is not None:
             mean[form.reaction] = -(self.speeds @ mean) / self.speeds[form.reaction]
-        return [mean, *(form.shape(self.values, torque) for torque in form.torques)]
+        driving = (torque for torque in form.torques if not torque.harmonic.varies)
+        return [mean, *(form.shape(self.values, torque) for torque in driving)]
 
     @cached_property
     def turning(self) -> NDArray[Any]:

@@ -8,6 +8,7 @@ from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyA
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
+    FORMULAS,
     LAWS,
     STIFFNESS,
     Law,
@@ -16,6 +17,7 @@ from gapwalk.model.laws.law import (
     law_with,
     never_negative,
     register,
+    register_formula,
 )
 
 for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
@@ -24,6 +26,7 @@ for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
 __all__ = [
     "CLEARANCE",
     "CUBIC",
+    "FORMULAS",
     "LAWS",
     "STIFFNESS",
     "Law",
@@ -37,4 +40,5 @@ __all__ = [
     "law_with",
     "never_negative",
     "register",
+    "register_formula",
 ]

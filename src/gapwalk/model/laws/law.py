@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
 from gapwalk.errors import ModelError
@@ -148,6 +149,15 @@ LAWS: Registry[Law] = Registry("force law")
 """All force laws by name, in the order of their registration; `register` adds one."""
 
 
+FORMULAS: Registry[type[Law]] = Registry("kind of force")
+"""Laws that are dataclasses with data of their own, such as a formula or a measured curve; `register_formula` adds."""
+
+
+def register_formula(kind: type[Law]) -> None:
+    """Register a law with data of its own, a frozen dataclass of texts, numbers and tuples, for result files."""
+    FORMULAS.add(kind.name, kind)
+
+
 def register(law: Law) -> None:
     """Register a force law for model files under its name.
 
@@ -163,6 +173,11 @@ def register(law: Law) -> None:
     if of_stages[:1] != [CLEARANCE.name]:
         raise ModelError(f"the force law {law.name!r} has the stage parameters {of_stages}; the first is the clearance")
     LAWS.add(law.name, law)
+
+
+def data_of(law: Law) -> dict[str, Any]:
+    """Return the data of a law by the names of its fields; empty for a law without any."""
+    return {each.name: getattr(law, each.name) for each in fields(law)} if is_dataclass(law) else {}
 
 
 def law_of(given: str | Law) -> Law:

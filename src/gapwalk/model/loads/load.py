@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from gapwalk.errors import ModelError
@@ -99,7 +100,7 @@ class Load(ABC):
     acts_on: Mapping[str, float]
     order: int
     name: str
-    varies: Mapping[str, float]
+    varies: Mapping[str, float] = MappingProxyType({})  # a kind without such a field varies nothing
 
     def __post_init__(self) -> None:
         check_order(self.order)
