@@ -101,6 +101,18 @@ class Law(ABC):
         return rate
 
     @property
+    def mode_count(self) -> int:
+        """Number of modes that the formula has of its own, besides those of the stages: kinks of an expression."""
+        return 0
+
+    def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> list[Any]:
+        """Compute the guard of each of the formula's own modes, which is 1 where its guard is positive.
+
+        A guard depends on modes before its own at most. Parameters as in `force`. By default there are none.
+        """
+        return []
+
+    @property
     def rebounds(self) -> bool:
         """True if the law has a reset."""
         return type(self).rebound is not Law.rebound
