@@ -69,7 +69,7 @@ _INSTEAD = {
     "]": "write round parentheses",
     "{": "write round parentheses",
     "}": "write round parentheses",
-    "'": "an apostrophe directly follows the name of a deflection, and means its rate: x'; accelerations cannot be used",
+    "'": "an apostrophe directly follows the name of a deflection, and means its rate: x'; there is no x''",
     "%": "write a ratio as a plain number: 0.05",
     "√": "write sqrt(x)",
     "²": "write **2",
