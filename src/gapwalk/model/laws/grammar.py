@@ -17,16 +17,15 @@ from collections.abc import Callable, Collection
 from typing import NamedTuple, NoReturn
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws.formula import (
+from gapwalk.model.laws.arithmetic import (
     FUNCTIONS,
+    LARGEST_FRACTION,
     LARGEST_POWER,
     Absolute,
     AbsolutePower,
     Call,
     Constant,
-    Edge,
     Extreme,
-    Formula,
     Name,
     Negative,
     Node,
@@ -37,6 +36,7 @@ from gapwalk.model.laws.formula import (
     Sum,
     WholePower,
 )
+from gapwalk.model.laws.formula import Edge, Formula
 from gapwalk.model.problems import near_names
 
 LONGEST = 2000  # characters
@@ -365,16 +365,17 @@ class _Parser:
             if abs(number) > LARGEST_POWER:
                 self._fail(f"a whole exponent is at most {LARGEST_POWER}, not {exponent.text}", position)
             return self._made(position, WholePower, base, exponent, int(number))
+        if sharp and abs(number or 0.0) > LARGEST_FRACTION:
+            words = f"a fractional exponent of {base.text} is at most {LARGEST_FRACTION}, not {exponent.text}"
+            self._fail(f"{words}: write a whole number", position)
         if positive is not None:
             return self._made(position, PositivePower, positive, exponent)
         if sharp:
             return self._made(position, AbsolutePower, base.parts[0], exponent)
         if isinstance(base, Extreme) and base.function == "min" and any(each.number == 0.0 for each in base.parts):
             part = next(each for each in base.parts if each.number != 0.0)
-            words = (
-                f"{base.text} is never positive, and has no such power: write -max(-({part.text}), 0)**{exponent.text}"
-            )
-            self._fail(words, position)
+            instead = f"-max(-{part.within(3)}, 0)**{exponent.within(3)}"
+            self._fail(f"{base.text} is never positive, and has no such power: write {instead}", position)
         if base.number is None:
             self._edges.append((Edge("**", base.text, start + 1), base))
         elif base.number <= 0.0 and number is None:
@@ -424,9 +425,7 @@ class _Parser:
     def _missing_times(self, before: _Token) -> str:
         after = self._next
         if re.fullmatch("[eE]", after.text) and before.kind == "number":
-            return (
-                f"an exponent of ten needs digits, or an operation is missing: write {before.text}e3 or {before.text}*e"
-            )
+            return f"a power of ten needs digits, or an operation is missing: write {before.text}e3 or {before.text}*e"
         shown = "(...)" if after.text == "(" else after.text
         return f"an operation is missing: write {before.text}*{shown}"
 
