@@ -5,6 +5,7 @@
 
 from gapwalk.model.laws.closed_form import Stages, StageShape, StageTerms, Term, closed_form_of
 from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
+from gapwalk.model.laws.expression import Expression
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
@@ -20,6 +21,7 @@ from gapwalk.model.laws.law import (
     register_formula,
 )
 
+register_formula(Expression)
 for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
     register(_law())
 
@@ -29,6 +31,7 @@ __all__ = [
     "FORMULAS",
     "LAWS",
     "STIFFNESS",
+    "Expression",
     "Law",
     "StageShape",
     "StageTerms",

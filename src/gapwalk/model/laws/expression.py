@@ -81,6 +81,11 @@ class Expression(Law):
         return tuple(Parameter(name, None, words) for name in self.formula.parameters)
 
     @property
+    def arguments(self) -> tuple[str, ...]:
+        """See `Law.arguments`."""
+        return self.variables
+
+    @property
     def mode_count(self) -> int:
         """See `Law.mode_count`."""
         return self.formula.mode_count
