@@ -1,4 +1,4 @@
-"""Values, modes and derivatives of formulas, by numbers, arrays, symbols and source text."""
+"""Values, modes and derivatives of formulas: by numbers, arrays, symbols and source text."""
 
 from __future__ import annotations
 

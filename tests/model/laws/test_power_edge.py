@@ -50,11 +50,11 @@ def bounce(power: float, stiffness: float, speed: float, width: float) -> Passag
 @pytest.mark.parametrize("power", POWERS)
 def test_the_polynomial_satisfies_its_conditions(power: float) -> None:
     fit = np.poly1d([*edge_polynomial(power), 0.0])
-    assert fit.order == 9
+    assert fit.order == 8
     assert fit(0.0) == 0.0
     ends = [fit(1.0), fit.deriv(1)(1.0), fit.deriv(2)(1.0)]
     assert ends == pytest.approx([1.0, power, power * (power - 1.0)], rel=1e-11, abs=1e-11)
-    for moment in range(3):
+    for moment in range(4):
         assert (fit * np.poly1d([1.0, 0.0]) ** moment).integ()(1.0) == pytest.approx(
             1.0 / (power + moment + 1.0), rel=1e-13
         )
@@ -65,12 +65,12 @@ def test_the_polynomial_satisfies_its_conditions(power: float) -> None:
 def test_the_polynomial_is_the_best_of_its_kind() -> None:
     """A change that keeps all conditions makes the square of the error larger."""
     fit = np.poly1d([*edge_polynomial(1.5), 0.0])
-    # zero at 0, three times at 1, and orthogonal to 1, s, s**2
+    # zero at 0, three times at 1, and orthogonal to 1, s, s**2, s**3
     rng, s = np.random.default_rng(1), np.poly1d([1.0, 0.0])
-    basis = [s ** (j + 1) * (s - 1.0) ** 3 for j in range(6)]
-    rows = np.array([[(each * s**m).integ()(1.0) for each in basis] for m in range(3)])
-    null = np.linalg.svd(rows)[2][3:]
-    for weights in rng.normal(size=(5, 3)):
+    basis = [s ** (j + 1) * (s - 1.0) ** 3 for j in range(5)]
+    rows = np.array([[(each * s**m).integ()(1.0) for each in basis] for m in range(4)])
+    null = np.linalg.svd(rows)[2][4:]
+    for weights in rng.normal(size=(5, 1)):
         change = sum((w * each for w, each in zip(weights @ null, basis, strict=True)), np.poly1d([0.0]))
         inner, _ = quad(lambda z, change=change: (fit(z) - z**1.5) * change(z), 0.0, 1.0, epsabs=1e-15)
         assert abs(inner) < 1e-9 * math.sqrt((change * change).integ()(1.0))
@@ -84,7 +84,7 @@ def test_the_duration_is_that_of_hertz() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize("power", [1.05, 1.5, 2.2, 3.5])
+@pytest.mark.parametrize("power", [1.25, 1.5, 2.2, 3.5])
 def test_an_impact_is_exact_to_rounding(power: float, speed: float) -> None:
     """The edge is a thousandth of the largest depth, 0.04 of the smallest for p = 1.5, and has no effect on either."""
     width = 1e-3 * impact(power, 50.0, 1.0).depth

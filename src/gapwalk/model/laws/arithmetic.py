@@ -75,7 +75,7 @@ class Values:
         width = self.width(guard)
         return (value if guard.sign > 0 else -value) - (0.0 if width is None else width)
 
-    def width(self, guard: Guard) -> Any:
+    def width(self, guard: Guard) -> Any | None:
         """Return the width of the edge of a fractional power; None if it has none."""
         if guard.node.number is not None:
             return None
@@ -237,7 +237,8 @@ class WholePower(Node):
         """Multiply repeatedly: squares of the base, and the product of some of them."""
         if self.power == 0:
             return 1.0
-        square, left, product = self.parts[0].at(values), abs(self.power), None
+        square, left = self.parts[0].at(values), abs(self.power)
+        product: Any = None
         while True:
             if left % 2:
                 product = square if product is None else product * square
@@ -302,10 +303,9 @@ class Extreme(Node):
     def __init__(self, function: str, first: Node, second: Node) -> None:
         self.function = function
         self.guard = Guard(*_directed(Sum([(1, first), (-1, second)])))
-        same = isinstance(first, Extreme) and first.function == function
-        arguments = f"{first.arguments if same else first.text}, {second.text}"
-        self.arguments = arguments
-        super().__init__(f"{function}({arguments})", (first, second), first.work + second.work + 4)
+        begun = first.arguments if isinstance(first, Extreme) and first.function == function else first.text
+        self.arguments: str = f"{begun}, {second.text}"
+        super().__init__(f"{function}({self.arguments})", (first, second), first.work + second.work + 4)
 
     def evaluate(self, values: Values) -> Any:
         """See `Node.evaluate`."""

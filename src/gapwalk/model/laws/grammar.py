@@ -165,7 +165,7 @@ def formula_of(text: str, variables: Collection[str]) -> Formula:
     for name in variables:
         if name.removesuffix("'") in {*ALLOWED, "pi"}:
             raise FormulaError(f"a variable cannot have the name {name!r}, which a formula already knows", text, 0)
-    return _Parser(text, variables).formula()
+    return _Parser(text, frozenset(variables)).formula()
 
 
 class _Token(NamedTuple):
@@ -302,7 +302,7 @@ class _Parser:
         if name == "pi":
             return Constant("pi", math.pi)
         if name.endswith("'") and name not in self._variables:
-            plain, rates = name[:-1], [each for each in self._variables if each.endswith("'")]
+            plain, rates = name[:-1], sorted(each for each in self._variables if each.endswith("'"))
             hint = f"the rates are {', '.join(rates)}" if rates else "this formula has no rates"
             self._fail(f"{name} would be the rate of a deflection {plain}, but there is none: {hint}", token.position)
         return self._made(token.position, Name, name)
@@ -348,7 +348,17 @@ class _Parser:
                 f"in {name}({argument.text} + 1e-6), or write a power above 1, as in max(x, 0)**1.5",
                 position,
             )
+        self._check_even(argument, position)
         self._edges.append((Edge(name, argument.text, position + 1), argument))
+
+    def _check_even(self, base: Node, position: int) -> None:
+        """Refuse a kink that would be no event: the root of a square is an absolute value."""
+        if isinstance(base, WholePower) and base.power % 2 == 0:
+            words = f"{base.text} touches 0, where its root has a kink and its logarithm is infinite"
+            instead = (
+                f"write abs({base.parts[0].text}) for the root of a square, or add a small number: {base.text} + 1e-6"
+            )
+            self._fail(f"{words}: {instead}", position)
 
     def _raised(self, base: Node, exponent: Node, start: int, position: int) -> Node:
         """Make a power: a product, a power of a positive part, or any other."""
@@ -377,6 +387,7 @@ class _Parser:
             instead = f"-max(-{part.within(3)}, 0)**{exponent.within(3)}"
             self._fail(f"{base.text} is never positive, and has no such power: write {instead}", position)
         if base.number is None:
+            self._check_even(base, position)
             self._edges.append((Edge("**", base.text, start + 1), base))
         elif base.number <= 0.0 and number is None:
             self._fail(f"{base.text}**{exponent.within(3)}: the base must be positive", position)
@@ -390,7 +401,9 @@ class _Parser:
             self._fail(f"this number cannot be computed: {error}", position)
         if node.size > MOST_NODES:
             self._fail(f"a formula has at most {MOST_NODES} numbers, names and operations", position)
-        if node.work > MOST_WORK or node.depth > 2 * DEEPEST:
+        if node.depth > 2 * DEEPEST:
+            self._fail(f"at most {2 * DEEPEST} operations stand inside one another", position)
+        if node.work > MOST_WORK:
             words = f"written out without powers, a formula has at most {MOST_WORK} operations: use smaller exponents"
             self._fail(words, position)
         return node
