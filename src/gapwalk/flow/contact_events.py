@@ -27,7 +27,7 @@ from weakref import ref
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.equations import Equations
+from gapwalk.flow.equations import EDGE, Equations
 from gapwalk.flow.forces import Angles, accelerations, contact_force, is_at_high, named, stages_of
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
 from gapwalk.model.laws import closed_form_of
@@ -372,8 +372,9 @@ class Switchboard:
                 )
                 for place, vector in enumerate(slots.deflections)
             ]
-            stages = stages_of(slots, angles, moves)
-            guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves))
+            edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
+            stages = stages_of(slots, angles, moves, extra=edge)
+            guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
             found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found
 

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave
 from gapwalk.model.laws import Stages, StageTerms
 
+EDGE = 1e-7
+"""Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
 FUNCTIONS = {
     **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
     "pow": lambda base, power: hy.expression(0.0) + base**power,
@@ -293,7 +295,7 @@ class Equations:
                 [hy.par[first + mode] for mode in range(law.mode_count)],
                 FUNCTIONS,
             )
-            numbers = self._named(contact.numbers, contact.waves)
+            numbers = self._named(contact.numbers, contact.waves) | ({"_edge": EDGE * length} if scaled else {})
             force = hy.expression(0.0) + law.force(given[0][1], arguments, numbers)
             force = force / length if scaled else force
             guards = [hy.expression(0.0) + each for each in law.guards(given[0][1], arguments, numbers)]

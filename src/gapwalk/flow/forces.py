@@ -161,8 +161,9 @@ def stages_of(
     angles: Angles,
     moves: Sequence[tuple[Any, Any]],
     closed: Sequence[bool] | None = None,
+    extra: Mapping[str, Any] | None = None,
 ) -> Stages:
-    """Return the arguments of the law of a contact; parameters as in `contact_force`."""
+    """Return the arguments of the law of a contact; parameters as in `contact_force`, and `extra` numbers of guards."""
     law, stages = slots.form.law, []
     for number, stage in enumerate(slots.stages):
         values = angles.named(stage.numbers, stage.waves)
@@ -173,7 +174,7 @@ def stages_of(
     deflections, modes = dict(zip(law.arguments, moves, strict=True)), [0.0] * law.mode_count
     found = Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
     for mode in range(law.mode_count):  # a guard may depend on earlier modes
-        guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves))[mode]
+        guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]
         modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0)
     return found
 
