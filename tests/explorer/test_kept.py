@@ -129,10 +129,16 @@ def test_arrow_keys_go_from_motion_to_motion(page, branch) -> None:
 
 
 def test_other_axes_show_the_same_points(page, branch) -> None:
+    page.focus("#diagram")
+    page.keyboard.press("Home")
     page.select_option("#y", "min.x")
     until(page, "gapwalk.diagram.names.y.startsWith('minimum')")
     y, node = (np.array(page.evaluate(f"[...gapwalk.curves.all.get('/0').{each}]")) for each in ("y", "node"))
     np.testing.assert_allclose(y[node >= 0], branch.measure("min.x"), rtol=1e-7)
+    until(page, "gapwalk.page.chosen.curve === gapwalk.curves.all.get('/0')")  # the chosen point stays chosen
+    index = page.evaluate("gapwalk.page.chosen.index")
+    assert node[index] == page.evaluate("gapwalk.page.chosen.start.point") == 0
+    assert page.evaluate("gapwalk.diagram.mark[1]") == y[index]
 
 
 def test_a_mean_load_is_not_the_mean_of_a_coordinate(tmp_path) -> None:
