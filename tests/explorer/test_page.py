@@ -87,6 +87,10 @@ def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, 
     shown = np.array(page.evaluate("gapwalk.motion.motion.q.q1"))
     np.testing.assert_allclose(shown[0], result.points[number].orbit.state[0], rtol=1e-6)
     assert page.locator("#history path.curve").count() == 1
+    # the sliders show the values of that motion, which are not those of the file
+    frequency = result.points[number].value
+    assert page.evaluate("gapwalk.motion.motion.parameters.frequency") == frequency != result.points[0].value
+    until(page, f"document.querySelector(\".parameter[data-name='frequency'] input\").valueAsNumber === {frequency!r}")
     until(page, "document.querySelectorAll('#section .dot').length === 1")
     # on to the branch of twice the period
     choose_special(page, "flip")
