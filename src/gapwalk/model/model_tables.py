@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import fields as dataclass_fields
 from functools import lru_cache, wraps
 from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
@@ -12,7 +11,6 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    ConfigDict,
     Field,
     ModelWrapValidatorHandler,
     ValidationError,
@@ -25,13 +23,12 @@ from pydantic import (
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
-from gapwalk.model.contact import force as make_force
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.laws import LAWS, Expression, Law, law_of, law_parameters, law_with
-from gapwalk.model.laws.grammar import FormulaError, formula_of
+from gapwalk.model.force_table import ForcePart
+from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.parameter import Parameter
-from gapwalk.model.problems import did_you_mean, given
+from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
     Angle,
@@ -281,71 +278,6 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     return value
 
 
-class ForcePart(Part):
-    """A force by a formula: ``[[force]]``. All keys that the schema does not know are parameters of the formula."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-
-    name: Name = Field(description="its parameters begin with it, as in spring.k")
-    law: Text = Field(description='write its formula, as in "k*x + c*v": x is its deflection, v the rate of it')
-    deflection: Direction | None = None
-    deflections: Annotated[dict[Name, Direction], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
-    acts_on: Direction | None = None
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
-        claim(name, info)
-        return name
-
-    @model_validator(mode="after")
-    def _makes_a_force(self, info: ValidationInfo[Names]) -> ForcePart:
-        try:
-            self.force(info.context.coordinates or [])
-        except FormulaError as error:
-            raise ValueError(f"law is {given(self.law)}, column {error.column}: {error.reason}") from None
-        except ModelError as error:
-            raise ValueError(f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}") from None
-        return self
-
-    def force(self, coordinates: Sequence[str]) -> Contact:
-        """Make the force. A formula without a deflection is one of the coordinates that it names."""
-        moves: Any = self.deflections or self.deflection
-        if self.deflections and self.deflection:
-            raise ModelError("deflection is given together with deflections; leave one of the two out")
-        if moves is None:
-            names = [*coordinates, *(f"{name}'" for name in coordinates)]
-            used = formula_of(self.law, [*names, "v"] if coordinates == ["x"] else names).variables
-            found = {"x" if name == "v" and "v" not in coordinates else name.removesuffix("'") for name in used}
-            if not found:
-                raise ModelError(
-                    f"the formula {given(self.law)} names none of the coordinates {', '.join(coordinates)}; write "
-                    "deflection = { q1 = 1.0 }, which the formula calls x"
-                )
-            moves = {name: {name: 1.0} for name in coordinates if name in found}
-        numbers, keys = self.model_extra or {}, {*type(self).model_fields}
-        made = make_force(self.name, moves, self.law, acts_on=self.acts_on, numbers=self._numbers(numbers, moves))
-        for each in made.law.parameters:
-            if each.name in keys:
-                raise ModelError(f"the formula has a parameter {each.name!r}, which is a key of the table; rename it")
-        return made
-
-    def _numbers(self, numbers: Mapping[str, Any], moves: Mapping[str, Any]) -> dict[str, float]:
-        """Return the parameters of the formula; refuse what is none, or no number."""
-        several = all(isinstance(each, Mapping) for each in moves.values())
-        known = [each.name for each in Expression(self.law, tuple(moves) if several else ("x",)).parameters]
-        for name, value in numbers.items():
-            if name not in known:
-                hint = did_you_mean(name, [*known, *type(self).model_fields], "its parameters are")
-                raise ModelError(f"{name} is no parameter of the formula {given(self.law)}; {hint}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ModelError(f"{name} is {given(value)}; it must be a finite number")
-        for name in known:
-            if name not in numbers:
-                raise ModelError(f"{name} is missing; the formula {given(self.law)} needs it: write {name} = 1.0")
-        return dict(numbers)
-
-
 class LoadBase(Part):
     """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
 
@@ -394,10 +326,7 @@ def _load_part(kind: type[Load]) -> type[LoadBase]:
         each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
         for each in kind.parameters
     }
-    named, acts = (
-        {each.name: each for each in dataclass_fields(kind)},
-        "write on which coordinates it acts, as in { q1 = 1.0 }",
-    )
+    named = {each.name: each for each in dataclass_fields(kind)}
     if "varies" in named:
         fields["varies"] = (_Varied | None, None)
         if not kind.has_levels:
@@ -406,7 +335,7 @@ def _load_part(kind: type[Load]) -> type[LoadBase]:
         for name in named.keys() - {*fields, "acts_on", "order", "name"}:
             fields[name] = (_PLAIN.get(hints[name], hints[name]), named[name].default)
     else:
-        fields["acts_on"] = (Direction, Field(description=acts))
+        fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
     part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
     part.kind = kind
     return part
