@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -144,7 +143,7 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
     return CurvePoints(places, left, right, scale)
 
 
-def check_turns(force: Sequence[float]) -> None:
+def check_turns(force: Array) -> None:
     """Refuse the forces of a thinned curve if most of its corners are rises and falls in turn.
 
     Points of two branches that were sorted by their deflection, or noise, look like this.
