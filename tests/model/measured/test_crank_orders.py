@@ -123,6 +123,16 @@ def test_too_many_orders_are_refused_with_an_error_that_suffices() -> None:
     assert orders_of(angle, torque, error=written).left_out <= written
 
 
+def test_coarse_samples_are_refused_as_such() -> None:
+    angle = np.linspace(0.0, TURN, 9)
+    with pytest.raises(
+        ModelError, match=r"resolve orders up to 3, and 0.33 of the energy .* error = 0.34, or give more"
+    ):
+        orders_of(angle, np.cos(4.0 * angle) + np.sqrt(2.0) * np.cos(angle))
+    with pytest.raises(ModelError, match=r"resolve orders up to 3, and 1 of the energy .* 0.0001; give more samples"):
+        orders_of(angle, np.cos(4.0 * angle))
+
+
 def test_a_constant_has_no_orders_and_scales_do_not_matter() -> None:
     angle = np.linspace(0.0, TURN, 37)
     table = orders_of(angle, np.full(37, 7.0))

@@ -32,6 +32,7 @@ _GAP = 1.5  # of the largest step: the gap at the end that is completed
 _JUMP = 0.01  # of the range of the signal: how much a period may begin and end differently
 _BLOCK = 64  # harmonics of a polyline that are computed at once
 _HIGHEST = 2048  # harmonic of a polyline
+_WORK = 50_000_000  # harmonics times samples: some seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,12 @@ class OrderTable:
         """The orders that are kept."""
         return tuple(each.order for each in self.lines)
 
+    @property
+    def words(self) -> str:
+        """Write what is kept in one line."""
+        kept = ", ".join(f"{order:g}" for order in self.orders) or "none"
+        return f"orders {kept}, which leave out {100.0 * self.left_out:.2g} % of the energy of {self.samples:,} samples"
+
     def value(self, angle: ArrayLike) -> Any:
         """Return the signal at some angles (rad), of their shape."""
         x = np.asarray(angle)
@@ -152,7 +159,7 @@ def orders_of(
     --------
     >>> angle = np.linspace(0.0, 4.0 * np.pi, 721)
     >>> table = orders_of(angle, 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle), per="cycle")
-    >>> [(each.order, round(each.cosine, 9), round(each.sine, 9)) for each in table.lines]
+    >>> [(each.order, round(abs(each.cosine), 9), round(abs(each.sine), 9)) for each in table.lines]
     [(0.5, 0.0, 9.0), (2.0, 40.0, 0.0)]
     """
     if per not in _TURNS:
@@ -330,7 +337,7 @@ def _of_polyline(angles: Array, values: Array, turns: int, until: float | int) -
     lines: list[OrderLine] = []
     if energy <= (1e-14) ** 2:
         return lines, mean, 0.0
-    wanted = until if isinstance(until, int) else _HIGHEST
+    wanted = until if isinstance(until, int) else min(_HIGHEST, max(2 * MAX_LINES, _WORK // len(rises)))
     kept = 0.0
     for first in range(1, wanted + 1, _BLOCK):
         for harmonic in range(first, min(first + _BLOCK, wanted + 1)):
@@ -380,9 +387,17 @@ def _fewest(found: Sequence[OrderLine], energy: float, error: float) -> list[Ord
     if kept > MAX_LINES or left > max(error, _SMALLEST) * energy:
         reached = (energy - sum(each.energy for each in ranked[:MAX_LINES])) / energy
         digits = 1 - math.floor(math.log10(max(reached, _SMALLEST)))
+        written = math.ceil(reached * 10**digits) / 10**digits
+        write = f"write error = {written:g}, or " if written < 0.5 else ""
+        if kept <= MAX_LINES:
+            resolved = f"orders up to {found[-1].order:g}" if found else "no order"
+            raise ModelError(
+                f"the samples resolve {resolved}, and {reached:.2g} of the energy is beyond, more than {error:g}; "
+                f"{write}give more samples"
+            )
         raise ModelError(
-            f"more than {MAX_LINES} orders are needed so that no more than {error:g} of the energy is left out; write "
-            f"error = {math.ceil(reached * 10**digits) / 10**digits:g}, or smooth its jumps or its noise"
+            f"more than {MAX_LINES} orders are needed so that no more than {error:g} of the energy is left out; "
+            f"{write}smooth its jumps or its noise"
         )
     return sorted(ranked[:kept], key=lambda each: each.order)
 

@@ -46,7 +46,7 @@ class SpeedTable:
     Examples
     --------
     >>> table = SpeedTable((700.0, 2000.0, 6000.0), (30.0, 55.0, 60.0), "gas.csv", "rpm")
-    >>> table.value(2000.0)
+    >>> float(table.value(2000.0))
     55.0
     >>> table.covers(6120.0)
     False

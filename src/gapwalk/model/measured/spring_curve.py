@@ -104,6 +104,16 @@ class Curve:
         if sorted({*places}) != places or any(each.side != (-1 if each.position < 0.0 else 1) for each in self.corners):
             raise ValueError("the corners of a curve increase, and act away from the deflection 0")
 
+    @property
+    def words(self) -> str:
+        """Write what the curve is made of in one line."""
+        steps = [each for each in self.corners if each.step]
+        of_steps = f", {len(steps)} of them with a step" if steps else ""
+        return (
+            f"{self.kind}, {len(self.corners)} corners{of_steps}, within {100.0 * self.thinning_error:.2g} % of the "
+            f"largest force at {self.points:,} points"
+        )
+
     def force(self, deflection: ArrayLike) -> Any:
         """Return the force at some deflections, of their shape; complex deflections are given for derivatives.
 
