@@ -19,7 +19,9 @@ _RUNS = 4  # changes of direction of a loop: from rest to one end, to the other,
 _SAME = 1e-12  # a share of the largest number
 _NEAR = 1e-9  # a share of the range of the deflection
 _SMALLEST = 1e-30
-_LEAST_TURNS = 5  # rises and falls in turn of which noise or two branches are suspected
+# Rises and falls in turn, and bends up and down in turn, of which noise or two branches are suspected; and the least
+# bend that counts: the distance of a corner from the chord of its neighbours, as a share of the largest force.
+_LEAST_TURNS, _LEAST_SWAPS, _BEND = 5, 7, 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,19 +145,28 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
     return CurvePoints(places, left, right, scale)
 
 
-def check_turns(force: Array) -> None:
-    """Refuse the forces of a thinned curve if most of its corners are rises and falls in turn.
+def check_zigzag(x: Array, force: Array, scale: float) -> None:
+    """Refuse a thinned curve if most of its corners are rises and falls, or bends up and down, in turn.
 
     Points of two branches that were sorted by their deflection, or noise, look like this.
     """
-    rises = np.sign(np.diff(force))
-    rises = rises[rises != 0.0]
-    turns = int(np.count_nonzero(rises[1:] != rises[:-1]))
-    if turns >= _LEAST_TURNS and 2 * turns > len(force) - 2:
+    corners = len(force) - 2
+    rises = np.diff(force)
+    turns = _changes(rises[rises != 0.0])
+    chord = force[:-2] + (force[2:] - force[:-2]) * ((x[1:-1] - x[:-2]) / (x[2:] - x[:-2]))
+    bends = force[1:-1] - chord
+    swaps = _changes(bends[np.abs(bends) > _BEND * scale])
+    if (turns >= _LEAST_TURNS and 2 * turns > corners) or (swaps >= _LEAST_SWAPS and 2 * swaps > corners):
+        how = f"rises and falls {turns}" if turns >= _LEAST_TURNS else f"bends up and down {swaps}"
         raise ModelError(
-            f"the force rises and falls {turns} times in turn: these seem to be two branches (loading and unloading) "
-            "that were sorted together, or noise; give the mean curve, or write an error that is larger than the noise"
+            f"the force {how} times in turn: these seem to be two branches (loading and unloading) that were sorted "
+            "together, or noise; give the mean curve, or write an error that is larger than the noise"
         )
+
+
+def _changes(numbers: Array) -> int:
+    """Count the changes of the sign."""
+    return int(np.count_nonzero(np.sign(numbers[1:]) != np.sign(numbers[:-1])))
 
 
 def _row(values: object, what: str) -> Array:
