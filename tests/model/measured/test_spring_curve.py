@@ -187,6 +187,22 @@ def test_the_same_on_both_sides_stays_the_same_exactly(kind, centre: bool) -> No
     assert curve.thinning_error <= 1e-3
 
 
+@pytest.mark.parametrize("kind", ["linear", "cubic"])
+def test_what_rounding_makes_different_on_both_sides_is_the_same(kind) -> None:
+    x = np.linspace(-1.0, 1.0, 4000)
+    assert not np.array_equal(x, -x[::-1])
+    curve = spring_curve(x, np.sinh(3.0 * x), kind)
+    positions = [each.position for each in curve.corners]
+    assert positions == [-each for each in reversed(positions)]
+    assert curve.thinning_error <= 1e-3
+    third = 1.0 / 3.0
+    steps = spring_curve(
+        [-1.0, -third, -third, third * (1.0 + 2e-16), third * (1.0 + 2e-16), 1.0], [-4, -3, -1, 1, 3, 4]
+    )
+    assert [each.step for each in steps.corners] == [-2.0, 2.0]
+    assert steps.thinning_error < 1e-15
+
+
 def test_steps_on_both_sides_stay_the_same_exactly() -> None:
     x, y = [-3.0, -1.0, -1.0, 1.0, 1.0, 3.0], [-9.0, -5.0, -0.1, 0.1, 5.0, 9.0]
     curve = spring_curve(x, y)

@@ -50,11 +50,16 @@ class CurvePoints:
 
     @property
     def is_odd(self) -> bool:
-        """True if the curve is the same on both sides of the deflection 0, but for rounding in the file."""
-        near_x, near_y = _SAME * self.x[-1], _SAME * self.scale
-        return bool(
-            np.all(np.abs(self.x + self.x[::-1]) <= near_x) and np.all(np.abs(self.left + self.right[::-1]) <= near_y)
-        )
+        """True if the curve is exactly the same on both sides of the deflection 0."""
+        return np.array_equal(self.x, -self.x[::-1]) and np.array_equal(self.left, -self.right[::-1])
+
+    def without_rounding(self) -> CurvePoints:
+        """Return an odd curve if it is odd but for rounding of the numbers in a file, as in most data sheets."""
+        x, left, right = self.x, self.left, self.right
+        bend = np.max(np.abs(left + right[::-1]))
+        if np.max(np.abs(x + x[::-1])) > _SAME * x[-1] or bend > _SAME * self.scale:
+            return self
+        return CurvePoints(0.5 * (x - x[::-1]), 0.5 * (left - right[::-1]), 0.5 * (right - left[::-1]), self.scale)
 
     def right_half(self) -> CurvePoints:
         """Return an odd curve from the deflection 0 on, where its force is 0 unless it has a step there."""
@@ -142,7 +147,7 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
             f"the curve has a step at its end, at the deflection {end:g}; a step needs a point on each side of it, as "
             "in -1,0 then 0,0 then 0,5 then 1,9"
         )
-    return CurvePoints(places, left, right, scale)
+    return CurvePoints(places, left, right, scale).without_rounding()
 
 
 def check_zigzag(x: Array, force: Array, scale: float) -> None:
