@@ -16,7 +16,7 @@ import numpy as np
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import describes_train, train_part, train_problems
 from gapwalk.model.matrix_file import read_matrix
-from gapwalk.model.measured.curve_contact import with_curves
+from gapwalk.model.measured.curve_contact import MeasuredCurve, measured_curves, with_curves
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import system_part
 from gapwalk.model.problems import Problem, given
@@ -74,6 +74,12 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
         return Model(part.system(), part.title, _digest(source, part)), []
     except ModelError as error:
         return None, [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+
+
+def curves_of(source: Source) -> tuple[MeasuredCurve, ...]:
+    """Return the measured curves of a model file without problems, with their points."""
+    units = describes_train(source.data) and Names.of_train(source.data).units
+    return measured_curves(source, lambda name: _path_of(name, source), units=bool(units))
 
 
 def has_pace(source: Source) -> bool:

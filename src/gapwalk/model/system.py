@@ -13,6 +13,7 @@ from scipy.sparse import issparse
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units
@@ -291,13 +292,21 @@ class System(Shown):
     @property
     def contents(self) -> Iterator[str]:
         """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
+        forms = self.structure.contacts
         contacts = (
             f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
-            for form in self.structure.contacts
+            for form in forms
+            if not isinstance(form.law, Expression)
         )
-        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        formulas = [f"{form.name} = {form.law.text}" for form in forms if isinstance(form.law, Expression)]
+        orders = (
+            f"{form.name} of order {form.order * (self.turns or 1)}" + _varies_words(form)
+            for form in self.structure.harmonics
+        )
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
+        if formulas:
+            yield f"forces: {'; '.join(formulas)}"
         yield f"excitation: {', '.join(orders) or 'none'}"
         if self.units:
             yield f"units: {self.units.words}"
@@ -317,6 +326,12 @@ class System(Shown):
         values.flags.writeable = False
         for name, value in (("structure", structure), ("_shared", values), ("_own", own or {})):
             object.__setattr__(self, name, value)
+
+
+def _varies_words(load: LoadForm) -> str:
+    """Say what a load varies, with factors; empty for a load that acts on coordinates."""
+    names = (name if factor == 1.0 else f"{factor:g} {name}" for name, factor in load.varies)
+    return f" (varies {', '.join(names)})" if load.varies else ""
 
 
 def pace_number(system: System, digits: int = 8) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage
@@ -17,6 +20,26 @@ from gapwalk.model.units import QuantityKind
 
 LAW = "piecewise"
 """The force law of a measured curve."""
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCurve:
+    """The measured points of a contact, and the curve through them.
+
+    Parameters
+    ----------
+    name
+        Name of the contact, shaft or gear.
+    curve
+        The curve.
+    deflection, force : shape (points,)
+        The points, as in the file, in the reference units.
+    """
+
+    name: str
+    curve: Curve
+    deflection: NDArray[np.float64]
+    force: NDArray[np.float64]
+
 
 _TABLES = ("contact", "shaft", "gear")
 _OWN = ("curve", "interpolation", "error")
@@ -58,7 +81,7 @@ def measured_spring(
     [(2.0, 5.0)]
     """
     if not isinstance(curve, Curve):
-        curve = _read(os.fspath(curve), "linear", ERROR, None)
+        curve = _read("", os.fspath(curve), "linear", ERROR, None).curve
     stages, numbers = stages_of_curve(curve)
     return Contact(name, deflection, stages, force, LAW, numbers, scale=scale)
 
@@ -118,7 +141,9 @@ def _names(stages: Sequence[Stage]) -> Iterator[str]:
             yield f"corner{count}"
 
 
-def _read(path: str, interpolation: Any, error: Any, kinds: tuple[QuantityKind, QuantityKind] | None) -> Curve:
+def _read(
+    name: str, path: str, interpolation: Any, error: Any, kinds: tuple[QuantityKind, QuantityKind] | None
+) -> MeasuredCurve:
     """Read a curve from a CSV file, in the reference units of the kinds."""
     deflection, force = kinds or (None, None)
     wanted = [
@@ -127,7 +152,7 @@ def _read(path: str, interpolation: Any, error: Any, kinds: tuple[QuantityKind, 
     ]
     table = read_table(path, wanted)
     columns = [table[each.role].values() for each in wanted]
-    return spring_curve(columns[0], columns[1], interpolation, error)
+    return MeasuredCurve(name, spring_curve(columns[0], columns[1], interpolation, error), columns[0], columns[1])
 
 
 def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
@@ -167,10 +192,29 @@ def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -
     return data, problems
 
 
+def measured_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -> tuple[MeasuredCurve, ...]:
+    """Read the measured curves of a model file that was found to be right; parameters as `with_curves`."""
+    found = []
+    for key in _TABLES:
+        for table in source.data.get(key, ()):
+            if "curve" in table:
+                found.append(_curve_of(table, path_of, units=units))
+    return tuple(found)
+
+
 def _with_stages(table: Mapping[str, Any], path_of: Callable[[str], str], *, units: bool) -> dict[str, Any]:
     """Return the table of a contact with stages in place of its curve."""
     if both := [each for each in _WITHOUT if each in table]:
         raise ModelError(f"it is given together with {both[0]}; the curve has all of the force, leave {both[0]} out")
+    curve = _curve_of(table, path_of, units=units).curve
+    stages, numbers = stages_of_curve(curve)
+    rest = {each: value for each, value in table.items() if each not in _OWN}
+    own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
+    return rest | own | {"law": LAW, "stage": [_stage_table(stage, units=units) for stage in stages]}
+
+
+def _curve_of(table: Mapping[str, Any], path_of: Callable[[str], str], *, units: bool) -> MeasuredCurve:
+    """Read the curve that the table of a contact names."""
     if not isinstance(table["curve"], str):
         raise ModelError('it must be the name of a CSV file, as in curve = "clutch.csv"')
     kinds = (QuantityKind.ANGLE, QuantityKind.TORQUE) if units else None
@@ -179,11 +223,7 @@ def _with_stages(table: Mapping[str, Any], path_of: Callable[[str], str], *, uni
         raise ModelError(f'interpolation is {given(interpolation)}; it is "linear" or "cubic"')
     if units and interpolation == "cubic":
         raise ModelError('interpolation is "cubic", which is not available with units; write interpolation = "linear"')
-    curve = _read(path_of(table["curve"]), interpolation, error, kinds)
-    stages, numbers = stages_of_curve(curve)
-    rest = {each: value for each, value in table.items() if each not in _OWN}
-    own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
-    return rest | own | {"law": LAW, "stage": [_stage_table(stage, units=units) for stage in stages]}
+    return _read(str(table.get("name", "")), path_of(table["curve"]), interpolation, error, kinds)
 
 
 def _stage_table(stage: Stage, *, units: bool) -> dict[str, Any]:
