@@ -31,10 +31,10 @@ def new_file(file: Path) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
-    from gapwalk.model.modes import dissipation_doubts
-    from gapwalk.results.plain import plain
     from gapwalk.model.model_file import curves_of
     from gapwalk.model.model_source import read_source
+    from gapwalk.model.modes import dissipation_doubts
+    from gapwalk.results.plain import plain
     from gapwalk.studies.set_values import change_source, parse_changes
     from gapwalk.studies.study_file import read_studies
 

@@ -196,13 +196,22 @@ def _force_curve(
         values = along(x)
         if not np.nanmax(np.abs(values), initial=0.0):
             continue
-        band = None
+        band, is_at_zero = None, over_rate and _needs_deflection(form.law)
         if any(name not in form.law.arguments for name in slots.waves) or any(each.waves for each in slots.stages):
             theta = _angles(system, range(len(system.structure.harmonics)))[1]
             moving = replace(slots, waves={k: w for k, w in slots.waves.items() if k not in form.law.arguments})
             each = np.array([along(x, angle, moving) for angle in theta])
             band = np.nanmin(each, axis=0), np.nanmax(each, axis=0)
-        return ForceCurve((form.name,), law_words(form.law), over_rate, x, values, band, tuple(levels), over_rate and _needs_deflection(form.law))
+        return ForceCurve(
+            (form.name,),
+            law_words(form.law),
+            over_rate,
+            x,
+            values,
+            band,
+            tuple(levels),
+            over_rate and _needs_deflection(form.law),
+        )
     return None
 
 
@@ -236,7 +245,7 @@ def _reach(force: Callable[[Array], Array], levels: list[float], size: float) ->
         found.append(_ROOM * float(_SCAN[first[0]]))
     end = max(found)
     end = end if end > _SCAN[0] else 1.0
-    inside = _SCAN <= end
+    inside = end >= _SCAN
     acts = [bool(side[inside].any()) for side in both]
     low, high = (-end if acts[1] else -_ONE_SIDED * end), (end if acts[0] else _ONE_SIDED * end)
     return (-end, end) if not any(acts) else (low, high)
@@ -302,7 +311,13 @@ def _variations(system: System) -> Iterator[AngleCurve]:
         if members[0].is_deflection:
             parameter = form.vectors[form.law.arguments.index(name)]
         yield AngleCurve(
-            parameter, tuple(row[0] for row in rows), repeats, theta, values, np.array([row[2] for row in rows]), relative
+            parameter,
+            tuple(row[0] for row in rows),
+            repeats,
+            theta,
+            values,
+            np.array([row[2] for row in rows]),
+            relative,
         )
 
 

@@ -92,7 +92,6 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, *
         ax.fill_between(curve.x, *curve.band, color=SHADE, linewidth=0.0, zorder=1)
         for edge in curve.band:
             ax.plot(curve.x, edge, **stroke(GREY, 0.6), zorder=2)
-        entries.append(("over the angle", SHADE))
     own = [measured[name] for name in curve.names if name in measured]
     for x, force in own[:1]:
         size = float(np.clip(40.0 / math.sqrt(len(x)), 1.2, 4.0))
@@ -114,7 +113,7 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, *
     unit = units and units.state("'" if curve.over_rate else "")
     ax.set_xlabel(f"{what} of {curve.name}{where}" + (f" [{unit}]" if unit else ""))
     ax.set_ylabel("torque [N m]" if units else "force")
-    _title(ax, f"{curve.name}: {curve.law}", several)
+    _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), several)
     if own:
         entries.append(("measured points", symbols("o", 3.0, VERMILLION, VERMILLION, 0.0)))
         entries.append(("stages", line))

@@ -21,6 +21,7 @@ from gapwalk.model.units import QuantityKind
 LAW = "piecewise"
 """The force law of a measured curve."""
 
+
 @dataclass(frozen=True, eq=False)
 class MeasuredCurve:
     """The measured points of a contact, and the curve through them.
