@@ -22,7 +22,7 @@ from .bifurcation.loci import Codim2Point as Codim2Point
 from .bifurcation.loci import LocusEnd as LocusEnd
 from .bifurcation.loci import LocusEndReason as LocusEndReason
 from .bifurcation.loci import LocusPoint as LocusPoint
-from .continuation.branch_point import BranchPoint as BranchPoint
+from .continuation.point_on_branch import BranchPoint as BranchPoint
 from .continuation.walk import End as End
 from .continuation.walk import EndReason as EndReason
 from .flow.contact_events import ContactEvent as ContactEvent

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border

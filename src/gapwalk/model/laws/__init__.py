@@ -20,9 +20,11 @@ from gapwalk.model.laws.law import (
     register,
     register_formula,
 )
+from gapwalk.model.laws.piecewise import Piecewise
+from gapwalk.model.laws.pushing import Pushing
 
 register_formula(Expression)
-for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
+for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted, Piecewise, Pushing):
     register(_law())
 
 __all__ = [
@@ -33,6 +35,8 @@ __all__ = [
     "STIFFNESS",
     "Expression",
     "Law",
+    "Piecewise",
+    "Pushing",
     "StageShape",
     "StageTerms",
     "Stages",
