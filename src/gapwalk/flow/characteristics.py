@@ -202,16 +202,8 @@ def _force_curve(
             moving = replace(slots, waves={k: w for k, w in slots.waves.items() if k not in form.law.arguments})
             each = np.array([along(x, angle, moving) for angle in theta])
             band = np.nanmin(each, axis=0), np.nanmax(each, axis=0)
-        return ForceCurve(
-            (form.name,),
-            law_words(form.law),
-            over_rate,
-            x,
-            values,
-            band,
-            tuple(levels),
-            over_rate and _needs_deflection(form.law),
-        )
+        shape = (over_rate, x, values, band, tuple(levels), is_at_zero)
+        return ForceCurve((form.name,), law_words(form.law), *shape)
     return None
 
 
