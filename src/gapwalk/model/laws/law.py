@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
@@ -92,6 +92,10 @@ class Law(ABC):
         numbers
             The parameters of the contact by name.
         """
+
+    def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
+        """List the errors of values of its parameters (those of the contact as a whole), one sentence each."""
+        return iter(())
 
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
         """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
