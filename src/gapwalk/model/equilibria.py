@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ConvergenceError
 from gapwalk.model.spring import Range, Slope, Spring, springs_of
 from gapwalk.model.static_force import formula_matrices, formulas_of, static_forces_of
-from gapwalk.model.static_search import MOST, StaticBalance
+from gapwalk.model.static_search import MOST, balance_of
 from gapwalk.model.system import System
 
 _NEGLIGIBLE = 1e-9  # share of a clearance, or of a force, that counts as none
@@ -168,7 +168,7 @@ def find_equilibria(system: System) -> Rest:
     if any(slope.curved for spring in springs for slope in spring.slopes) or not all(
         each.is_linear_at_rest for each in formulas
     ):
-        positions, complete = StaticBalance(stiffness, load, forces, springs).rests()
+        positions, complete = balance_of(system).rests()
         return _rest(system, positions, springs, complete)
     for each in formulas:
         zero = each.at(np.zeros(system.size))
@@ -236,7 +236,7 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
     free, stable = ways[sizes <= 1e-10 * max(sizes.max(), stiffest)], _is_stable(system, stiffness, damping)
     loose = len(free)
     if any(force.is_formula for force in forces):
-        balance = StaticBalance(system.matrix("stiffness"), system.vector("mean"), forces, springs)
+        balance = balance_of(system)
         signs = [
             balance.restoring(x, way) for way in free
         ]  # a cubic force has no slope at zero, and holds nevertheless

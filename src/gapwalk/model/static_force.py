@@ -196,7 +196,7 @@ def formulas_of(system: System) -> tuple[StaticForce, ...]:
 
 
 def formula_matrices(
-    system: System, q: NDArray[np.float64] | None = None
+    system: System, q: NDArray[np.float64] | None = None, *, strict: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute what the formulas add to stiffness and damping for small motions about a position, each shape (n, n).
 
@@ -205,13 +205,15 @@ def formula_matrices(
     Raises
     ------
     ModelError
-        If a formula has no finite value or slope there; the message names it.
+        If a formula has no finite value or slope there, and `strict` is true; the message names it.
     """
     n = system.size
     stiffness, damping = np.zeros((n, n)), np.zeros((n, n))
     for each in formulas_of(system):
         tangent = each.at(np.zeros(n) if q is None else q)
         if not tangent.is_finite:
+            if not strict:
+                continue
             where = "at zero deflection" if q is None else "at rest"
             raise ModelError(
                 f"the force {each.form.name!r} has no finite value and slope {where}: {each.form.law.name} "

@@ -7,7 +7,7 @@ bracketed on a fine grid (one coordinate), or Newton's method starts from many p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -17,8 +17,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.model.spring import Spring
-from gapwalk.model.static_force import StaticForce
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.spring import Spring, springs_of
+from gapwalk.model.static_force import StaticForce, static_forces_of
+from gapwalk.model.system import System
 
 _OCTAVES = np.arange(-100, 101)  # lengths that are tried, as powers of two of the unit of length
 _PER_OCTAVE = 24  # points of the grid of one coordinate
@@ -35,6 +37,13 @@ _ROUNDED = 1e-7  # smallest displacement of a rest, as a share of its distance f
 _BALANCED = 1e-11  # unbalanced force, as a share of the sum of all forces, that is rounding
 _ROUNDING = 1e-13  # of a polynomial, as a share of the sum of its terms
 _MANY = 1_000  # combinations of stages whose polynomials are solved
+
+
+def balance_of(system: System) -> StaticBalance:
+    """Return the static forces of a system under its mean load."""
+    return StaticBalance(
+        system.matrix("stiffness"), system.vector("mean"), static_forces_of(system), springs_of(system)
+    )
 
 
 class Unbalanced(NamedTuple):
@@ -96,7 +105,7 @@ class StaticBalance:
         share
             Displacement, as a share of the smallest length at which a force bends.
         """
-        lengths = self._lengths[self._lengths > 0.0]
+        lengths = self.lengths[self.lengths > 0.0]
         step = max(share * float(lengths.min() if len(lengths) else 1.0), _ROUNDED * float(np.abs(x).max()))
         signs = []
         for sign in (1.0, -1.0):
@@ -157,7 +166,7 @@ class StaticBalance:
 
         sizes = np.exp2(np.arange(_OCTAVES[0], _OCTAVES[-1], 1.0 / _PER_OCTAVE))
         ends = [s.sign * s.clearance / float(each.deflection[0]) for each in self.springs for s in each.slopes]
-        even = [length * np.linspace(-_WIDE, _WIDE, _EVEN) for length in self._lengths[:, 0]]
+        even = [length * np.linspace(-_WIDE, _WIDE, _EVEN) for length in self.lengths[:, 0]]
         grid = np.unique(np.concatenate((-sizes, [0.0], sizes, ends, *even)))
         values = self.unbalanced(grid[:, None])[0][:, 0]
         grid, values = grid[np.isfinite(values)], values[np.isfinite(values)]
@@ -180,16 +189,47 @@ class StaticBalance:
     # -- several coordinates -------------------------------------------------------------------------------------------
 
     @cached_property
-    def _lengths(self) -> NDArray[np.float64]:
-        """The smallest change of each coordinate at which a formula bends or a stage begins, shape (any, n)."""
+    def speeds(self) -> NDArray[np.float64]:
+        """The smallest rates of each coordinate at which formulas bend, shape (any, n)."""
+        return self._by_coordinate((each, [_bend(each, of_rates=True)]) for each in self.forces if each.is_formula)
+
+    def _by_coordinate(self, found: Iterable[tuple[StaticForce, Sequence[float]]]) -> NDArray[np.float64]:
+        """Return the change of each coordinate that alone causes some changes of deflections."""
         rows = []
-        for each in self.forces:
-            lengths = [bend] if each.is_formula and (bend := _bend(each)) else []
-            lengths += each.clearances
-            for length in filter(None, lengths):
-                largest = np.abs(each.deflections).max(axis=0)
-                rows.append(np.where(largest > 0.0, length / np.where(largest > 0.0, largest, 1.0), 0.0))
+        for each, sizes in found:
+            largest = np.abs(each.deflections).max(axis=0)
+            moved = largest > 0.0
+            rows += [np.where(moved, size / np.where(moved, largest, 1.0), 0.0) for size in sizes if size]
         return np.array(rows).reshape(-1, len(self.load))
+
+    def peak_loads(self, system: System) -> NDArray[np.float64]:
+        """Return the largest size of what the loads add to the mean load, shape (n,).
+
+        Displacements that are prescribed count with the slopes at zero.
+        """
+        layout, coefficients, n = layout_of(system.structure), coefficients_of(system), len(self.load)
+        driving = coefficients[layout.accelerations][:, 2 * n + len(layout.contacts) + 1 :]
+        peak = np.abs(system.matrix("mass") @ driving).sum(axis=1)
+        for each in self.forces:
+            slopes = each.at(np.zeros(n)).stiffness
+            for name, slope in zip(each.form.law.arguments, slopes, strict=True):
+                if name in each.slots.waves and np.isfinite(slope):
+                    sway = np.abs(coefficients[each.slots.waves[name].lines]).sum()
+                    peak += np.abs(slope * each.direction) * sway
+        return peak
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """The smallest change of each coordinate at which a formula bends or a stage begins, shape (any, n)."""
+        return self._by_coordinate(
+            (each, [_bend(each), *each.clearances] if each.is_formula else each.clearances) for each in self.forces
+        )
+
+    def near(self, rests: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        """Return the rests that are not far from zero, at least one; a pendulum has any number of others."""
+        rests = sorted(rests, key=lambda x: float(np.abs(x).max()))
+        reach = _BOX * self.lengths.max(axis=0, initial=0.0)
+        return [x for place, x in enumerate(rests) if not place or (np.abs(x) <= reach).all()]
 
     def _starts(self) -> NDArray[np.float64]:
         """Return starts: zero, even samples of boxes, and samples of all magnitudes, shape (starts, n)."""
@@ -197,7 +237,7 @@ class StaticBalance:
 
         n = len(self.load)
         count = 1 << (min(max(_WORK // n**2, _FEW), _STARTS) - 1).bit_length()
-        lengths = self._lengths
+        lengths = self.lengths
         least = np.min(np.where(lengths > 0.0, lengths, np.inf), axis=0, initial=np.inf)
         least = np.where(np.isfinite(least), least, 0.0)
         largest = np.max(lengths, axis=0, initial=0.0)
@@ -215,10 +255,10 @@ class StaticBalance:
         """Find positions of balance by Newton's method with shortened steps, from all starts at once."""
         x = self._starts()
         force, sizes, slope = self.unbalanced(x)
-        done: list[NDArray[np.float64]] = []
+        done = [x[:0]]
         for _ in range(_ITERATIONS):
             balanced = np.abs(force).max(axis=1) <= _BALANCED * sizes.max(axis=1)
-            done += list(self._polished(x[balanced]))
+            done.append(x[balanced])
             going = ~balanced & np.isfinite(force).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
             x, force, slope = x[going], force[going], slope[going]
             if not len(x):
@@ -240,7 +280,7 @@ class StaticBalance:
                 share *= 0.5
             x, force, sizes, slope = x[moved], force[moved], sizes[moved], slope[moved]
         found = []
-        for each in done:
+        for each in self._polished(np.vstack(done)):
             if not any(np.abs(each - other).max() <= 1e-7 * np.abs(other).max() for other in found):
                 found.append(each)
         return found
@@ -326,13 +366,19 @@ def _different(points: list[float]) -> list[float]:
     return found
 
 
-def _bend(formula: StaticForce) -> float:
-    """Return the smallest size of its deflections at which the slopes of a formula change; 0 if they never do."""
+def _bend(formula: StaticForce, *, of_rates: bool = False) -> float:
+    """Return the smallest size of deflections, or of rates, at which the slopes of a formula change; 0 if never."""
     count = len(formula.deflections)
     signs = np.array(list(product((1.0, -1.0), repeat=min(count, 4))))
     signs = np.hstack((signs, np.ones((len(signs), count - signs.shape[1]))))
-    slopes = np.array([formula.by_deflections(size * signs).stiffness for size in np.exp2(_OCTAVES.astype(float))])
-    sizes = np.abs(slopes).max(axis=(1, 2))
-    change = np.abs(slopes - slopes[:1]).max(axis=(1, 2))
-    bent = np.flatnonzero(change > _BENDS * np.maximum(sizes, sizes[0]))
-    return float(2.0 ** _OCTAVES[bent[0]]) if len(bent) else 0.0
+    points = np.exp2(_OCTAVES.astype(float))[:, None, None] * signs
+    tangents = formula.by_deflections(0.0 * points, points) if of_rates else formula.by_deflections(points)
+    smallest = [0.0]
+    for slopes in (tangents.damping,) if of_rates else (tangents.stiffness, tangents.damping):
+        usable = np.isfinite(slopes).all(axis=(1, 2))
+        slopes, octaves = slopes[usable], _OCTAVES[usable]
+        if len(slopes):
+            sizes, change = np.abs(slopes).max(axis=(1, 2)), np.abs(slopes - slopes[:1]).max(axis=(1, 2))
+            bent = octaves[change > _BENDS * np.maximum(sizes, sizes[0])]
+            smallest += [2.0 ** float(bent[0])] if len(bent) else []
+    return min(filter(None, smallest), default=0.0)
