@@ -75,10 +75,11 @@ def test_polynomials_are_recognised(text: str, polynomial, statics) -> None:
 
 
 def test_where_a_formula_has_no_value_there_is_none() -> None:
-    for text in ("log(x)", "1/x", "sqrt(x - 1)"):
+    for text in ("log(x)", "1/x", "sqrt(x - 1)", "sqrt(x)", "v*sqrt(x) + sqrt(v)"):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             assert not formula(text).at(np.zeros(1)).is_finite
+    assert formula("x*sqrt(x)").at(np.zeros(1)).is_finite  # its slope is 1.5 sqrt(x)
     assert formula("log(x)").at(np.array([[-1.0], [2.0]])).is_finite.tolist() == [False, True]
 
 

@@ -180,7 +180,7 @@ class StaticBalance:
         for place in changes[np.argsort(np.abs(grid[changes]), kind="stable")].tolist():
             if len(found) > 2 * MOST:
                 break
-            low, high = grid[place], grid[place + 1]
+            low, high = grid[place : place + 2].tolist()
             root = _bracket(force, low, high)
             if abs(force(root)) <= min(abs(values[place]), abs(values[place + 1])):  # and no pole
                 found.append(root)
