@@ -73,9 +73,9 @@ def draw_system(system: System, figure: AnyFigure, points: Points | None = None,
         ax.set_visible(False)
     for ax, panel in zip(axes, panels, strict=False):
         if isinstance(panel, ForceCurve):
-            _draw_force(ax, panel, system, points or {}, several=len(panels) > 1)
+            _draw_force(ax, panel, system, points or {}, columns)
         else:
-            _draw_angle(ax, panel, system, several=len(panels) > 1)
+            _draw_angle(ax, panel, system, columns)
     notes = [f"{name} = {law}" for name, law in found.others]
     notes += [f"{curve.name}" for curve in found.forces[_PANELS:]]
     if notes:
@@ -86,7 +86,7 @@ def _small(color: str = BLACK) -> dict[str, Any]:
     return {"fontsize": points(8.0), "color": color}
 
 
-def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, *, several: bool) -> None:
+def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, columns: int) -> None:
     units, entries = system.units, []
     if curve.band is not None:
         ax.fill_between(curve.x, *curve.band, color=SHADE, linewidth=0.0, zorder=1)
@@ -107,13 +107,13 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, *
             ax.axvline(level, **GUIDE.options(zorder=1))
     ax.axhline(0.0, **AXIS.options(zorder=1))
     ax.set_xlim(float(curve.x[0]), float(curve.x[-1]))
-    ax.xaxis.set_major_locator(MaxNLocator(5 if several else 9))
+    ax.xaxis.set_major_locator(MaxNLocator(9 if columns == 1 else 5))
     what = "rate" if curve.over_rate else "deflection"
     where = " at deflection 0" if curve.over_rate and curve.is_at_zero else ""
     unit = units and units.state("'" if curve.over_rate else "")
     ax.set_xlabel(f"{what} of {curve.name}{where}" + (f" [{unit}]" if unit else ""))
     ax.set_ylabel("torque [N m]" if units else "force")
-    _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), several)
+    _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), columns)
     if own:
         entries.append(("measured points", symbols("o", 3.0, VERMILLION, VERMILLION, 0.0)))
         entries.append(("stages", line))
@@ -132,13 +132,13 @@ def _legend(ax: Axes, entries: list[tuple[str, Any]]) -> None:
         legend.get_frame().set(facecolor="white", edgecolor="none", alpha=0.85)
 
 
-def _title(ax: Axes, text: str, several: bool) -> None:
+def _title(ax: Axes, text: str, columns: int) -> None:
     """Write a title above a panel, cut off where the next panel begins."""
-    most = 46 if several else 96
+    most = (96, 58, 36)[columns - 1]
     ax.set_title((text if len(text) <= most else f"{text[: most - 4]} ...").replace("$", r"\$"), **_small())
 
 
-def _draw_angle(ax: Axes, curve: AngleCurve, system: System, *, several: bool) -> None:
+def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> None:
     units, entries = system.units, []
     order = np.argsort(-np.ptp(curve.values, axis=1), kind="stable")
     shown = sorted(order[:_CURVES].tolist())
@@ -164,7 +164,7 @@ def _draw_angle(ax: Axes, curve: AngleCurve, system: System, *, several: bool) -
     name = "loads" if curve.parameter == "load" else parameter_words(curve.parameter).split(" [")[0]
     growing = any(load.depends_on_frequency for load in system.structure.driving)
     at = f" at {pace_words(system)}" if curve.parameter == "load" and growing else ""
-    _title(ax, f"{name}{at}{again}{f' (and {rest} more)' * (rest > 0)}", several)
+    _title(ax, f"{name}{at}{again}{f' (and {rest} more)' * (rest > 0)}", columns)
     if len(entries) > 1:
         _legend(ax, entries)
 
