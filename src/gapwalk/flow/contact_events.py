@@ -346,7 +346,7 @@ class Switchboard:
 
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
-        self.modes.set_mode(mode, direction)
+        self.modes.set_mode(mode, direction, self._closed())
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1

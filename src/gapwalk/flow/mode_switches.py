@@ -18,6 +18,8 @@ from gapwalk.flow.forces import Angles, accelerations, is_at_high, stages_of
 _ON = 1e-13  # share of the size of a guard within which a motion begins on it
 _NEAR = 1e-9  # the same for its end
 _SAME = 1e-12  # radians within which an angle at which a level changes is the start or the end of an interval
+_SOON = 1e-6  # radians after an event at which guards decide that vanish at it
+_VANISHES = 1e-3  # share of the size of a guard then, up to which it vanishes at the event
 _AHEAD = 1e-3  # share of the reach of the Taylor series at which guards decide that vanish at the start
 
 
@@ -106,9 +108,23 @@ class ModeSwitches:
             mode == now or abs(guard) <= _NEAR * largest for (mode, guard), now in zip(found, modes, strict=True)
         )
 
-    def set_mode(self, mode: int, direction: int) -> None:
-        """Set a mode whose guard changes its sign in a direction."""
+    def set_mode(self, mode: int, direction: int, closed: list[list[bool]]) -> None:
+        """Set a mode whose guard changes its sign in a direction, and others whose guards vanish at the same time.
+
+        If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
+        """
         self._parameters[self._modes + mode] = direction > 0
+        if self.mode_count == 1:
+            return
+        layout, theta, n = self.equations.layout, self._integrator.time, self.n
+        state, time = self._state[: 2 * n], _SOON * float(self._coefficients[0])
+        a = accelerations(layout, self._coefficients, theta, state[:n], state[n:], closed, unit=self._unit)
+        soon = np.concatenate((state[:n] + time * (state[n:] + 0.5 * time * a), state[n:] + time * a))
+        later = self._contact_modes(theta + _SOON, soon, closed)
+        for place, (_, guard) in enumerate(self._contact_modes(theta, state, closed)):
+            here, ahead = later[place]
+            if place != mode and abs(guard) <= _VANISHES * abs(ahead):
+                self._parameters[self._modes + place] = here
 
     def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
         """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""

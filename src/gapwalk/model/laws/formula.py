@@ -80,8 +80,8 @@ class Formula:
     variables: tuple[str, ...]
     parameters: tuple[str, ...]
     edges: tuple[Edge, ...] = field(compare=False)
-    tree: Node = field(compare=False, repr=False)
-    edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())
+    _tree: Node = field(compare=False, repr=False)
+    _edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())
 
     def value(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
@@ -99,7 +99,7 @@ class Formula:
         modes
             One number 1 or 0, an array of them, or a symbol, for each mode.
         """
-        return self.tree.at(self._values(environment, functions, modes))
+        return self._tree.at(self._values(environment, functions, modes))
 
     def guards(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
@@ -125,7 +125,7 @@ class Formula:
     ) -> list[Any]:
         """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`."""
         values = self._values(environment, functions, modes)
-        return [node.at(values) for node in self.edge_nodes]
+        return [node.at(values) for node in self._edge_nodes]
 
     @property
     def mode_count(self) -> int:
@@ -149,7 +149,7 @@ class Formula:
     def _guards(self) -> dict[str, Guard]:
         """The guards by key, in an order in which they can be decided."""
         found: dict[str, Guard] = {}
-        for guard in self.tree.guards():
+        for guard in self._tree.guards():
             if guard.node.number is None:
                 found.setdefault(guard.key, guard if guard.is_edge else Guard(guard.node, 1))
         return found
