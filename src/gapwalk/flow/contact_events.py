@@ -114,7 +114,12 @@ def answer_events(owner: Any, events: Iterable[Any]) -> None:
 
 
 class Switchboard:
-    """Control of the switches of one compiled integrator, which calls it back at every event."""
+    """Control of the switches of one compiled integrator, which calls it back at every event.
+
+    With `keeps_kinks`, the list `kinks` has the angles and states at which the guards of modes vanish.
+    """
+
+    keeps_kinks = False
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -155,6 +160,7 @@ class Switchboard:
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
+        self.kinks: list[tuple[float, NDArray[np.float64]]] = []
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, _Quotient, NDArray, NDArray]] = {}
         self._coefficients = coefficients
@@ -250,7 +256,9 @@ class Switchboard:
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self._settle(switch, theta) and self._simultaneous[switch]:
-            self._settle_simultaneous(switch, theta)
+            self._settle_simultaneous(self._simultaneous[switch], theta)
+        if self.mode_count:
+            self._set_simultaneous_modes()
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -285,15 +293,15 @@ class Switchboard:
         self._parameters[self._first + switch] = self._inside[switch] = inside
         return True
 
-    def _settle_simultaneous(self, switch: int, theta: float) -> None:
-        """Set the other switches whose breakpoints are crossed at the same time.
+    def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
+        """Set those of some other switches whose breakpoints are crossed at the same time.
 
         If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
         near = self._are_near(self._depths(state, theta), state, _ON)
-        for other in self._simultaneous[switch]:
+        for other in others:
             if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
 
@@ -360,8 +368,8 @@ class Switchboard:
         jump = quotient(rate, theta)
         columns[:, n:] -= np.outer(shifts, (jump if inside else -jump) * push)
 
-    def _contact_modes(self, theta: float, state: NDArray[np.float64]) -> list[tuple[bool, float]]:
-        """Return the modes of all laws at a state by their guards, and the values of these."""
+    def _contact_modes(self, theta: complex, state: NDArray[Any]) -> list[tuple[bool, Any]]:
+        """Return the modes of all laws at a state by their guards, and the values of these, real or complex."""
         n, layout, found = self.n, self.equations.layout, []
         angles = Angles(layout, self._coefficients, theta, unit=self._unit)
         for slots in layout.contacts:
@@ -379,7 +387,7 @@ class Switchboard:
             edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
             stages = stages_of(slots, angles, moves, extra=edge)
             guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
-            found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
+            found += [(bool(mode), guard) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found
 
     def _set_modes(self, theta: float) -> None:
@@ -412,8 +420,29 @@ class Switchboard:
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
         self._parameters[self._modes + mode] = direction > 0
+        if self.mode_count > 1:
+            self._set_simultaneous_modes(mode)
+        if self.count:
+            self._settle_simultaneous(range(self.count), self._integrator.time)
+        if self.keeps_kinks:
+            self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
         self.event_limit -= 1
         return self.event_limit > 0
+
+    def _set_simultaneous_modes(self, mode: int = -1) -> None:
+        """Set the modes, other than one, whose guards vanish at the same time as an event: it alone was reported.
+
+        Two forces with ``abs(v)`` of the same coordinate have two guards that always vanish together.
+        """
+        n, theta, levels = self.n, self._integrator.time, self._parameters[self._levels :][: self.cycle_count] > 0.5
+        state, closed = self._state[: 2 * n], self._closed() if self.count else None
+        q, v = state[:n], state[n:]
+        turning = accelerations(self.equations.layout, self._coefficients, theta, q, v, closed, levels, self._unit)
+        rates = self._coefficients[0] * np.concatenate((v, turning))
+        for other, (_, guard) in enumerate(self._contact_modes(theta + 1j * _STEP, state + 1j * _STEP * rates)):
+            slope = float(np.imag(guard)) / _STEP
+            if other != mode and abs(float(np.real(guard))) <= COOLDOWN * abs(slope):
+                self._parameters[self._modes + other] = slope > 0.0
 
     def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
         """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""

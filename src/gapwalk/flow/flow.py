@@ -24,6 +24,7 @@ from gapwalk.errors import FlowError
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
+from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.length_unit import LengthUnit
 from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
@@ -37,6 +38,7 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
+_ONE_TURN = 1e-8  # radians within which two turning points of a deflection are the same
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
 _MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
 _COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
@@ -246,6 +248,7 @@ class _Integrator:
         self._switchboard.attach(taylor, self.size * self.has_transition + self.directions)
         if flow.has_survey:
             answer_events(self, taylor.nt_events)
+            self._switchboard.keeps_kinks = True
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
@@ -283,6 +286,7 @@ class _Integrator:
 
     def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
+        self._turn_at_kinks()
         units = np.array([[self._unit], [self._unit**2]])
         return self._state[self.size :].reshape(2, -1) * units, self._turns
 
@@ -290,6 +294,27 @@ class _Integrator:
         """Record where a coordinate or a deflection turns, at an event of a survey."""
         positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
+
+    def _turn_at_kinks(self) -> None:
+        """Add the turning points that are kinks, such as those of a coordinate whose rate is in ``abs(v)``.
+
+        Of two events at the same time, the integrator may report only the one that stops it.
+        """
+        n, coefficients, layout = self.size // 2, self._scaled, self.equations.layout
+        for theta, state in self._switchboard.kinks:
+            turning = accelerations(layout, coefficients, theta, state[:n], state[n:], unit=self._unit)
+            angles = Angles(layout, coefficients, theta)
+            for event, (slots, _) in enumerate(self.equations.turning):
+                vector = np.eye(n)[event] if slots is None else coefficients[slots]
+                contact = next((each for each in layout.contacts if each.deflection is slots), None)
+                rate, change = (
+                    float(vector @ part + (0.0 if contact is None else angles.sway(contact, 0, order)))
+                    for order, part in ((1, state[n:]), (2, turning))
+                )
+                known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
+                if abs(rate) <= COOLDOWN * float(coefficients[0]) * abs(change) and not known:
+                    self._turns.append(Turn(event, theta, (state[:n] * self._unit).tolist()))
+        self._turns.sort(key=lambda turn: turn.theta)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
@@ -327,6 +352,7 @@ class _Integrator:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
+        self._scaled = coefficients
         self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
