@@ -248,7 +248,6 @@ class _Integrator:
         self._switchboard.attach(taylor, self.size * self.has_transition + self.directions)
         if flow.has_survey:
             answer_events(self, taylor.nt_events)
-            self._switchboard.keeps_kinks = True
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
@@ -271,7 +270,7 @@ class _Integrator:
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        if self.equations.layout.cycles and self._switchboard.jumps_between(float(thetas[0]), float(thetas[-1])):
+        if self.equations.layout.cycles and self._switchboard.modes.jumps_between(float(thetas[0]), float(thetas[-1])):
             return self._vary_piecewise(coefficients, state, thetas, direction)
         outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
         if outcome != hy.taylor_outcome.time_limit:
@@ -301,7 +300,7 @@ class _Integrator:
         Of two events at the same time, the integrator may report only the one that stops it.
         """
         n, coefficients, layout = self.size // 2, self._scaled, self.equations.layout
-        for theta, state in self._switchboard.kinks:
+        for theta, state in self._switchboard.modes.kinks:
             turning = accelerations(layout, coefficients, theta, state[:n], state[n:], unit=self._unit)
             angles = Angles(layout, coefficients, theta)
             for event, (slots, _) in enumerate(self.equations.turning):
@@ -357,7 +356,7 @@ class _Integrator:
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         total, cycles = 0, self.equations.layout.cycles
-        changes = self._switchboard.jumps_between(start, stop) if cycles else []
+        changes = self._switchboard.modes.jumps_between(start, stop) if cycles else []
         for angle, *change in [*changes, (stop,)]:
             outcome, _, _, steps, *_ = self._taylor.propagate_until(
                 angle, max_steps=self._max_steps, max_delta_t=longest_step

@@ -60,7 +60,7 @@ class Symmetry:
         switches = []
         for contact, side, clearance in system.breakpoints:
             form = system.structure.contacts[contact]
-            moved, given = np.zeros(system.size), side * system.vector(f"{form.name}.deflection")
+            moved, given = np.zeros(system.size), side * system.vector(form.vectors[0])
             for place, (source, sign) in enumerate(zip(self.order, self.signs, strict=True)):
                 moved[source] += sign * given[place]
             switches.append((moved, given, clearance))
