@@ -211,6 +211,15 @@ class Flow:
         """
         return self._lend(lambda each: each.survey(coefficients, state, stop))
 
+    def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
+        """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
+
+        Without such laws and loads nothing is integrated. Errors as in `integrate`.
+        """
+        if not self.equations.modes and not self.equations.layout.cycles:
+            return []
+        return self._lend(lambda each: each.find_kinks(coefficients, state, stop))
+
     def _lend(self, call: Callable[[_Integrator], T]) -> T:
         integrator = self._take()
         try:
@@ -282,6 +291,12 @@ class _Integrator:
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
         return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, self._switchboard.log)
+
+    def find_kinks(self, coefficients, state, stop):
+        self.integrate(coefficients, state, 0.0, stop)
+        modes = self._switchboard.modes
+        jumps = [angle for angle, *_ in modes.jumps_between(0.0, stop)] if modes.cycle_count else []
+        return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
 
     def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
