@@ -279,11 +279,7 @@ class _Integrator:
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        if self.equations.layout.cycles and self._switchboard.modes.jumps_between(float(thetas[0]), float(thetas[-1])):
-            return self._vary_piecewise(coefficients, state, thetas, direction)
-        outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
-        if outcome != hy.taylor_outcome.time_limit:
-            self._refuse(outcome, float(thetas[0]))
+        rows = self._sampled(np.asarray(thetas, dtype=float))
         if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
         size, count, unit = self.size, len(rows), self._unit
@@ -291,6 +287,22 @@ class _Integrator:
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
         return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, self._switchboard.log)
+
+    def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
+        start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
+        changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
+        for angle, *change in [*changes, (stop,)]:
+            end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
+            own, done = thetas[done:end], end
+            grid = np.unique([self._taylor.time, *own, angle])
+            outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+            if outcome != hy.taylor_outcome.time_limit:
+                self._refuse(outcome, start)
+            rows.append(found[np.searchsorted(grid, own)])
+            if change:
+                self._switchboard.change_level(angle, *change)
+        return np.concatenate(rows)
 
     def find_kinks(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
