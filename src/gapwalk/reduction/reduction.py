@@ -197,7 +197,9 @@ def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
     """
     structure = structure_of(full.structure, basis)
     n, r = full.size, basis.size
-    values = np.zeros(len(structure.names))
+    count = 1 + 3 * r * r + r + sum(len(load.parameters) + r for load in structure.harmonics)
+    count += sum(r * (2 - form.reciprocal) + len(form.parameters) for form in full.structure.contacts)
+    values = np.zeros(count)
     for which in MATRICES:
         values[structure.block(which, r, r)] = getattr(small, which).toarray()
     for prefix in vectors_of(structure):
@@ -220,9 +222,9 @@ def structure_of(full: Structure, basis: Basis) -> Structure:
 
 def vectors_of(structure: Structure) -> list[str]:
     """Return the prefixes of the names of parameters that belong to one coordinate each."""
-    found = ["mean", *(load.shape for load in structure.driving)]
+    found = ["mean", *(f"{harmonic.name}.acts_on" for harmonic in structure.harmonics)]
     for contact in structure.contacts:
-        found += [*contact.vectors, *([] if contact.reciprocal else [contact.push])]
+        found += [f"{contact.name}.deflection"] + [f"{contact.name}.force"] * (not contact.reciprocal)
     return found
 
 

@@ -94,11 +94,12 @@ def matrices_of(system: System) -> Matrices:
     def vector(prefix: str) -> NDArray[np.float64]:
         return values[structure.block(prefix, n)]
 
-    # a force by a formula has a deflection for each of its arguments, all with one direction
-    pairs = [(form, name) for form in structure.contacts for name in form.vectors]
-    deflections, forces = [vector(name) for _, name in pairs], [vector(form.push) for form, _ in pairs]
-    springs = dict(zip(structure.contacts, map(_stiffness, springs_of(system)), strict=True))
-    shapes = [vector(load.shape) for load in structure.driving]
+    deflections = [vector(f"{form.name}.deflection") for form in structure.contacts]
+    forces = [
+        deflection if form.reciprocal else vector(f"{form.name}.force")
+        for form, deflection in zip(structure.contacts, deflections, strict=True)
+    ]
+    shapes = [vector(f"{harmonic.name}.acts_on") for harmonic in structure.harmonics]
     loads = [load for load in (vector("mean"), *shapes) if load.any()]
     mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
     return Matrices(
@@ -108,7 +109,7 @@ def matrices_of(system: System) -> Matrices:
         np.array(deflections).reshape(-1, n),
         np.array(forces).reshape(-1, n).T,
         np.array(loads).reshape(-1, n).T,
-        np.array([springs[form] for form, _ in pairs]),
+        np.array([_stiffness(spring) for spring in springs_of(system)]),
     )
 
 

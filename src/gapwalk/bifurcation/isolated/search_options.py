@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import Spring, springs_of
-from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
@@ -121,21 +120,12 @@ def _touching(system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]
     stiffness, load = rows[:, :n].copy(), np.abs(mean)
     free, widths = _linear_motion(system, rows, stiffness, load, np.inf), np.zeros(n)
     bounded = len(layout.contacts) > 0
-    for contact, spring, static in zip(layout.contacts, springs_of(system), static_forces_of(system), strict=True):
-        if static.is_formula:
-            tangent = static.at(np.zeros(n))
-            if tangent.is_finite:
-                stiffness += np.outer(coefficients[contact.force], tangent.stiffness @ static.deflections)
-                load = load + np.abs(coefficients[contact.force] * tangent.force)
-            bounded = False
-            continue
+    for contact, spring in zip(layout.contacts, springs_of(system), strict=True):
         vector, force = coefficients[contact.deflection], coefficients[contact.force]
         moved = vector != 0.0
-        sway = 0.0 if contact.sway is None else float(np.abs(coefficients[contact.sway]).sum())
         reach = _REACH * float(np.abs(vector[moved]) @ free[moved])
         sides = [_side(spring, sign, reach) for sign in (1, -1)]
         slope, pull, width = max(sides)
-        pull, width = pull + slope * sway, width + sway  # what is prescribed in the deflection moves it as much
         stiffness += slope * np.outer(force, vector)
         load = load + pull * np.abs(force)
         widths[moved] = np.maximum(widths[moved], width / np.abs(vector[moved]))
