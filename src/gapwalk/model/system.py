@@ -292,13 +292,19 @@ class System(Shown):
     def contents(self) -> Iterator[str]:
         """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
         contacts = (
-            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
+            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.title})"
             for form in self.structure.contacts
         )
-        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        loads = [
+            (f"{form.name} of order {form.order * (self.turns or 1)}", [name for name, _ in form.varies])
+            for form in self.structure.harmonics
+        ]
+        varying = [f"{' and '.join(names)} by {load}" for load, names in loads if names]
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
-        yield f"excitation: {', '.join(orders) or 'none'}"
+        yield f"excitation: {', '.join(load for load, names in loads if not names) or 'none'}"
+        if varying:
+            yield f"varying: {', '.join(varying)}"
         if self.units:
             yield f"units: {self.units.words}"
 

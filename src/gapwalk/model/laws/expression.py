@@ -86,6 +86,11 @@ class Expression(Law):
         return self.variables
 
     @property
+    def title(self) -> str:
+        """See `Law.title`."""
+        return self.formula.text
+
+    @property
     def mode_count(self) -> int:
         """See `Law.mode_count`."""
         return self.formula.mode_count

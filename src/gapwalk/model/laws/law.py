@@ -107,6 +107,11 @@ class Law(ABC):
         return rate
 
     @property
+    def title(self) -> str:
+        """Its name, or its formula, for a line of a summary."""
+        return self.name
+
+    @property
     def arguments(self) -> tuple[str, ...]:
         """Names of the deflections on which the force depends; a contact has one."""
         return ("x",)

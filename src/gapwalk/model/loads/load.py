@@ -190,6 +190,11 @@ class LoadForm:
         return tuple(line.order for line in _example(self, 1.0))
 
     @property
+    def repeats(self) -> tuple[int, ...]:
+        """How often its parts repeat in a forcing period: the orders of its lines, or of its cycles of two levels."""
+        return (self.order,) if self.kind.has_levels else self.orders
+
+    @property
     def depends_on_frequency(self) -> bool:
         """True if the frequency enters its lines."""
         return _example(self, 0.7) != _example(self, 1.3)
