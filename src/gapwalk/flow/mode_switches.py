@@ -55,7 +55,7 @@ class ModeSwitches:
         if self.mode_count:
             self._set_modes(theta)
 
-    def _contact_modes(self, theta: complex, state: NDArray[Any]) -> list[tuple[bool, Any]]:
+    def _contact_modes(self, theta: Any, state: NDArray[Any]) -> list[tuple[bool, Any]]:
         """Return the modes of all laws at a state by their guards, and the values of these, real or complex."""
         n, layout, found = self.n, self.equations.layout, []
         angles = Angles(layout, self._coefficients, theta, unit=self._unit)
