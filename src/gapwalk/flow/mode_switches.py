@@ -64,7 +64,7 @@ class ModeSwitches:
                 self._parameters[self._modes + place] = mode
 
     def _contact_modes(
-        self, theta: complex, state: NDArray[Any], closed: list[list[bool]] | None = None
+        self, theta: Any, state: NDArray[Any], closed: list[list[bool]] | None = None
     ) -> list[tuple[bool, Any]]:
         """Return the modes of all laws at a state by their guards, and the values of these, real or complex."""
         n, layout, found = self.n, self.equations.layout, []
