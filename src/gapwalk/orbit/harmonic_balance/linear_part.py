@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout
+from gapwalk.model.structure import Structure
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Linear:
     """The matrices of the equations of motion, or their derivatives by a parameter.
 
+    A force by a formula may depend on several deflections. It acts with the first of them, with the others no force.
+
     Attributes
     ----------
     stiffness, damping : shape (n, n)
         A and B.
-    contacts : shape (n, contacts)
+    contacts : shape (n, deflections)
         The D_k.
     loads : shape (n, orders + 1)
         The constant load, and the complex amplitudes of each order of the excitation.
-    deflections : shape (contacts, n)
+    deflections : shape (deflections, n)
         The e_k.
+    sways : shape (deflections, orders + 1)
+        The displacements u_k that are added to the deflections: complex amplitudes of each order, after a zero.
     """
 
     stiffness: NDArray[np.float64]
@@ -31,16 +37,22 @@ class Linear:
     contacts: NDArray[np.float64]
     loads: NDArray[np.complex128]
     deflections: NDArray[np.float64]
+    sways: NDArray[np.complex128]
 
     def shifted(self, shift: NDArray[np.float64]) -> NDArray[np.float64]:
         """Add a share of the stiffness of each contact to the stiffness matrix, shape (n, n)."""
         return self.stiffness + (self.contacts * shift) @ self.deflections
 
+    def pushed(self, shift: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the loads beside that share: it acts on the coordinates, but its forces are those of deflections."""
+        return self.loads - (self.contacts * shift) @ self.sways
+
     @property
     def is_zero(self) -> bool:
         """True if all entries are zero: as derivatives, nothing changes with the parameter."""
         return not any(
-            part.any() for part in (self.stiffness, self.damping, self.contacts, self.loads, self.deflections)
+            part.any()
+            for part in (self.stiffness, self.damping, self.contacts, self.loads, self.deflections, self.sways)
         )
 
 
@@ -51,5 +63,25 @@ def linear_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> L
     mean = 2 * n + contacts
     cosines, sines = table[:, mean + 1 : mean + 1 + orders], table[:, mean + 1 + orders :]
     loads: NDArray[np.complex128] = np.hstack((table[:, mean : mean + 1].astype(complex), cosines - 1j * sines))
-    deflections = np.array([coefficients[slots.deflection] for slots in layout.contacts]).reshape(contacts, n)
-    return Linear(table[:, :n], table[:, n : 2 * n], table[:, 2 * n : mean], loads, deflections)
+    first = firsts_of(layout.structure)
+    vectors = [vector for slots in layout.contacts for vector in slots.deflections]
+    deflections = np.array([coefficients[vector] for vector in vectors]).reshape(len(vectors), n)
+    pushes, sways = np.zeros((n, len(vectors))), np.zeros((len(vectors), orders + 1), dtype=complex)
+    pushes[:, first] = table[:, 2 * n : mean]
+    for place, slots in zip(first, layout.contacts, strict=True):
+        for number, name in enumerate(slots.form.law.arguments):
+            if (wave := slots.waves.get(name)) is not None:
+                lines = coefficients[wave.lines]
+                sways[place + number, 1:] = lines[:orders] - 1j * lines[orders:]
+    return Linear(table[:, :n], table[:, n : 2 * n], pushes, loads, deflections, sways)
+
+
+def firsts_of(structure: Structure) -> list[int]:
+    """Return the number of the first deflection of each contact, of those of all contacts one after the other."""
+    counts = [len(form.law.arguments) for form in structure.contacts]
+    return [*accumulate(counts, initial=0)][:-1]
+
+
+def deflections_in(structure: Structure) -> int:
+    """Return the number of deflections of all contacts: one for each argument of their laws."""
+    return sum(len(form.law.arguments) for form in structure.contacts)
