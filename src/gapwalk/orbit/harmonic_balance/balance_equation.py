@@ -37,7 +37,8 @@ from gapwalk.orbit.harmonic_balance.contact_forces import (
 )
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
 from gapwalk.orbit.harmonic_balance.linear_part import Linear, deflections_in, linear_of
-from gapwalk.orbit.harmonic_balance.monodromy import Linearised, modal_monodromy, monodromy, projected_monodromy
+from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
+from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy, projected_monodromy
 from gapwalk.orbit.harmonic_balance.residual_kernels import balance, beyond, changed, share
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
@@ -230,19 +231,17 @@ class BalanceEquation(OrbitEquation):
         Passing a known `linearised` saves time.
         """
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
-        forces, breaks, laws = evidence.forces, evidence.forces.crossings[0], evidence.laws
-        if len(laws.jumps.angles):
-            breaks = np.sort(np.concatenate((breaks, laws.jumps.over(self.period)[0])))
+        forces, laws = evidence.forces, evidence.laws
         poles, shift, by_lines = self._poles, self._shift, self.options.stability == "hill"
         if poles is not None and self.system.size >= _MANY and not by_lines and laws.formulas is None:
             # eigenvectors that are much faster than every line respond statically
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
-            return modal_monodromy(slow, shift, laws, evidence.lines, breaks, length, self.period)
+            return modal_monodromy(slow, shift, laws, evidence.lines, forces.breaks, length, self.period)
         linearised = linearised or self.linearised(evidence)
         if by_lines:
             tangents = forces.parts[:, 1::2].transpose(1, 0, 2)  # of the springs, then of the dampers
             return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length, forces.pairs)
-        return monodromy(linearised, evidence.lines, breaks, length, self.period, forces.pairs)
+        return monodromy(linearised, evidence.lines, forces.breaks, length, self.period, forces.pairs)
 
     def _truncation(self, evidence: Evidence) -> float:
         """Return the amplitudes in the lines from K + 1 to 2K, relative to those up to K."""

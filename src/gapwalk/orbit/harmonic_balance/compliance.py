@@ -66,6 +66,11 @@ class Poles:
         """Contribution of each eigenvalue to the flexibility, shape (poles, contacts, contacts)."""
         return np.ascontiguousarray(self.deflections.T[:, :, None] * self.inputs[:, None, :])
 
+    @cached_property
+    def are_displaced(self) -> bool:
+        """True if there are prescribed displacements."""
+        return bool(self.sways.any())
+
     def below(self, rate: float) -> Poles:
         """Return the eigenvalues up to a size; the others respond statically."""
         kept = np.abs(self.values) <= rate
@@ -217,7 +222,8 @@ class PoleCompliance(NamedTuple):
         """Return the linear part on some lines."""
         applied = poles.loads, lines.loads, poles.deflections, poles.residues
         gains, free, flexibility = gains_of(lines.frequencies, poles.values, *applied)
-        free[lines.loads] += poles.sways.T
+        if poles.are_displaced:
+            free[lines.loads] += poles.sways.T
         return cls(poles, lines, gains, free, flexibility)
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:

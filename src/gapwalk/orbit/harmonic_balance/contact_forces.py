@@ -32,7 +32,7 @@ from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import firsts_of
-from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, check_formulas, formulas_in
+from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
 from gapwalk.orbit.harmonic_balance.series import grid
 from gapwalk.orbit.harmonic_balance.variations import Gate, Jumps, jumps_of, modulation_of, subsets
 
@@ -124,9 +124,11 @@ class Laws:
 
     def over(self, period: int) -> Variation:
         """Return the variation over the angle phi of a motion of some forcing periods."""
-        if period not in self._variations:
-            self._variations[period] = (self.orders * period, self.gate, self.jumps.first, self.jumps.over(period))
-        return self._variations[period]
+        known = self._variations.get(period)
+        if known is None:
+            known = self.orders * period, self.gate, self.jumps.first, self.jumps.over(period)
+            self._variations[period] = known
+        return known
 
     @cached_property
     def _variations(self) -> dict[int, Variation]:
@@ -199,12 +201,15 @@ class Forces(NamedTuple):
         phi, 1 where the stage closes, and its switch.
     pairs
         The derivatives of forces by formulas.
+    breaks
+        The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles.
     """
 
     parts: NDArray[np.complex128]
     slopes: NDArray[np.complex128]
     crossings: NDArray[np.float64]
     pairs: Pairs
+    breaks: NDArray[np.float64]
 
 
 def laws_of(
@@ -337,7 +342,6 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
         damping jumps over the angle.
     """
     backend = "harmonic balance"
-    check_formulas(layout, backend)
     switches: list[tuple[int, StageSlots]] = []
     steady: list[Product] = []
     varied: dict[tuple[Wave, ...], list[Product]] = {}
@@ -375,19 +379,21 @@ def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1
     NumericalError
         See `Formulas.sample`.
     """
-    variation, count = laws.over(period), lines.shape[1] - 1
-    waves = laws.wave_table, laws.wave_slope_table
-    parts, slopes, crossings = contact_forces(
-        lines, *laws.switches, laws.table, laws.slope_table, *grid(count), *variation, *waves
-    )
-    if laws.jumps.slopes.any():
-        _add_moved_jumps(lines, laws, period, slopes)
+    own, variation = (laws.table, laws.slope_table), (laws.wave_table, laws.wave_slope_table)
+    angles = grid(lines.shape[1] - 1)
+    parts, slopes, crossings = contact_forces(lines, *laws.switches, *own, *angles, *laws.over(period), *variation)
+    breaks = crossings[0]
+    if len(laws.jumps.angles):
+        breaks = np.sort(np.concatenate((breaks, laws.jumps.over(period)[0])))
+        if laws.jumps.move:
+            _add_moved_jumps(lines, laws, period, slopes)
     if laws.formulas is None:
-        return Forces(parts, slopes, crossings, NO_PAIRS)
+        return Forces(parts, slopes, crossings, NO_PAIRS, breaks)
     sampled = laws.formulas.sample(lines, period)
     parts[sampled.places, 0] += sampled.lines
     slopes[sampled.places, 0] += sampled.slopes
-    return Forces(parts, slopes, crossings, sampled.pairs)
+    breaks = np.sort(np.concatenate((breaks, sampled.breaks)))
+    return Forces(parts, slopes, crossings, sampled.pairs, breaks)
 
 
 def _add_moved_jumps(lines: NDArray[np.complex128], laws: Laws, period: int, slopes: NDArray[np.complex128]) -> None:

@@ -1,4 +1,4 @@
-"""The monodromy matrix of a balanced motion: by Hill's matrix, by Magnus' series, or in eigenvectors.
+"""The monodromy matrix of a balanced motion, by Hill's matrix or by Magnus' series.
 
 The equations are linearised about the motion (`Linearised`). The unknowns are the changes of the positions and of the
 momenta ``p = v + sum_k D_k P_k(x)`` (over mass), where ``g + dP/dt`` is the force of a contact (see `contact_forces`).
@@ -11,10 +11,8 @@ are the same. The matrix of the equations varies with the angle and jumps at bre
 deflections and their rates, adds ``-D df/dx e q - D df/dx' e v`` to p', with the velocities v that belong to p.
 
 `projected_monodromy` projects Hill's matrix, so that no eigenvalues need be sorted. `monodromy` takes one pass over the
-period, by steps of Magnus' series between contact events. `modal_monodromy` is for many degrees of freedom, in the
-eigenvectors of the linear part: between two contacts each changes independently and exactly. While contacts are closed,
-their forces are determined by a few numbers for each contact and step, so a step changes the matrix by one of low rank.
-The cost grows with the square of the number of eigenvectors, not with its cube.
+period, by steps of Magnus' series between contact events. `gapwalk.orbit.harmonic_balance.modal_monodromy` is for many
+degrees of freedom.
 """
 
 from __future__ import annotations
@@ -26,18 +24,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from gapwalk.orbit.harmonic_balance.compliance import Poles
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
 from gapwalk.orbit.harmonic_balance.series import waves
 
-_MODAL_REACH = 0.4  # largest angle by which the fastest eigenvector, or a closed contact, turns in one step
-_MODAL_FINE = 4  # smallest number of steps per shortest wave of the motion
-_MODAL_NODES = 0.5 + np.sqrt(1.0 / 12.0) * np.array([-1.0, 1.0])  # Gauss and Legendre's two, on 0 ... 1
-_POINTS, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
-_POINTS = _POINTS + 0.5
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
 _FINE = 2  # smallest number of steps per shortest wave of the motion
 _FINE_SAMPLED = 4  # the same with forces by formulas, which have shorter waves than the motion
@@ -372,6 +364,26 @@ def _wave(coefficients, x, lines, s):
 
 
 @part
+def _add_more(more, values, first, result):
+    """Add some matrices with their values in each step."""
+    for m in range(len(more)):
+        for a in range(more.shape[1]):
+            for b in range(more.shape[1]):
+                if more[m, a, b] != 0.0:
+                    for s in range(_LANES):
+                        result[a, b, s] += more[m, a, b] * values[m, min(first + s, values.shape[1] - 1)]
+
+
+@part
+def _add_slopes(depth, j, rates, wave_rates, waves, s, slopes):
+    """Add the slopes of one row of polynomials at a depth."""
+    for kind in range(2):
+        slopes[kind, s] += _polynomial(rates[j, kind], depth)
+        if len(waves):
+            slopes[kind, s] += _wave(wave_rates[j, kind], depth, waves, s)
+
+
+@part
 def _generate(
     lines,
     phi,
@@ -407,11 +419,7 @@ def _generate(
                 for s in range(_LANES):
                     depth = sign[j] * x[s] - clearance[j]
                     if depth > 0.0 and (gate[j] < 0 or _is_open(phi[s], gate[j], first_open, jumps) > 0.0):
-                        slopes[0, s] += _polynomial(rates[j, 0], depth)
-                        slopes[1, s] += _polynomial(rates[j, 1], depth)
-                        if len(orders):
-                            slopes[0, s] += _wave(wave_rates[j, 0], depth, waves, s)
-                            slopes[1, s] += _wave(wave_rates[j, 1], depth, waves, s)
+                        _add_slopes(depth, j, rates, wave_rates, waves, s, slopes)
         for kind in range(2):
             for a in range(len(steady)):
                 for b in range(len(steady)):
@@ -419,12 +427,7 @@ def _generate(
                     if part != 0.0:
                         for s in range(_LANES):
                             result[a, b, s] += part * slopes[kind, s]
-    for m in range(len(more)):
-        for a in range(len(steady)):
-            for b in range(len(steady)):
-                if more[m, a, b] != 0.0:
-                    for s in range(_LANES):
-                        result[a, b, s] += more[m, a, b] * values[m, min(first + s, values.shape[1] - 1)]
+    _add_more(more, values, first, result)
 
 
 @kernel(
@@ -497,110 +500,3 @@ def _transition(
                         moved[a, b] += exponentials[a, k, s] * matrix[k, b]
             matrix, moved = moved, matrix
     return matrix
-
-
-def modal_monodromy(
-    poles: Poles,
-    shift: NDArray[np.float64],
-    laws: Laws,
-    lines: NDArray[np.complex128],
-    breaks: NDArray[np.float64],
-    length: float,
-    period: int,
-) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles).
-
-    Parameters
-    ----------
-    poles
-        Eigenvalues of the linear part.
-    shift : shape (contacts,)
-        Stiffness of each contact that is included in the eigenvalues.
-    laws, lines, breaks, length, period
-        The contacts, their deflections, the angles at which breakpoints are passed or numbers jump, and the period in
-        time and in forcing periods.
-
-    Notes
-    -----
-    With ``z' = lambda z - (inputs g' + lambda inputs P') x`` and ``x = deflections z`` (P as at the head of this file),
-    the forces over a step are interpolated between two Gauss nodes, at which they are solved for: an exponential method
-    of collocation, of fourth order, exact for the linear part.
-
-    Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
-    """
-    times, spring, damper = _steps(poles, shift, laws, lines, breaks, length, period)
-    half = poles.values.imag >= 0.0
-    values, inputs = poles.values[half], poles.inputs[half]
-    paired = values.imag > 0.0
-    deflections = poles.deflections[:, half] * (1.0 + paired)
-    ends = np.exp(times[:, None] * values)
-    outer = _weights(values, times, 1.0)
-    solution = np.linalg.inv(_coupling(poles.residual, values, inputs, deflections, times, spring, damper))
-    identity = np.eye(len(values), dtype=np.complex128)
-    matrix = np.concatenate((identity, 1j * identity[:, paired]), axis=1)
-    touched = (spring != 0.0).any(axis=1) | (damper != 0.0).any(axis=1)
-    for p, active in enumerate(touched):
-        if not active.any():
-            matrix *= ends[p][:, None]
-            continue
-        both = np.concatenate((active, active))
-        rows = np.concatenate([deflections[active] * np.exp(times[p] * node * values) for node in _MODAL_NODES])
-        at_nodes = solution[p][both][:, both] @ (rows @ matrix).real
-        tangents = spring[p][:, active, None] + damper[p][:, active, None] * values
-        pushes = (tangents * inputs[:, active].T * outer[p][:, None]).reshape(-1, len(values)).T
-        matrix *= ends[p][:, None]
-        matrix.real -= pushes.real @ at_nodes
-        matrix.imag -= pushes.imag @ at_nodes
-    return np.vstack((matrix.real, matrix.imag[paired]))
-
-
-def _steps(poles: Poles, shift, laws: Laws, lines, breaks, length: float, period: int):
-    """Return the steps' lengths in time, and the tangents of the contacts' springs and dampers at their nodes.
-
-    There is one step for each interval in which no contact is closed and no share is moved.
-    """
-    slopes = np.bincount(laws.contact, laws.stiffness, len(lines))
-    contact = np.sqrt(np.abs(np.diagonal((poles.deflections * poles.values) @ poles.inputs)) * slopes).max(initial=0.0)
-    fastest = max(float(np.abs(poles.values).max()), float(contact))
-    count = max(8, _MODAL_FINE * (lines.shape[1] - 1), int(np.ceil(length * fastest / _MODAL_REACH)))
-    knots = np.sort(np.concatenate((2.0 * np.pi / count * np.arange(count + 1), breaks)))
-    knots = knots[np.append(True, np.diff(knots) > 0.0)]
-    widths = np.diff(knots)
-    phi = knots[:-1, None] + widths[:, None] * _MODAL_NODES
-    deflections = (waves(phi, lines.shape[1] - 1) @ lines.T).real
-    spring, damper = laws.tangents(deflections, phi, period)
-    spring = spring - shift
-    free = ~((spring != 0.0).any(axis=(1, 2)) | (damper != 0.0).any(axis=(1, 2)))
-    # consecutive steps without contact forces are joined into one
-    first = np.flatnonzero(~(free & np.append(False, free[:-1])))
-    times = np.add.reduceat(widths, first) * (length / (2.0 * np.pi))
-    return times, spring[first], damper[first]
-
-
-def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: float) -> NDArray[np.complex128]:
-    """Compute the effect of forces linear between two nodes up to a share `end` of a step, shape (steps, 2, poles).
-
-    It is the integral of ``exp(lambda (end h - s)) l_j(s)`` over s from 0 to ``end h``.
-    """
-    s = end * _POINTS
-    gains = np.exp(times[:, None, None] * (end - s)[:, None] * values)
-    other = _MODAL_NODES[::-1]
-    shapes = (end * _WEIGHTS)[:, None] * (s[:, None] - other) / (_MODAL_NODES - other)
-    weights = np.tensordot(gains, shapes.astype(complex), axes=(1, 0)).transpose(0, 2, 1) * times[:, None, None]
-    return np.asarray(weights, dtype=np.complex128)
-
-
-def _coupling(residual, values, inputs, deflections, times, spring, damper) -> NDArray[np.float64]:
-    """Compute how deflections at the nodes of a step affect each other, shape (steps, 2 contacts, 2 contacts)."""
-    contacts = len(deflections)
-    residues = (deflections.T[:, :, None] * inputs[:, None, :]).reshape(len(values), -1)
-    coupling = np.tile(np.eye(2 * contacts), (len(times), 1, 1))
-    for i, node in enumerate(_MODAL_NODES):
-        inner = _weights(values, times, node)
-        for j in range(2):
-            flexible = (inner[:, j] @ residues).real.reshape(-1, contacts, contacts)
-            moving = ((inner[:, j] * values) @ residues).real.reshape(-1, contacts, contacts)
-            part = coupling[:, i * contacts : (i + 1) * contacts, j * contacts : (j + 1) * contacts]
-            part += (flexible + (i == j) * residual) * spring[:, None, j]
-            part += moving * damper[:, None, j]
-    return coupling

@@ -44,6 +44,28 @@ def _pair_tangent(spectra, frequencies, k, j):
     return half * (far + near), half * (far - near)
 
 
+@part
+def _add_pairs(pair_forces, pair_arguments, pair_spectra, frequencies, flexibility, jacobian):
+    """Add what the derivatives of forces by formulas contribute to the Jacobian."""
+    contacts, count = flexibility.shape[1], len(flexibility) - 1
+    size = 2 * count + 1
+    for pair in range(len(pair_forces)):
+        d, e = pair_forces[pair], pair_arguments[pair]
+        for k in range(count + 1):
+            for j in range(count + 1):
+                cosine, sine = _pair_tangent(pair_spectra[pair], frequencies, k, j)
+                for c in range(contacts):
+                    row, column = c * size + k, e * size + j
+                    by_cosine, by_sine = flexibility[k, c, d] * cosine, flexibility[k, c, d] * sine
+                    jacobian[row, column] += by_cosine.real
+                    if j:
+                        jacobian[row, column + count] -= by_sine.imag
+                    if k:
+                        jacobian[row + count, column] -= by_cosine.imag
+                    if j and k:
+                        jacobian[row + count, column + count] -= by_sine.real
+
+
 @kernel(
     "Tuple((f8[::1], f8[:, ::1], c16[:, ::1], c16[:, ::1]))"
     "(c16[:, ::1], c16[:, :, ::1], c16[:, :, ::1], f8[::1], f8[::1], f8[::1], c16[:, ::1], c16[:, :, ::1],"
@@ -95,21 +117,7 @@ def balance(
                     jacobian[row, column + count] = -by_sine.imag
                     jacobian[row + count, column] = -by_cosine.imag
                     jacobian[row, column] = by_cosine.real
-    for pair in range(len(pair_forces)):
-        d, e = pair_forces[pair], pair_arguments[pair]
-        for k in range(count + 1):
-            for j in range(count + 1):
-                cosine, sine = _pair_tangent(pair_spectra[pair], frequencies, k, j)
-                for c in range(contacts):
-                    row, column = c * size + k, e * size + j
-                    by_cosine, by_sine = flexibility[k, c, d] * cosine, flexibility[k, c, d] * sine
-                    jacobian[row, column] += by_cosine.real
-                    if j:
-                        jacobian[row, column + count] -= by_sine.imag
-                    if k:
-                        jacobian[row + count, column] -= by_cosine.imag
-                    if j and k:
-                        jacobian[row + count, column + count] -= by_sine.real
+    _add_pairs(pair_forces, pair_arguments, pair_spectra, frequencies, flexibility, jacobian)
     for index in range(contacts * size):
         jacobian[index, index] += 1.0
     return residual, jacobian, total, change

@@ -1,29 +1,41 @@
-"""Forces by formulas along a motion given by its lines: sampled, with as many samples as make aliasing negligible.
+"""Forces by formulas along a motion given by its lines: sampled, with as many samples as it takes.
 
-The force ``f(x_1, x_1', x_2, ..., theta)`` of a formula is no polynomial, and has no spectrum in closed form. If it is
-analytic, its lines decrease exponentially, and so do the errors of sampling. The number of samples is doubled until the
-upper half of the resolved lines, of the force and of its derivatives, is below 1e-13 of the largest one: the lines that
-are folded down are smaller still. The derivatives by each deflection and by each rate come from a complex step.
+The force ``f(x_1, x_1', x_2, ..., theta)`` of a formula is no polynomial, and has no spectrum in closed form. There are
+two ways to compute its lines, with their derivatives by each deflection and each rate, which come from a complex step.
+
+*Evenly*, if the formula is analytic: its lines decrease exponentially, and so do the errors of sampling. The number of
+samples is doubled until the upper half of the resolved lines, of the force and of its derivatives, is below 1e-13 of
+the largest one: the lines that are folded down are smaller still.
+
+*Between breaks*, if it has kinks (``abs``, ``min``, ``max``, fractional powers), or if its numbers jump over the angle.
+The angles of the kinks are found, and Gauss's rule is applied to panels that end there (`panels`). Panels are halved
+until the last coefficients of Legendre's series, weighed by the length of the panel, are below 1e-12 of the largest.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError, NumericalError
-from gapwalk.flow.forces import Angles, contact_force
+from gapwalk.errors import NumericalError
+from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
 from gapwalk.orbit.harmonic_balance.linear_part import firsts_of
+from gapwalk.orbit.harmonic_balance.panels import spectra_between
+from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.variations import jumps_of
 
 _STEP = 1e-150  # of the complex step
 _FOLDED = 1e-13  # largest line of the upper half, relative to the largest one
 _TINY = 1e-300
 _FEWEST = 64
 _MOST = 1 << 15  # samples; for more than 512 lines, 64 for each line
+_ASIDE = 1e-9  # radians from a jump, at which the levels beside it are read
+_ITERATIONS = 60  # for the angle of a kink
 
 
 class Pairs(NamedTuple):
@@ -55,12 +67,15 @@ class Sampled(NamedTuple):
         Their derivatives by the parameter, with the motion constant.
     pairs
         The derivatives by the motion.
+    breaks
+        The angles phi, in order, at which a kink is passed or a number jumps.
     """
 
     places: NDArray[np.intp]
     lines: NDArray[np.complex128]
     slopes: NDArray[np.complex128]
     pairs: Pairs
+    breaks: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,94 +100,203 @@ class Formulas:
         NumericalError
             If a formula has no value along the motion, or is not resolved by the largest number of samples.
         """
-        places, found, slopes, pairs = [], [], [], []
+        places, found, slopes, pairs, breaks = [], [], [], [], [np.zeros(0)]
         for place, slots in formulas_in(self.layout):
-            spectra = self._resolved(slots, lines[place : place + len(slots.deflections)], period)
-            count = lines.shape[1] - 1
+            curve = _Curve(self, slots, lines[place : place + len(slots.deflections)], period)
+            spectra, kinks = curve.between_breaks() if curve.is_broken else (curve.evenly(), np.zeros(0))
             spectra[:2, 1:] *= 2.0
             places.append(place)
             found.append(spectra[0])
-            slopes.append(spectra[1, : count + 1])
-            pairs += [
-                (place, place + each, spectra[2 + 2 * each : 4 + 2 * each]) for each in range(len(slots.deflections))
-            ]
+            slopes.append(spectra[1, : lines.shape[1]])
+            pairs += [(place, place + each, spectra[2 + 2 * each :][:2]) for each in range(len(slots.deflections))]
+            breaks.append(kinks)
         forces, arguments, derivatives = zip(*pairs, strict=True)
         several = Pairs(np.array(forces), np.array(arguments), np.array(derivatives))
-        return Sampled(np.array(places), np.array(found), np.array(slopes), several)
+        return Sampled(np.array(places), np.array(found), np.array(slopes), several, np.sort(np.concatenate(breaks)))
 
     def tangents(self, lines: NDArray[np.complex128], phi: NDArray[np.float64], period: int) -> NDArray[np.float64]:
         """Return the derivatives at some angles, shape (pairs, 2, angles): by each deflection, and by its rate."""
-        wave = np.exp(1j * np.multiply.outer(np.arange(lines.shape[1]), phi))
-        rate = 1j * np.arange(lines.shape[1]) / (period * self.coefficients[0])
         found = []
         for place, slots in formulas_in(self.layout):
-            own = lines[place : place + len(slots.deflections)]
-            values = self._values(slots, (own @ wave).real, ((own * rate) @ wave).real, period * phi)
-            found.append(values[2:].reshape(-1, 2, len(phi)))
+            curve = _Curve(self, slots, lines[place : place + len(slots.deflections)], period)
+            found.append(curve.values(phi)[2:].reshape(-1, 2, len(phi)))
         return np.concatenate(found)
 
-    def _resolved(self, slots: ContactSlots, lines: NDArray[np.complex128], period: int) -> NDArray[np.complex128]:
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """One formula along one motion, with the lines of its deflections."""
+
+    formulas: Formulas
+    slots: ContactSlots
+    lines: NDArray[np.complex128]
+    period: int
+
+    @property
+    def is_broken(self) -> bool:
+        """True if the formula has kinks, or if its numbers jump."""
+        return bool(self.slots.form.law.mode_count or self._cycles)
+
+    @cached_property
+    def _cycles(self) -> list[int]:
+        """The cycles of its numbers."""
+        return sorted({number for wave in self.slots.waves.values() for number, _ in wave.cycles})
+
+    @cached_property
+    def rates(self) -> NDArray[np.complex128]:
+        """The lines of the rates over time."""
+        return self.lines * (1j * np.arange(self.lines.shape[1]) / (self.period * self.formulas.coefficients[0]))
+
+    @cached_property
+    def _sizes(self) -> NDArray[np.float64]:
+        """Factors by which the force and its derivatives are compared.
+
+        A derivative counts by the force that belongs to a change as large as the motion, that by a parameter not.
+        """
+        sums = [np.abs(each).sum(axis=1) for each in (self.lines, self.rates)]
+        return np.array([1.0, 0.0, *np.stack(sums, axis=1).ravel()])
+
+    def evenly(self) -> NDArray[np.complex128]:
         """Return spectra of the force, of its derivative by the parameter, and of those by each deflection and rate."""
-        count = lines.shape[1] - 1
-        rates = lines * (1j * np.arange(count + 1) / (period * self.coefficients[0]))
+        count = self.lines.shape[1] - 1
         samples = max(_FEWEST, 1 << (8 * count - 1).bit_length())
         while True:
-            x, v = (np.fft.irfft(_halved(each) * samples, samples) for each in (lines, rates))
-            theta = 2.0 * np.pi * period * np.arange(samples) / samples
-            spectra = np.fft.rfft(self._values(slots, x, v, theta)) / samples
+            x, v = (np.fft.irfft(_halved(each) * samples, samples) for each in (self.lines, self.rates))
+            phi = 2.0 * np.pi * np.arange(samples) / samples
+            spectra = np.fft.rfft(self._values(phi, x, v)) / samples
             sizes = np.abs(spectra)
-            # each derivative counts by the force that belongs to a change as large as the motion
-            weights = np.array([1.0, 0.0, *np.abs(np.stack((x, v), axis=1)).max(axis=2).ravel()])
-            largest, folded = (weights * each.max(axis=1) for each in (sizes, sizes[:, samples // 4 :]))
-            unresolved = folded.max() / max(largest.max(), _TINY)
+            folded, largest = ((self._sizes * each.max(axis=1)).max() for each in (sizes[:, samples // 4 :], sizes))
+            unresolved = float(folded / max(largest, _TINY))
             if unresolved <= _FOLDED:
                 return spectra[:, : 2 * count + 1].copy()
             if samples >= max(_MOST, 64 * count):
-                raise NumericalError(
-                    f"{samples} samples leave {unresolved:.2g} of the force {slots.form.name!r} unresolved; its formula "
-                    "changes too fast for harmonic balance: use the method shooting"
-                )
+                raise self._too_fast(f"{samples} samples", unresolved)
             samples *= 2
 
-    def _values(
-        self, slots: ContactSlots, x: NDArray[np.float64], v: NDArray[np.float64], theta: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def between_breaks(self) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+        """Return the same spectra, and the angles phi of the breaks."""
+        count = self.lines.shape[1] - 1
+        kinks, jumps = self._kinks(max(_FEWEST, 16 * count)), self._jumps
+        breaks = np.unique(np.concatenate((kinks, jumps[0])) % (2.0 * np.pi))
+
+        def values_at(phi: NDArray[np.float64]):
+            x, v = self._motion(phi)
+            return self._values(phi, x, v), self._sizes
+
+        spectra, unresolved = spectra_between(breaks, max(8, 2 * count), 2 * count, values_at)
+        if unresolved:
+            raise self._too_fast("panels between its kinks", unresolved)
+        if jumps[1].any():
+            spectra[1] += self._moved_jumps(*jumps, 2 * count)
+        return spectra, breaks
+
+    def values(self, phi: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the force, its derivative by the parameter, and those by each deflection and rate, at some angles."""
+        return self._values(phi, *self._motion(phi))
+
+    def _motion(self, phi: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the deflections and their rates at some angles, shape (arguments, angles)."""
+        turns = waves(phi, self.lines.shape[1] - 1)
+        return (turns @ self.lines.T).real.T, (turns @ self.rates.T).real.T
+
+    def _values(
+        self,
+        phi: NDArray[np.float64],
+        x: NDArray[np.float64],
+        v: NDArray[np.float64],
+        levels: list[bool] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the force and its derivatives, also at one end of a jump, which the levels say."""
+        slots, known = self.slots, self.formulas
         moves, stepped = list(zip(x, v, strict=True)), 1j * _STEP
-        angles = theta if slots.waves else 0.0
-        known = Angles(self.layout, self.coefficients, angles)
+        theta = self.period * phi if slots.waves else 0.0
+        here = Angles(known.layout, known.coefficients, theta, levels)
         # over time, the rate is that over theta times the frequency, which may be the parameter
-        faster = -stepped * self.slope[0] / self.coefficients[0]
+        faster = 1.0 - stepped * known.slope[0] / known.coefficients[0]
         with np.errstate(all="ignore"):
-            moved = Angles(self.layout, self.coefficients + stepped * self.slope, angles)
-            found = [contact_force(slots, moved, [(x, v * (1.0 + faster)) for x, v in moves])]
+            moved = Angles(known.layout, known.coefficients + stepped * known.slope, theta, levels)
+            found = [contact_force(slots, moved, [(x, v * faster) for x, v in moves])]
             for place, (deflection, rate) in enumerate(moves):
                 for beside in ((deflection + stepped, rate), (deflection, rate + stepped)):
-                    found.append(contact_force(slots, known, [*moves[:place], beside, *moves[place + 1 :]]))
+                    found.append(contact_force(slots, here, [*moves[:place], beside, *moves[place + 1 :]]))
         values = np.array([np.broadcast_to(each, x.shape[1:]) for each in found], dtype=complex)
         result = np.concatenate((values[:1].real, values.imag / _STEP))
         if not np.isfinite(result).all():
             raise NumericalError(f"the formula of the force {slots.form.name!r} has no value along the motion")
         return result
 
+    def _guards(self, phi: NDArray) -> NDArray:
+        """Return the guards of all modes at some angles, shape (modes, angles); complex for complex steps of phi."""
+        known, slots = self.formulas, self.slots
+        turns = waves(phi, self.lines.shape[1] - 1)
+        k = 1j * np.arange(self.lines.shape[1])
+        moves = []
+        for lines, rates in zip(self.lines, self.rates, strict=True):
+            values = [(turns @ each).real + 1j * _STEP * (turns @ (k * each)).real for each in (lines, rates)]
+            moves.append((values[0], values[1]))
+        theta = self.period * (phi + 1j * _STEP) if slots.waves else 0.0
+        angles = Angles(known.layout, known.coefficients, theta)
+        with np.errstate(all="ignore"):
+            stages = stages_of(slots, angles, moves)
+            found = slots.form.law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves))
+        return np.array([np.broadcast_to(each, phi.shape) for each in found], dtype=complex)
+
+    def _kinks(self, cells: int) -> NDArray[np.float64]:
+        """Return the angles at which a guard changes its sign, bracketed on a grid, by Newton's method or bisection."""
+        if not self.slots.form.law.mode_count:
+            return np.zeros(0)
+        grid = 2.0 * np.pi * np.arange(cells + 1) / cells
+        above = self._guards(grid).real > 0.0
+        modes, places = np.nonzero(above[:, 1:] != above[:, :-1])
+        if not len(modes):
+            return np.zeros(0)
+        low, high, rises = grid[places], grid[places + 1], above[modes, places + 1]
+        phi, each = 0.5 * (low + high), np.arange(len(modes))
+        for _ in range(_ITERATIONS):
+            values = self._guards(phi)[modes, each]
+            right = (values.real > 0.0) == rises
+            low, high = np.where(right, low, phi), np.where(right, phi, high)
+            with np.errstate(all="ignore"):
+                following = phi - values.real / (values.imag / _STEP)
+            following = np.where((following > low) & (following < high), following, 0.5 * (low + high))
+            change, phi = np.abs(following - phi).max(), following
+            if change < 1e-15 * 2.0 * np.pi:
+                break
+        return np.sort(phi)
+
+    @property
+    def _jumps(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The angles phi at which its numbers jump, and their derivatives by the parameter."""
+        known, gates = self.formulas, [frozenset([cycle]) for cycle in self._cycles]
+        if not gates:
+            return np.zeros(0), np.zeros(0)
+        jumps = jumps_of(known.layout, gates, known.coefficients, known.slope)
+        return jumps.over(self.period)[0], np.tile(jumps.slopes, self.period) / self.period
+
+    def _moved_jumps(
+        self, angles: NDArray[np.float64], moves: NDArray[np.float64], longest: int
+    ) -> NDArray[np.complex128]:
+        """Return what the spectrum of the force changes by if the angles of jumps move."""
+        known, result = self.formulas, np.zeros(longest + 1, dtype=complex)
+        for phi, move in zip(angles, moves, strict=True):
+            at, forces = np.array([phi]), []
+            for theta in (self.period * phi - _ASIDE, self.period * phi + _ASIDE):
+                levels = [bool(is_at_high(cycle, known.coefficients, theta)) for cycle in known.layout.cycles]
+                forces.append(self._values(at, *self._motion(at), levels)[0, 0])
+            result += move * (forces[0] - forces[1]) * np.exp(-1j * phi * np.arange(longest + 1))
+        return result / (2.0 * np.pi)
+
+    def _too_fast(self, what: str, unresolved: float) -> NumericalError:
+        return NumericalError(
+            f"{what} leave {unresolved:.2g} of the force {self.slots.form.name!r} unresolved; its formula changes too "
+            "fast for harmonic balance: use the method shooting"
+        )
+
 
 def formulas_in(layout: CoefficientLayout) -> list[tuple[int, ContactSlots]]:
     """Return each force by a formula, after the number of the deflection with which it acts."""
     contacts = zip(firsts_of(layout.structure), layout.contacts, strict=True)
     return [(place, slots) for place, slots in contacts if not slots.form.law.stage_parameters]
-
-
-def check_formulas(layout: CoefficientLayout, backend: str) -> None:
-    """Refuse a formula whose lines decrease too slowly to be sampled, with the reason."""
-    for _, slots in formulas_in(layout):
-        name = f"{backend} cannot include {slots.form.name!r}: "
-        if slots.form.law.mode_count:
-            raise ModelError(
-                f"{name}its formula has a kink, at abs, min or max, so that its lines decrease too slowly to be sampled; "
-                "use the method shooting"
-            )
-        if any(wave.cycles for wave in slots.waves.values()):
-            raise ModelError(f"{name}a number of its formula jumps over the angle; write its harmonics instead")
 
 
 def _halved(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -91,7 +92,7 @@ def _two_sided(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.concatenate((half[::-1].conj(), lines[:1], half))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Jumps:
     """The angles at which some gates open and close in one turn of theta, in order.
 
@@ -114,6 +115,11 @@ class Jumps:
     opens: NDArray[np.float64]
     gates: NDArray[np.float64]
     first: NDArray[np.float64]
+
+    @cached_property
+    def move(self) -> bool:
+        """True if the angles change with the parameter."""
+        return bool(self.slopes.any())
 
     def over(self, period: int) -> NDArray[np.float64]:
         """Return angles phi, opens and gates over some turns, in rows."""
