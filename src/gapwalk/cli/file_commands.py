@@ -29,7 +29,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     from gapwalk.cli.modes_command import train_lines
     from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
-    from gapwalk.studies.changes import parse_changes
+    from gapwalk.studies.set_values import parse_changes
     from gapwalk.studies.study_file import read_studies
 
     studies = read_studies(file, parse_changes(changes))

@@ -20,7 +20,7 @@ from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import parameter_symbol
 from gapwalk.results.plain import plain
-from gapwalk.studies.changes import change_source, change_system, parse_changes
+from gapwalk.studies.set_values import change_source, change_system, parse_changes
 from gapwalk.summary import Table
 
 _COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named

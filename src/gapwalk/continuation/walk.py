@@ -16,8 +16,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions, next_step, shorter_step
 from gapwalk.continuation.walk_scales import Range
 

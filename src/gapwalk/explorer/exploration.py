@@ -17,7 +17,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import fields as dataclass_fields
 from functools import lru_cache, wraps
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -23,6 +24,7 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.force_table import ForcePart
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.parameter import Parameter
@@ -269,7 +271,8 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     law = info.data.get("law")
     if law is None:
         return value
-    if name in own and value is None:
+    optional = {each.name for each in law.parameters if each.optional}
+    if name in own - optional and value is None:
         raise ValueError(f"is missing; the law {given(law.name)} needs it")
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
@@ -296,10 +299,26 @@ class LoadBase(Part):
             info.context.taken.add(name)
         return name
 
+    @model_validator(mode="after")
+    def _makes_a_load(self) -> LoadBase:
+        try:
+            self.load()
+        except ModelError as error:
+            raise ValueError(f"is refused: {error}") from None
+        return self
+
     def load(self) -> Load:
         """Make the load."""
-        numbers = dict(self)
-        return self.kind(**{**numbers, "name": numbers["name"] or ""})
+        numbers = {name: value for name, value in dict(self).items() if value is not None}
+        return self.kind(**{**numbers, "name": numbers.get("name", "")})
+
+
+_Varied = Annotated[
+    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
+    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
+]
+_PLAIN = {int: Annotated[int, Field(strict=True)], float: Number, str: Text}
+"""Types of further fields of loads in model files."""
 
 
 @lru_cache
@@ -308,7 +327,16 @@ def _load_part(kind: type[Load]) -> type[LoadBase]:
         each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
         for each in kind.parameters
     }
-    fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
+    named = {each.name: each for each in dataclass_fields(kind)}
+    if "varies" in named:
+        fields["varies"] = (_Varied | None, None)
+        if not kind.has_levels:
+            fields["acts_on"] = (Direction | None, None)
+        hints = get_type_hints(kind)
+        for name in named.keys() - {*fields, "acts_on", "order", "name"}:
+            fields[name] = (_PLAIN.get(hints[name], hints[name]), named[name].default)
+    else:
+        fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
     part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
     part.kind = kind
     return part
@@ -384,6 +412,7 @@ class SystemBase(Part):
     stiffness: Matrix = Field(description="write the matrix K, a list of rows")
     damping: DampingField | None = None
     mean: Vector = Field(default={})
+    force: Annotated[list[ForcePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
     frequency: Positive | None = None
     study: Annotated[Any, AfterValidator(study_tables)] = None
     measurement: Any = None
@@ -396,7 +425,10 @@ class SystemBase(Part):
             stiffness=self.stiffness,
             damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
             mass=self.mass,
-            contacts=[part.contact() for part in getattr(self, "contact", ())],
+            contacts=[
+                *(part.contact() for part in getattr(self, "contact", ())),
+                *(part.force(self.coordinates) for part in self.force),
+            ],
             mean=self.mean,
             harmonics=loads_of(self),
             frequency=self.frequency or 1.0,

@@ -80,6 +80,8 @@ class QuantityKind(Enum):
     IMPACT = "an impact damping", "second/radian", Unit("s/rad", 1.0), ("s/rad", "s/deg"), -1, 1, 0
     TORQUE = "a torque", "newton*meter", Unit("N m", 1.0), ("N m",), 0, 0, 1
     FREQUENCY = "a frequency or speed", "radian/second", Unit("Hz", 2.0 * math.pi), ("rpm", "Hz", "rad/s"), 0, -1, 0
+    ACCELERATION = "an acceleration", "radian/second**2", Unit("rad/s^2", 1.0), ("rad/s^2", "deg/s^2"), 1, -2, 0
+    TIME = "a time", "second", Unit("s", 1.0), ("s", "ms"), 0, 1, 0
     PHASE = "a phase", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 0, 0, 0
 
     def __init__(
@@ -244,6 +246,18 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
         example = " or ".join(f'"{match[1]} {unit}"' for unit in ([written] if written else kind.usual))
         raise ValueError(f"is {given(value)}: {error}; {kind.words} is expected, as in {example}") from None
     return Quantity(float(match[1]), _normalised(match[2]), factor, kind)
+
+
+def read_unit(text: str, kind: QuantityKind) -> Unit:
+    """Read a unit of a kind, such as ``N m/deg`` for a stiffness.
+
+    Raises
+    ------
+    ValueError
+        If it is no unit, or one of another kind; the message says which.
+    """
+    with _reading:
+        return Unit(_normalised(text), _factor(text, kind))
 
 
 def has_unit(value: object) -> bool:

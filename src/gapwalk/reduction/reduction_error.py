@@ -18,8 +18,8 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import powers_of_two, unknown_scales
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD

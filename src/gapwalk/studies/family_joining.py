@@ -24,7 +24,7 @@ from gapwalk.continuation.corrector import Correction
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.model.parameter_path import WAY, on_the_way
+from gapwalk.model.parameter_homotopy import WAY, on_the_way
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import is_same, stroboscopic

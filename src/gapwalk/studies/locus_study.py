@@ -14,7 +14,7 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
 from gapwalk.studies.options import RangeStudy, SecondParameter, is_allowed, is_another

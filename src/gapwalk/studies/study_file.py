@@ -23,7 +23,11 @@ from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, 
 from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.changes import (
+from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
+from gapwalk.studies.measure import check_measurement
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
+from gapwalk.studies.set_values import (
     Change,
     change_source,
     change_system,
@@ -32,10 +36,6 @@ from gapwalk.studies.changes import (
     unknown_names,
     walked_parameters,
 )
-from gapwalk.studies.derive import DerivedPart, all_keys, study_schema
-from gapwalk.studies.measure import check_measurement
-from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import StudyPart, Surroundings

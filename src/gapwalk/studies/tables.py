@@ -194,11 +194,11 @@ WITH_UNIT = WrapValidator(_with_unit)
 
 
 class StudyPart(Part):
-    """Keys that the tables of all kinds of study share; `gapwalk.studies.derive` adds those of each kind."""
+    """Keys that the tables of all kinds of study share; `gapwalk.studies.derived_schema` adds those of each kind."""
 
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""
-    set: Any = None  # other values of the system; read by `gapwalk.studies.changes`
+    set: Any = None  # other values of the system; read by `gapwalk.studies.set_values`
 
     @field_validator("name")
     @classmethod

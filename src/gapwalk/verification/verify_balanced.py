@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border
@@ -84,7 +84,7 @@ def _of_series(orbit: BalancedOrbit) -> Imbalance:
         waves = np.exp(1j * np.outer(theta / orbit.period, np.arange(count + 1)))
         states = np.hstack([(waves @ (lines * rate**power).T).real for power in (0, 1)])
         accelerations = (waves @ (lines * rate**2).T).real
-        depths = equations.depths(equations.deflections(states[:, : system.size]))
+        depths = equations.depths(equations.deflections(theta, states[:, : system.size]))
         closed = (depths > 0.0).astype(float)
         full = np.column_stack((states, np.zeros(len(theta))))
         rates = equations.rates(theta, full, closed)[:, system.size : 2 * system.size] * system.frequency

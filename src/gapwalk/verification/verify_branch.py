@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.verification.branch_corrector import CROSSING, Track

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 

@@ -22,7 +22,7 @@ from gapwalk.bifurcation.loci.locus_start import LocusStart, Ranges, lift, refin
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.both_directions import Tracing, in_one_direction
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError

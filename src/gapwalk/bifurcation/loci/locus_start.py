@@ -21,8 +21,8 @@ from gapwalk.bifurcation.loci.locus_equations import (
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD
