@@ -15,7 +15,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence
-from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
+from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised
@@ -167,7 +167,7 @@ class BalancedPlane(OrbitPlane):
             lines = from_real_form(unknowns.reshape(len(lines), -1))
         else:
             coefficients = coefficients + step * place.slopes[index - size]
-            laws = laws_of(self._layout, coefficients)
+            laws = self._equation.laws(coefficients)
         return evidence._replace(
             coefficients=coefficients, lines=lines, laws=laws, forces=contact_forces_of(lines, laws, self.period)
         )

@@ -36,7 +36,15 @@ from gapwalk.orbit.harmonic_balance.contact_forces import (
     laws_of,
 )
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
-from gapwalk.orbit.harmonic_balance.linear_part import Linear, deflections_in, linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import (
+    LOOSE,
+    Linear,
+    Share,
+    deflections_in,
+    linear_of,
+    shared,
+    shares_of,
+)
 from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy, projected_monodromy
 from gapwalk.orbit.harmonic_balance.residual_kernels import balance, beyond, changed, share
@@ -44,7 +52,6 @@ from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 
-_LOOSE = 1e10  # condition number of the stiffness beyond which only contacts restrain the system
 _SHARE = 0.5  # share of each contact's stiffness that then belongs to the linear system
 _MOST = 1000  # largest automatically chosen number of harmonics
 _MANY = 16  # degrees of freedom from which stability is computed in eigenvectors
@@ -115,7 +122,7 @@ class BalanceEquation(OrbitEquation):
         """
         lines = from_real_form(unknowns.reshape(self._width, -1))
         compliance = self._compliance(coefficients, slope)
-        laws = laws_of(self._layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
+        laws = self.laws(coefficients, slope) if self._fixed_laws is None else self._fixed_laws
         forces = contact_forces_of(lines, laws, self.period)
         residual, jacobian, total, change = balance(
             lines,
@@ -130,6 +137,10 @@ class BalanceEquation(OrbitEquation):
         by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
+
+    def laws(self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None) -> Laws:
+        """Return the laws of the contacts for coefficients of the flow, and their derivatives along `slope`."""
+        return laws_of(self._layout, coefficients, slope, self._shares)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """Return the orbit of a solution."""
@@ -223,7 +234,7 @@ class BalanceEquation(OrbitEquation):
         """Return the linearised equations for the coefficients and the laws of an evaluation."""
         if self._fixed_linearised is not None:
             return self._fixed_linearised
-        return Linearised(self._fixed or linear_of(self._layout, evidence.coefficients), evidence.laws)
+        return Linearised(self._fixed or self._linear(evidence.coefficients)[0], evidence.laws)
 
     def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
         """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names.
@@ -275,8 +286,18 @@ class BalanceEquation(OrbitEquation):
             return PoleCompliance.on(lines, self._poles)
         if self._fixed is not None:
             return DirectCompliance(self._fixed, None, lines, self._shift)
-        change = None if slope is None else linear_of(self._layout, slope)
-        return DirectCompliance(linear_of(self._layout, coefficients), change, lines, self._shift)
+        return DirectCompliance(*self._linear(coefficients, slope), lines, self._shift)
+
+    def _linear(
+        self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None
+    ) -> tuple[Linear, Linear | None]:
+        """Return the linear part, and its derivative along `slope`."""
+        return shared(self._layout, coefficients, slope, self._shares)
+
+    @cached_property
+    def _shares(self) -> tuple[Share, ...]:
+        """What is moved from formulas into the linear part."""
+        return shares_of(self._layout, coefficients_of(self.system)) if depend_on_frequency(self._layout) else ()
 
     @cached_property
     def _layout(self) -> CoefficientLayout:
@@ -291,9 +312,9 @@ class BalanceEquation(OrbitEquation):
     def _shift(self) -> NDArray[np.float64]:
         """Stiffness of each contact that is moved into the linear part; 0 if no contact is needed to restrain it."""
         coefficients, count = coefficients_of(self.system), self._width
-        if np.linalg.cond(linear_of(self._layout, coefficients).stiffness, 1) < _LOOSE:
+        if np.linalg.cond(self._linear(coefficients)[0].stiffness, 1) < LOOSE:
             return np.zeros(count)
-        laws = laws_of(self._layout, coefficients)
+        laws = self.laws(coefficients)
         always = laws.gate < 0
         springs, contact = np.abs(laws.polynomials[always, 0, 1]), laws.contact[always]
         total, number = np.bincount(contact, springs, count), np.bincount(contact, springs > 0.0, count)
@@ -310,10 +331,10 @@ class BalanceEquation(OrbitEquation):
     def _fixed(self) -> Linear | None:
         """The linear part, if no parameter changes it."""
         for name in self._varying:
-            slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
-            if not linear_of(self._layout, slope).is_zero:
+            _, change = self._linear(*ParameterLine(self.system, name).coefficients(self.system[name]))
+            if change is not None and not change.is_zero:
                 return None
-        return linear_of(self._layout, coefficients_of(self.system))
+        return self._linear(coefficients_of(self.system))[0]
 
     @cached_property
     def _poles(self) -> Poles | None:
@@ -323,7 +344,7 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _fixed_laws(self) -> Laws | None:
         """The laws, if no parameter changes them."""
-        return None if self._varying else laws_of(self._layout, coefficients_of(self.system))
+        return None if self._varying else self.laws(coefficients_of(self.system))
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:

@@ -190,10 +190,14 @@ class DirectCompliance:
         try:
             return np.asarray(np.linalg.solve(self._dynamic, right), dtype=np.complex128)
         except np.linalg.LinAlgError:
-            raise NumericalError(
-                "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
-                "the excitation; give it damping, or a spring that holds it"
-            ) from None
+            raise _singular() from None
+
+
+def _singular() -> NumericalError:
+    return NumericalError(
+        "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of the "
+        "excitation; give it damping, or a spring that holds it"
+    )
 
 
 class PoleCompliance(NamedTuple):
@@ -221,7 +225,10 @@ class PoleCompliance(NamedTuple):
     def on(cls, lines: Lines, poles: Poles) -> PoleCompliance:
         """Return the linear part on some lines."""
         applied = poles.loads, lines.loads, poles.deflections, poles.residues
-        gains, free, flexibility = gains_of(lines.frequencies, poles.values, *applied)
+        try:
+            gains, free, flexibility = gains_of(lines.frequencies, poles.values, *applied)
+        except ZeroDivisionError:
+            raise _singular() from None
         if poles.are_displaced:
             free[lines.loads] += poles.sways.T
         return cls(poles, lines, gains, free, flexibility)

@@ -31,7 +31,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
-from gapwalk.orbit.harmonic_balance.linear_part import firsts_of
+from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
 from gapwalk.orbit.harmonic_balance.series import grid
 from gapwalk.orbit.harmonic_balance.variations import Gate, Jumps, jumps_of, modulation_of, subsets
@@ -213,9 +213,14 @@ class Forces(NamedTuple):
 
 
 def laws_of(
-    layout: CoefficientLayout, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    slope: NDArray[np.float64] | None = None,
+    shares: tuple[Share, ...] = (),
 ) -> Laws:
     """Return the laws of all contacts for the coefficients of the flow, and their derivatives along `slope`.
+
+    Of the forces by formulas some shares are taken away.
 
     Raises
     ------
@@ -250,7 +255,7 @@ def laws_of(
     powers = slice(1 + int(used.max(initial=1)))  # 1 and xi at least: a contact may have no force at all
     polynomials, slopes = table[:, :, powers].copy(), slopes[:, :, powers].copy()
     waves, wave_slopes = (each[:, :, powers].copy() for each in waves)
-    formulas = Formulas(layout, coefficients, moves) if plan.formulas else None
+    formulas = Formulas(layout, coefficients, moves, shares) if plan.formulas else None
     contact, sign, clearance, clearance_slope = rows
     return Laws(
         contact,

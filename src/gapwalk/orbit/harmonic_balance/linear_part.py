@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
+
+LOOSE = 1e10
+"""Condition number of the stiffness beyond which only contacts restrain the system."""
+
+_PART = 0.5  # size of a share, relative to the inertia
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,6 +80,74 @@ def linear_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> L
                 lines = coefficients[wave.lines]
                 sways[place + number, 1:] = lines[:orders] - 1j * lines[orders:]
     return Linear(table[:, :n], table[:, n : 2 * n], pushes, loads, deflections, sways)
+
+
+class Share(NamedTuple):
+    """A spring and a damper that are moved from a force by a formula into the linear part.
+
+    Without them, a system that only its formulas hold or damp would have a resonance in its linear part.
+
+    Attributes
+    ----------
+    place
+        Number of the deflection on which they act.
+    spring, damper
+        Their coefficients.
+    """
+
+    place: int
+    spring: float
+    damper: float
+
+
+def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:
+    """Choose the shares of all formulas: dampers, and springs if the stiffness alone does not hold the system.
+
+    They are about as large as the inertia of the deflection at the frequency of the excitation.
+    """
+    linear, frequency, found = linear_of(layout, coefficients), 1.0 / float(coefficients[0]), []
+    is_held = np.linalg.cond(linear.stiffness, 1) < LOOSE
+    for place, slots in zip(firsts_of(layout.structure), layout.contacts, strict=True):
+        inverse = float(linear.deflections[place] @ linear.contacts[:, place])  # of the mass that is moved
+        if not slots.form.law.stage_parameters and inverse > 0.0:
+            spring = 0.0 if is_held else _PART * frequency**2 / inverse
+            found.append(Share(place, spring, _PART * frequency / inverse))
+    return tuple(found)
+
+
+def shared(
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    slope: NDArray[np.float64] | None,
+    shares: tuple[Share, ...],
+) -> tuple[Linear, Linear | None]:
+    """Return the linear part with shares of formulas, and its derivative by a parameter.
+
+    Displacements that are prescribed in a deflection act on its spring and damper as loads.
+    """
+    linear, change = linear_of(layout, coefficients), None if slope is None else linear_of(layout, slope)
+    frequency = 1.0 / float(coefficients[0])
+    orders = np.array([0, *layout.orders])
+    for place, spring, damper in shares:
+        push, vector, sway = linear.contacts[:, place], linear.deflections[place], linear.sways[place]
+        along, factors = np.outer(push, vector), spring + 1j * orders * frequency * damper
+        if change is not None and slope is not None:
+            pushed, moved, swayed = change.contacts[:, place], change.deflections[place], change.sways[place]
+            turned = np.outer(pushed, vector) + np.outer(push, moved)
+            faster = -1j * orders * damper * frequency**2 * float(slope[0])
+            loads = np.outer(pushed, factors * sway) + np.outer(push, faster * sway + factors * swayed)
+            change = _with(change, spring * turned, damper * turned, loads)
+        linear = _with(linear, spring * along, damper * along, np.outer(push, factors * sway))
+    return linear, change
+
+
+def _with(
+    linear: Linear, stiffness: NDArray[np.float64], damping: NDArray[np.float64], loads: NDArray[np.complex128]
+) -> Linear:
+    """Add to the matrices of stiffness and damping, and subtract from the loads."""
+    return replace(
+        linear, stiffness=linear.stiffness + stiffness, damping=linear.damping + damping, loads=linear.loads - loads
+    )
 
 
 def firsts_of(structure: Structure) -> list[int]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
-from gapwalk.orbit.harmonic_balance.linear_part import firsts_of
+from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
 from gapwalk.orbit.harmonic_balance.panels import spectra_between
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.orbit.harmonic_balance.variations import jumps_of
@@ -86,11 +86,14 @@ class Formulas:
     ----------
     layout, coefficients, slope
         The coefficients, and their derivatives.
+    shares
+        What is taken away from the forces.
     """
 
     layout: CoefficientLayout
     coefficients: NDArray[np.float64]
     slope: NDArray[np.float64]
+    shares: tuple[Share, ...] = ()
 
     def sample(self, lines: NDArray[np.complex128], period: int) -> Sampled:
         """Compute the lines of all forces along deflections with some lines, shape (deflections, K + 1).
@@ -102,7 +105,7 @@ class Formulas:
         """
         places, found, slopes, pairs, breaks = [], [], [], [], [np.zeros(0)]
         for place, slots in formulas_in(self.layout):
-            curve = _Curve(self, slots, lines[place : place + len(slots.deflections)], period)
+            curve = self._along(place, slots, lines, period)
             spectra, kinks = curve.between_breaks() if curve.is_broken else (curve.evenly(), np.zeros(0))
             spectra[:2, 1:] *= 2.0
             places.append(place)
@@ -118,9 +121,14 @@ class Formulas:
         """Return the derivatives at some angles, shape (pairs, 2, angles): by each deflection, and by its rate."""
         found = []
         for place, slots in formulas_in(self.layout):
-            curve = _Curve(self, slots, lines[place : place + len(slots.deflections)], period)
+            curve = self._along(place, slots, lines, period)
             found.append(curve.values(phi)[2:].reshape(-1, 2, len(phi)))
         return np.concatenate(found)
+
+    def _along(self, place: int, slots: ContactSlots, lines: NDArray[np.complex128], period: int) -> _Curve:
+        """Return one formula along a motion."""
+        shares = tuple(share for share in self.shares if share.place == place)
+        return _Curve(self, slots, lines[place : place + len(slots.deflections)], period, shares)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +139,7 @@ class _Curve:
     slots: ContactSlots
     lines: NDArray[np.complex128]
     period: int
+    shares: tuple[Share, ...]
 
     @property
     def is_broken(self) -> bool:
@@ -215,15 +224,20 @@ class _Curve:
         faster = 1.0 - stepped * known.slope[0] / known.coefficients[0]
         with np.errstate(all="ignore"):
             moved = Angles(known.layout, known.coefficients + stepped * known.slope, theta, levels)
-            found = [contact_force(slots, moved, [(x, v * faster) for x, v in moves])]
+            found = [self._force(moved, [(x, v * faster) for x, v in moves])]
             for place, (deflection, rate) in enumerate(moves):
                 for beside in ((deflection + stepped, rate), (deflection, rate + stepped)):
-                    found.append(contact_force(slots, here, [*moves[:place], beside, *moves[place + 1 :]]))
+                    found.append(self._force(here, [*moves[:place], beside, *moves[place + 1 :]]))
         values = np.array([np.broadcast_to(each, x.shape[1:]) for each in found], dtype=complex)
         result = np.concatenate((values[:1].real, values.imag / _STEP))
         if not np.isfinite(result).all():
             raise NumericalError(f"the formula of the force {slots.form.name!r} has no value along the motion")
         return result
+
+    def _force(self, angles: Angles, moves: list[tuple[NDArray, NDArray]]) -> NDArray:
+        """Return the force without its share."""
+        (x, rate), force = moves[0], contact_force(self.slots, angles, moves)
+        return force - sum(share.spring * x + share.damper * rate for share in self.shares)
 
     def _guards(self, phi: NDArray) -> NDArray:
         """Return the guards of all modes at some angles, shape (modes, angles); complex for complex steps of phi."""
