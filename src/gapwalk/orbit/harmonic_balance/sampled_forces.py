@@ -35,6 +35,7 @@ _TINY = 1e-300
 _FEWEST = 64
 _MOST = 1 << 15  # samples; for more than 512 lines, 64 for each line
 _ASIDE = 1e-9  # radians from a jump, at which the levels beside it are read
+_APPROACH = 2.0 * np.outer(0.4 ** np.arange(10), [-1.0, 1.0]).ravel()  # to a fractional power, over the lines
 _ITERATIONS = 60  # for the angle of a kink
 
 
@@ -68,7 +69,8 @@ class Sampled(NamedTuple):
     pairs
         The derivatives by the motion.
     breaks
-        The angles phi, in order, at which a kink is passed or a number jumps.
+        The angles phi, in order, at which a kink is passed or a number jumps, and some that approach fractional powers,
+        beside which an integration needs steps that become smaller and smaller.
     """
 
     places: NDArray[np.intp]
@@ -113,6 +115,8 @@ class Formulas:
             slopes.append(spectra[1, : lines.shape[1]])
             pairs += [(place, place + each, spectra[2 + 2 * each :][:2]) for each in range(len(slots.deflections))]
             breaks.append(kinks)
+            if slots.form.law.has_edges:
+                breaks.append((kinks[:, None] + _APPROACH / lines.shape[1]).ravel() % (2.0 * np.pi))
         forces, arguments, derivatives = zip(*pairs, strict=True)
         several = Pairs(np.array(forces), np.array(arguments), np.array(derivatives))
         return Sampled(np.array(places), np.array(found), np.array(slopes), several, np.sort(np.concatenate(breaks)))
