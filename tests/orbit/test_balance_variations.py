@@ -112,7 +112,11 @@ SYSTEMS = {
     ),
     "kinks": lambda: oscillator(
         "viscous",
-        [wave(0.3, "balls.k", 2), wave(0.1, "balls.deflection", name="second")],
+        [
+            wave(0.3, "balls.k", 2),
+            wave(0.1, "balls.deflection", name="second"),
+            wave(0.2, "stop.stiffness", name="third"),
+        ],
         [
             gw.force("drag", {"q1": 1.0}, "c*v*abs(v)", c=0.3),
             gw.force("balls", {"q2": 1.0, "q1": 0.2}, "k*(1 + h*v)*max(x - g, 0)**1.5", k=2.0, h=0.1, g=0.1),

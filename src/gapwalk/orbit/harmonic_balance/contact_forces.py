@@ -34,7 +34,7 @@ from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
 from gapwalk.orbit.harmonic_balance.series import grid
-from gapwalk.orbit.harmonic_balance.variations import Gate, Jumps, jumps_of, modulation_of, subsets
+from gapwalk.orbit.harmonic_balance.variations import Gate, Jumps, add_lines, jumps_of, modulation_of, subsets
 
 _STEP = 1e-150  # of the complex step
 
@@ -235,19 +235,18 @@ def laws_of(
     gate, numbers, waves = np.full(len(clearance), -1), np.zeros(0, np.intp), np.zeros((2, *table.shape, 0))
     jumps = _NO_JUMPS
     if plan.varied:
-        shares, gates = _varied(layout, plan, coefficients, moves), [Gate()]
-        gates += sorted((each for each in shares if each), key=sorted)
-        count = len(gates)
-        width = max(each.shape[-1] for each in shares.values())
-        lines = np.zeros((2, count, *table.shape, width), dtype=complex)
+        varied = _varied(layout, plan, coefficients, moves)
+        gates = [Gate(), *sorted((each for each in varied if each), key=sorted)]
+        count, width = len(gates), max(each.shape[-1] for each in varied.values())
+        dense: NDArray[np.complex128] = np.zeros((2, count, *table.shape, width), dtype=complex)
         for place, each in enumerate(gates):
-            if each in shares:
-                lines[:, place, ..., : shares[each].shape[-1]] = shares[each]
-        lines = lines.reshape(2, -1, *table.shape[1:], width)
+            if each in varied:
+                dense[:, place, ..., : varied[each].shape[-1]] = varied[each]
+        lines = dense.reshape(2, -1, *table.shape[1:], width)
         numbers = 1 + np.flatnonzero((lines[..., 1:] != 0.0).any(axis=(0, 1, 2, 3)))
-        waves = np.concatenate((lines[..., numbers].real, -lines[..., numbers].imag), axis=-1)
+        waves = np.concatenate((np.real(lines[..., numbers]), -np.imag(lines[..., numbers])), axis=-1)
         steady = np.zeros((2, (count - 1) * len(table), *table.shape[1:]))
-        table, slopes = np.concatenate((np.stack((table, slopes)), steady), axis=1) + lines[..., 0].real
+        table, slopes = np.concatenate((np.stack((table, slopes)), steady), axis=1) + np.real(lines[..., 0])
         rows = [np.tile(each, count) for each in rows]
         gate = np.repeat(np.arange(-1, count - 1), len(gate))
         jumps = jumps_of(layout, gates[1:], coefficients, moves)
@@ -287,7 +286,7 @@ def _table(
         table = products.table(coefficients)
         return table, np.zeros(table.shape)
     table: NDArray[Any] = products.table(coefficients + 1j * _STEP * slope)
-    return table.real, table.imag / _STEP
+    return np.real(table).copy(), np.imag(table) / _STEP
 
 
 def _varied(
@@ -310,11 +309,7 @@ def _varied(
             faster = moved + lines * (frequency_slope / frequency)
             change[:, 0] -= by_angle * (table[:, 1] * faster + slopes[:, 1] * lines)
             both = np.stack((value, change))
-            known = found.get(gate)
-            if known is not None:
-                width = max(known.shape[-1], both.shape[-1])
-                both = sum(np.pad(each, (*[(0, 0)] * 4, (0, width - each.shape[-1]))) for each in (known, both))
-            found[gate] = both
+            add_lines(found, gate, both)
     return found
 
 

@@ -130,10 +130,11 @@ def shared(
     orders = np.array([0, *layout.orders])
     for place, spring, damper in shares:
         push, vector, sway = linear.contacts[:, place], linear.deflections[place], linear.sways[place]
-        along, factors = np.outer(push, vector), spring + 1j * orders * frequency * damper
+        along: NDArray[np.float64] = push[:, None] * vector
+        factors = spring + 1j * orders * frequency * damper
         if change is not None and slope is not None:
             pushed, moved, swayed = change.contacts[:, place], change.deflections[place], change.sways[place]
-            turned = np.outer(pushed, vector) + np.outer(push, moved)
+            turned: NDArray[np.float64] = pushed[:, None] * vector + push[:, None] * moved
             faster = -1j * orders * damper * frequency**2 * float(slope[0])
             loads = np.outer(pushed, factors * sway) + np.outer(push, faster * sway + factors * swayed)
             change = _with(change, spring * turned, damper * turned, loads)

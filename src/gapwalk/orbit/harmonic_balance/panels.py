@@ -64,7 +64,8 @@ def spectra_between(
     unresolved
         Share of the largest value; 0 if all is resolved.
     """
-    panels, result, largest, left = _even(breaks, count), np.zeros(1), 0.0, 0.0
+    panels, largest, left = _even(breaks, count), 0.0, 0.0
+    result: NDArray[np.complex128] = np.zeros((1, longest + 1), dtype=complex)
     for halving in range(_HALVINGS + 1):
         width = panels.high - panels.low
         share, slope = _places(panels)
@@ -82,7 +83,8 @@ def spectra_between(
         result = result + _spectra(phi[fine].ravel(), (values[:, fine] * weights).reshape(len(values), -1), longest)
         if not coarse.any():
             break
-        panels = Panels(*(each[coarse] for each in panels)).halves()
+        low, high, begins, ends = panels
+        panels = Panels(low[coarse], high[coarse], begins[coarse], ends[coarse]).halves()
     return result, left
 
 
@@ -135,7 +137,8 @@ def _last_coefficients() -> NDArray[np.float64]:
 
 def _spectra(phi: NDArray[np.float64], weighted: NDArray[np.float64], longest: int) -> NDArray[np.complex128]:
     """Return the spectra of functions, from their values at angles times the weights of these."""
-    result, size = np.zeros((len(weighted), longest + 1), dtype=complex), max(1, _BATCH // (longest + 1))
+    result: NDArray[np.complex128] = np.zeros((len(weighted), longest + 1), dtype=complex)
+    size = max(1, _BATCH // (longest + 1))
     for first in range(0, len(phi), size):
         part = slice(first, first + size)
         result += weighted[:, part] @ np.exp(-1j * np.multiply.outer(phi[part], np.arange(longest + 1)))

@@ -233,7 +233,7 @@ class _Curve:
                 for beside in ((deflection + stepped, rate), (deflection, rate + stepped)):
                     found.append(self._force(here, [*moves[:place], beside, *moves[place + 1 :]]))
         values = np.array([np.broadcast_to(each, x.shape[1:]) for each in found], dtype=complex)
-        result = np.concatenate((values[:1].real, values.imag / _STEP))
+        result = np.concatenate((np.real(values[:1]), np.imag(values) / _STEP))
         if not np.isfinite(result).all():
             raise NumericalError(f"the formula of the force {slots.form.name!r} has no value along the motion")
         return result
@@ -264,7 +264,7 @@ class _Curve:
         if not self.slots.form.law.mode_count:
             return np.zeros(0)
         grid = 2.0 * np.pi * np.arange(cells + 1) / cells
-        above = self._guards(grid).real > 0.0
+        above = np.real(self._guards(grid)) > 0.0
         modes, places = np.nonzero(above[:, 1:] != above[:, :-1])
         if not len(modes):
             return np.zeros(0)
@@ -272,10 +272,10 @@ class _Curve:
         phi, each = 0.5 * (low + high), np.arange(len(modes))
         for _ in range(_ITERATIONS):
             values = self._guards(phi)[modes, each]
-            right = (values.real > 0.0) == rises
+            right = (np.real(values) > 0.0) == rises
             low, high = np.where(right, low, phi), np.where(right, phi, high)
             with np.errstate(all="ignore"):
-                following = phi - values.real / (values.imag / _STEP)
+                following = phi - np.real(values) / (np.imag(values) / _STEP)
             following = np.where((following > low) & (following < high), following, 0.5 * (low + high))
             change, phi = np.abs(following - phi).max(), following
             if change < 1e-15 * 2.0 * np.pi:
@@ -295,7 +295,8 @@ class _Curve:
         self, angles: NDArray[np.float64], moves: NDArray[np.float64], longest: int
     ) -> NDArray[np.complex128]:
         """Return what the spectrum of the force changes by if the angles of jumps move."""
-        known, result = self.formulas, np.zeros(longest + 1, dtype=complex)
+        known = self.formulas
+        result: NDArray[np.complex128] = np.zeros(longest + 1, dtype=complex)
         for phi, move in zip(angles, moves, strict=True):
             at, forces = np.array([phi]), []
             for theta in (self.period * phi - _ASIDE, self.period * phi + _ASIDE):

@@ -43,7 +43,7 @@ def modulation_of(
         factor, found = _wave(layout, wave, (coefficients, slope)), {}
         for one, lines in product.items():
             for other, more in factor.items():
-                _add(found, one | other, _times(lines, more))
+                add_lines(found, one | other, _times(lines, more))
         product = found
     return product
 
@@ -63,18 +63,17 @@ def _wave(
             for slot in (layout.cycles[number].low, layout.cycles[number].high)
         )
         lines[:, 0] += factor * low
-        _add(found, Gate([number]), (factor * (high - low)).astype(complex)[:, None])
+        add_lines(found, Gate([number]), (factor * (high - low)).astype(complex)[:, None])
     return found
 
 
-def _add(found: dict[Gate, NDArray[np.complex128]], gate: Gate, lines: NDArray[np.complex128]) -> None:
-    """Add lines to those of a gate."""
-    known = found.get(gate)
-    if known is None:
-        found[gate] = lines
-        return
-    width = max(known.shape[1], lines.shape[1])
-    found[gate] = sum(np.pad(each, ((0, 0), (0, width - each.shape[1]))) for each in (known, lines))
+def add_lines(found: dict[Gate, NDArray[np.complex128]], gate: Gate, lines: NDArray[np.complex128]) -> None:
+    """Add lines, along the last axis, to those of a gate."""
+    known = found.get(gate, np.zeros((*lines.shape[:-1], 0), dtype=complex))
+    longest, shortest = (known, lines) if known.shape[-1] > lines.shape[-1] else (lines, known)
+    total = longest.copy()
+    total[..., : shortest.shape[-1]] += shortest
+    found[gate] = total
 
 
 def _times(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -143,7 +142,8 @@ def jumps_of(
             if opened != (high == len(cycles)):
                 found.append((angle, moves, float(not opened), float(number)))
     table = np.array(sorted(found)).reshape(-1, 4).T
-    return Jumps(*(np.ascontiguousarray(row) for row in table), np.array(first))
+    angles, slopes, opens, numbers = (np.ascontiguousarray(row) for row in table)
+    return Jumps(angles, slopes, opens, numbers, np.array(first))
 
 
 def _changes(
