@@ -140,8 +140,8 @@ class Switchboard:
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = coefficients
-        self.modes.start(coefficients, theta, unit)
         if not self.count:
+            self.modes.start(coefficients, theta, unit)
             return
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
@@ -149,11 +149,14 @@ class Switchboard:
         depths = self._depths(state, theta)
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
+        self.modes.start(coefficients, theta, unit)
         self._changed = [theta] * self.count
         self._left = self._changed.copy()
         near = self._are_near(depths, state, _ON)
         if any(near):
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
+            if self.modes.mode_count:
+                self.modes.refresh(theta, self._closed())
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -229,7 +232,7 @@ class Switchboard:
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self._settle(switch, theta) and self._simultaneous[switch]:
-            self._settle_simultaneous(switch, theta)
+            self._settle_simultaneous(self._simultaneous[switch], theta)
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -262,17 +265,19 @@ class Switchboard:
         if self._columns and self._jumps[switch] is not None:
             self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
+        if self.modes.mode_count:
+            self.modes.refresh(theta, self._closed())
         return True
 
-    def _settle_simultaneous(self, switch: int, theta: float) -> None:
-        """Set the other switches whose breakpoints are crossed at the same time.
+    def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
+        """Set those of some other switches whose breakpoints are crossed at the same time.
 
         If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
         near = self._are_near(self._depths(state, theta), state, _ON)
-        for other in self._simultaneous[switch]:
+        for other in others:
             if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
 
@@ -342,6 +347,8 @@ class Switchboard:
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
         self.modes.set_mode(mode, direction)
+        if self.count:
+            self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1
         return self.event_limit > 0
 

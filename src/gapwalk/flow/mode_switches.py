@@ -47,11 +47,21 @@ class ModeSwitches:
         if self.mode_count:
             self._set_modes(theta)
 
-    def _contact_modes(self, theta: float, state: NDArray[np.float64]) -> list[tuple[bool, float]]:
+    def refresh(self, theta: float, closed: list[list[bool]]) -> None:
+        """Set the modes anew after a stage closed or opened, for guards of laws with stages may jump there."""
+        found = self._contact_modes(theta, self._state[: 2 * self.n], closed)
+        largest = max(abs(guard) for _, guard in found)
+        for place, (mode, guard) in enumerate(found):
+            if abs(guard) > _NEAR * largest:
+                self._parameters[self._modes + place] = mode
+
+    def _contact_modes(
+        self, theta: float, state: NDArray[np.float64], closed: list[list[bool]] | None = None
+    ) -> list[tuple[bool, float]]:
         """Return the modes of all laws at a state by their guards, and the values of these."""
         n, layout, found = self.n, self.equations.layout, []
         angles = Angles(layout, self._coefficients, theta, unit=self._unit)
-        for slots in layout.contacts:
+        for index, slots in enumerate(layout.contacts):
             law = slots.form.law
             if not law.mode_count:
                 continue
@@ -64,7 +74,7 @@ class ModeSwitches:
                 for place, vector in enumerate(slots.deflections)
             ]
             edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
-            stages = stages_of(slots, angles, moves, extra=edge)
+            stages = stages_of(slots, angles, moves, None if closed is None else closed[index], edge)
             guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
             found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found

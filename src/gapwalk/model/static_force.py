@@ -22,7 +22,7 @@ from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
-_STEP = 1e-150  # of the complex step
+_STEP, _LONGER_STEP = 1e-150, 1e-140  # of the complex step
 
 
 class Tangent(NamedTuple):
@@ -41,9 +41,9 @@ class Tangent(NamedTuple):
     damping: NDArray[np.float64]
 
     @property
-    def is_finite(self) -> NDArray[np.bool_]:
-        """True where the force and its derivatives are finite, shape (...)."""
-        return np.isfinite(self.stiffness).all(axis=-1) & np.isfinite(self.damping).all(axis=-1)
+    def is_finite(self) -> Any:
+        """True where the force and its derivatives are finite: a Boolean, or an array of them of shape (...)."""
+        return np.isfinite(np.concatenate((self.stiffness, self.damping), axis=-1)).all(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +99,19 @@ class StaticForce:
 
     def _at(self, moves: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the force and its derivatives by all deflections and rates, in this order, along the last axis."""
-        columns = []
         with np.errstate(all="ignore"):
             # without a step first: the logarithm of a negative number is complex, not NaN
-            columns.append(np.broadcast_to(self._force(moves), moves.shape[:-1]))
-            for step in 1j * _STEP * np.eye(moves.shape[-1]):
-                columns.append(np.broadcast_to(np.imag(self._force(moves + step)) / _STEP, moves.shape[:-1]))
-        found = np.stack(columns, axis=-1)
-        found[~np.isfinite(found[..., 0])] = np.nan
+            force = np.broadcast_to(np.real(self._force(moves)), moves.shape[:-1])
+            slopes = self._slopes(moves, _STEP)
+            if moves.ndim == 1:  # at its end the square root has no slope: it grows as the step shrinks
+                slopes[np.abs(slopes) > (1.0 + 1e-6) * np.abs(self._slopes(moves, _LONGER_STEP))] = np.nan
+        found = np.concatenate((force[..., None], slopes), axis=-1)
+        found[~np.isfinite(force)] = np.nan
         return found
+
+    def _slopes(self, moves: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+        columns = [np.imag(self._force(moves + 1j * step * way)) / step for way in np.eye(moves.shape[-1])]
+        return np.stack([np.broadcast_to(column, moves.shape[:-1]) for column in columns], axis=-1)
 
     def _force(self, moves: NDArray[Any]) -> Any:
         """Evaluate the law for deflections, then their rates, along the last axis."""

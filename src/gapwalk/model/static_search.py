@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -180,7 +180,7 @@ class StaticBalance:
         for place in changes[np.argsort(np.abs(grid[changes]), kind="stable")].tolist():
             if len(found) > 2 * MOST:
                 break
-            low, high = grid[place], grid[place + 1]
+            low, high = grid[place : place + 2].tolist()
             root = _bracket(force, low, high)
             if abs(force(root)) <= min(abs(values[place]), abs(values[place + 1])):  # and no pole
                 found.append(root)
@@ -308,7 +308,7 @@ def real_roots(polynomial: Polynomial) -> list[float]:
     Between two neighbouring extremes it is monotonous, so that there is one root at most: it is bracketed. An extreme
     that is zero up to rounding is a multiple root.
     """
-    parts = np.trim_zeros(polynomial.coef, "b")
+    parts = np.trim_zeros(np.asarray(polynomial.coef, dtype=np.float64), "b")
     if len(parts) and parts[0] == 0.0:
         others = real_roots(Polynomial(np.trim_zeros(parts, "f")))
         return sorted([0.0, *others])
@@ -341,7 +341,7 @@ def _bracket(function: Callable[[float], float], low: float, high: float) -> flo
     return float(found[0])
 
 
-def _is_rounding(parts: NDArray[np.float64], x: float) -> bool:
+def _is_rounding(parts: NDArray[Any], x: float) -> bool:
     terms = parts * float(x) ** np.arange(len(parts))
     return abs(float(terms.sum())) <= _ROUNDING * float(np.abs(terms).sum())
 

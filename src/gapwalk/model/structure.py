@@ -406,6 +406,11 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
             for vector in contact.vectors:
                 if not values[structure.block(vector, n)].any():
                     yield f"{vector} is zero for every coordinate; it must name at least one that moves it"
+    for contact in structure.contacts:
+        own = {
+            each.name: float(values[structure.place(f"{contact.name}.{each.name}")]) for each in contact.law.parameters
+        }
+        yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
     inner: dict[tuple[int, int], float] = {}
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
         clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
