@@ -19,6 +19,7 @@ from gapwalk.loads import Rectangle
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import read_source
+from gapwalk.orbit.harmonic_balance import balance_equation
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
 from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of
@@ -327,3 +328,36 @@ def test_a_formula_that_changes_too_fast_is_refused():
     equation = gw.Balance(8).pose(system)
     with pytest.raises(NumericalError, match="'clutch' unresolved; its formula changes too fast"):
         equation.evaluate(real_form(unknowns_of(system, 8)).ravel(), 0.0)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_motion_is_one_of_twice_the_period_too(name):
+    exact = exact_of(name)
+    orbit = gw.find_orbit(exact.system, method=gw.Balance(12, error=1.0), start=exact.state)
+    twice = gw.Balance(12, error=1.0).pose(exact.system, "frequency", 2)
+    unknowns = twice.unknowns(orbit)
+    evaluation = twice.evaluate(unknowns, exact.system.frequency)
+    assert np.abs(evaluation.residual).max() < 1e-9
+    multipliers = twice.orbit(unknowns, exact.system.frequency, evaluation).multipliers
+    assert np.sort_complex(multipliers) == pytest.approx(np.sort_complex(orbit.multipliers**2), abs=2e-5)
+
+
+def test_eigenvectors_of_many_degrees_of_freedom_have_the_multipliers_of_full_matrices(monkeypatch):
+    n = 17
+    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    names = tuple(f"q{k}" for k in range(n))
+    loads = [wave(0.3, "stop.stiffness", 2), wave(0.05, "stop.deflection", name="second")]
+    loads.append(Rectangle(0.2, "stop.stiffness", order=1, share=0.4, name="third"))
+    loads.append(wave(0.3, "stop.viscous_damping", name="fourth"))
+    stop = gw.Contact("stop", {"q8": 1.0}, [gw.Stage(0.3, 1.0)], law="viscous", viscous_damping=0.1)
+    loads.append(gw.Harmonic(0.3, {"q3": 1.0}))
+    system = gw.System(
+        names, stiffness, 0.05 * stiffness + 0.02 * np.eye(n), contacts=[stop], harmonics=loads, frequency=0.3
+    )
+    orbits = []
+    for least in (16, 18):
+        monkeypatch.setattr(balance_equation, "_MANY", least)
+        orbits.append(gw.find_orbit(system, start="rest", method=gw.Balance(30, error=1.0)))
+    assert any(orbits[0].closings)
+    modal, full = (np.sort(np.abs(orbit.multipliers))[::-1] for orbit in orbits)
+    assert modal[:8] == pytest.approx(full[:8], abs=1e-3)
