@@ -98,6 +98,15 @@ SYSTEMS = {
         ],
         viscous_damping=0.3,
     ),
+    "levels of the damping": lambda: oscillator(
+        "hunt-crossley",
+        [
+            Rectangle(0.3, {"stop.stiffness": 1.0, "stop.impact_damping": 0.7}, order=2, share=0.4, name="wave"),
+            Rectangle(0.3, "stop.stiffness", share=0.6, phase=0.9, name="second"),
+            wave(0.2, "stop.stiffness", name="third"),
+        ],
+        impact_damping=0.3,
+    ),
     "growth": lambda: oscillator(
         "elastic",
         [
@@ -211,7 +220,7 @@ def test_the_balanced_motion_tends_to_the_one_of_shooting(name):
     assert all(later < earlier for earlier, later in pairwise(bounds))
 
 
-@pytest.mark.parametrize("name", ["stiffness", "products", "levels", "formulas", "kinks"])
+@pytest.mark.parametrize("name", ["stiffness", "products", "levels", "levels of the damping", "formulas", "kinks"])
 def test_the_multipliers_by_lines_tend_to_those_of_the_variational_pass(name):
     exact, errors = exact_of(name), []
     for harmonics in (10, 40):
@@ -315,12 +324,6 @@ def test_a_gear_pair_with_transmission_error_and_mesh_stiffness_of_8_harmonics()
 def test_harmonics_below_the_order_of_a_displacement_are_refused():
     with pytest.raises(ModelError, match="order 3; write harmonics = 3 or more"):
         gw.find_orbit(system_of("displacements"), method=gw.Balance(2))
-
-
-def test_a_damping_that_jumps_is_refused():
-    system = oscillator("viscous", [Rectangle(0.3, "stop.viscous_damping", name="wave")], viscous_damping=0.4)
-    with pytest.raises(ModelError, match="'stop': its damping jumps over the angle; write its harmonics instead"):
-        gw.find_orbit(system, method=gw.Balance(10))
 
 
 def test_a_formula_that_changes_too_fast_is_refused():

@@ -35,6 +35,7 @@ from gapwalk.orbit.harmonic_balance.contact_forces import (
     depend_on_frequency,
     laws_of,
 )
+from gapwalk.orbit.harmonic_balance.hill import projected_monodromy
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
 from gapwalk.orbit.harmonic_balance.linear_part import (
     LOOSE,
@@ -46,7 +47,7 @@ from gapwalk.orbit.harmonic_balance.linear_part import (
     shares_of,
 )
 from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
-from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy, projected_monodromy
+from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy
 from gapwalk.orbit.harmonic_balance.residual_kernels import balance, beyond, changed, share
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
@@ -244,7 +245,7 @@ class BalanceEquation(OrbitEquation):
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, laws = evidence.forces, evidence.laws
         poles, shift, by_lines = self._poles, self._shift, self.options.stability == "hill"
-        if poles is not None and self.system.size >= _MANY and not by_lines and laws.formulas is None:
+        if poles is not None and self.system.size >= _MANY and not by_lines and laws.are_slim:
             # eigenvectors that are much faster than every line respond statically
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
             return modal_monodromy(slow, shift, laws, evidence.lines, forces.breaks, length, self.period)

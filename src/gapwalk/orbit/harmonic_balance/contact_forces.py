@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
+from gapwalk.orbit.harmonic_balance.impulses import add_passages
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
@@ -65,6 +66,8 @@ class Laws:
         The angles at which gates open and close.
     formulas
         The forces by formulas, None for none.
+    frequency
+        That of the excitation, and its derivative by the parameter.
     """
 
     contact: NDArray[np.intp]
@@ -79,6 +82,18 @@ class Laws:
     gate: NDArray[np.intp]
     jumps: Jumps
     formulas: Formulas | None
+    frequency: tuple[float, float]
+
+    @cached_property
+    def has_kicks(self) -> bool:
+        """True if a damping jumps over the angle."""
+        own = self.gate >= 0
+        return bool(self.polynomials[own, 1].any() or self.waves[own, 1].any())
+
+    @property
+    def are_slim(self) -> bool:
+        """True if the derivatives of each force are by its own deflection, and momenta do not jump."""
+        return self.formulas is None and not self.has_kicks
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
@@ -269,6 +284,7 @@ def laws_of(
         gate,
         jumps,
         formulas,
+        (1.0 / float(coefficients[0]), -float(moves[0]) / float(coefficients[0]) ** 2),
     )
 
 
@@ -338,8 +354,7 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
     Raises
     ------
     ModelError
-        If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps; and if its
-        damping jumps over the angle.
+        If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps.
     """
     backend = "harmonic balance"
     switches: list[tuple[int, StageSlots]] = []
@@ -359,8 +374,6 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
             at = (first + term.stage, term.rate, term.power)
             product: Product = (at, term.factor * stage.sign**term.power, [slot for slot, _ in named])
             waves = [wave for _, wave in named if wave is not None]
-            if term.rate and any(wave.cycles for wave in waves):
-                raise ModelError(f"{refused} damping jumps over the angle; write its harmonics instead")
             steady.append(product)
             for each in subsets(waves):
                 varied.setdefault(each, []).append(product)
@@ -385,8 +398,8 @@ def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1
     breaks = crossings[0]
     if len(laws.jumps.angles):
         breaks = np.sort(np.concatenate((breaks, laws.jumps.over(period)[0])))
-        if laws.jumps.move:
-            _add_moved_jumps(lines, laws, period, slopes)
+        if laws.jumps.move or laws.has_kicks:
+            add_passages(lines, laws, period, parts, slopes)
     if laws.formulas is None:
         return Forces(parts, slopes, crossings, NO_PAIRS, breaks)
     sampled = laws.formulas.sample(lines, period)
@@ -394,23 +407,6 @@ def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1
     slopes[sampled.places, 0] += sampled.slopes
     breaks = np.sort(np.concatenate((breaks, sampled.breaks)))
     return Forces(parts, slopes, crossings, sampled.pairs, breaks)
-
-
-def _add_moved_jumps(lines: NDArray[np.complex128], laws: Laws, period: int, slopes: NDArray[np.complex128]) -> None:
-    """Add what the lines of g change by if the angles move at which gates open and close."""
-    k = np.arange(lines.shape[1])
-    (angles, opens, gates), moves = laws.jumps.over(period), np.tile(laws.jumps.slopes, period) / period
-    orders = laws.orders * period
-    for row in np.flatnonzero(laws.gate >= 0):
-        here = gates == laws.gate[row]
-        phi, ends = angles[here], np.where(opens[here] > 0.0, -1.0, 1.0) * moves[here]
-        turns = np.exp(1j * np.multiply.outer(phi, k))
-        depth = laws.sign[row] * (turns @ lines[laws.contact[row]]).real - laws.clearance[row]
-        angle = np.multiply.outer(phi, orders)
-        wave = np.concatenate((np.cos(angle), np.sin(angle)), axis=-1)
-        coefficients = laws.polynomials[row, 0] + wave @ laws.waves[row, 0].T
-        force = (coefficients * depth[:, None] ** np.arange(coefficients.shape[1])).sum(axis=1) * (depth > 0.0)
-        slopes[laws.contact[row], 0] += np.where(k, 2.0, 1.0) * ((force * ends) @ turns.conj()) / (2.0 * np.pi)
 
 
 _NO_JUMPS = Jumps(*np.zeros((5, 0)))

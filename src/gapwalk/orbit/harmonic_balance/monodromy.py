@@ -1,4 +1,4 @@
-"""The monodromy matrix of a balanced motion, by Hill's matrix or by Magnus' series.
+"""The monodromy matrix of a balanced motion by Magnus' series.
 
 The equations are linearised about the motion (`Linearised`). The unknowns are the changes of the positions and of the
 momenta ``p = v + sum_k D_k P_k(x)`` (over mass), where ``g + dP/dt`` is the force of a contact (see `contact_forces`).
@@ -10,9 +10,8 @@ need no velocity of the motion. At any one time the two kinds of unknowns differ
 are the same. The matrix of the equations varies with the angle and jumps at breakpoints. A force f by a formula, of any
 deflections and their rates, adds ``-D df/dx e q - D df/dx' e v`` to p', with the velocities v that belong to p.
 
-`projected_monodromy` projects Hill's matrix, so that no eigenvalues need be sorted. `monodromy` takes one pass over the
-period, by steps of Magnus' series between contact events. `gapwalk.orbit.harmonic_balance.modal_monodromy` is for many
-degrees of freedom.
+`monodromy` takes one pass over the period, by steps of Magnus' series between contact events. Other ways are
+`gapwalk.orbit.harmonic_balance.hill`, and `gapwalk.orbit.harmonic_balance.modal_monodromy` for many degrees of freedom.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+from gapwalk.orbit.harmonic_balance.impulses import kicks
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
@@ -35,6 +34,7 @@ _FINE = 2  # smallest number of steps per shortest wave of the motion
 _FINE_SAMPLED = 4  # the same with forces by formulas, which have shorter waves than the motion
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])  # Gauss and Legendre's, on 0 ... 1
 _FEWEST = 8
+_NO_KICKS = np.zeros(0)
 _LANES = 16  # steps computed together: their values fill the registers, and their matrices the cache
 _INVERSE = 1.0 / np.cumprod([1.0, *range(1, 12)])  # of the factorials
 
@@ -108,55 +108,6 @@ class Linearised:
         return float(np.sqrt(stiffness.sum(axis=1).max()) + damping.sum(axis=1).max())
 
 
-def projected_monodromy(
-    linearised: Linearised, tangents: NDArray[np.complex128], length: float, pairs: Pairs
-) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
-
-    Parameters
-    ----------
-    linearised
-        The linearised equations.
-    tangents : shape (2 contacts, 2K + 1)
-        Spectra, k = 0 ... 2K, of the contacts' ``g'`` and ``P'``.
-    length
-        The period, in units of time.
-    pairs
-        The derivatives of forces by formulas.
-
-    Notes
-    -----
-    With ``z_k = exp(i k W t / m) y`` the equation ``y' = sum_l L_l exp(i l W t / m) y`` has constant coefficients,
-    ``z_k' = i k (W/m) z_k + sum_l L_l z_(k+l)``: Hill's matrix. The monodromy matrix is the middle row of its
-    exponential, applied to ``z_k(0) = y(0)`` (Bayer and Leine 2023, Nonlinear Dynamics 111, 8439-8466: the Koopman-Hill
-    projection). Classical methods take 2n of its eigenvalues, and may take the wrong ones.
-    """
-    steady, parts = linearised.steady, linearised.parts
-    size, count = len(steady), (tangents.shape[1] - 1) // 2
-    spectra = _two_sided(tangents)  # k = -2K ... 2K
-    if len(pairs.forces):
-        by_deflection, by_rate = (_two_sided(pairs.spectra[:, which]) for which in (0, 1))
-        dampers = spectra[len(parts) // 2 + linearised.damped]
-        products = [np.convolve(rate, damper, "same") for damper in dampers for rate in by_rate]
-        spectra = np.vstack((spectra, by_deflection, by_rate, *products))
-        parts = np.concatenate((parts, linearised.pair_parts(pairs)))
-    harmonics = np.tensordot(spectra.T, parts, axes=1)
-    harmonics[2 * count] += steady
-    k = np.arange(2 * count + 1)
-    blocks = harmonics[2 * count + k[None, :] - k[:, None]]
-    matrix = blocks.transpose(0, 2, 1, 3).reshape(len(k) * size, len(k) * size)
-    rates = 2j * np.pi / length * (k - count)
-    matrix[np.diag_indices(len(matrix))] += np.repeat(rates, size)
-    spread = scipy.linalg.expm(matrix * length)
-    middle = spread[count * size : (count + 1) * size]
-    return middle.reshape(size, len(k), size).sum(axis=1).real
-
-
-def _two_sided(spectra: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the parts with negative k, too, of spectra of real functions."""
-    return np.concatenate((spectra[:, :0:-1].conj(), spectra), axis=1)
-
-
 def monodromy(
     linearised: Linearised,
     lines: NDArray[np.complex128],
@@ -196,9 +147,16 @@ def monodromy(
     more, values = np.zeros((0, size, size)), np.zeros((0, 3, 1))
     if len(pairs.forces):
         more, values = linearised.pair_parts(pairs), _values_of_pairs(linearised, lines, steps, breaks, period)
+    jumping = (_NO_KICKS, np.zeros((0, size, size)))
+    if laws.has_kicks:
+        angles, places, changes = kicks(lines, laws, period)
+        leaps, n = np.zeros((len(angles), size, size)), size // 2
+        for each, place, change in zip(leaps, places, changes, strict=True):
+            each[n:, :n] = change * np.outer(linearised.linear.contacts[:, place], linearised.linear.deflections[place])
+        jumping = angles, leaps
     variation = *laws.over(period), laws.wave_rates
     own = linearised.steady, linearised.parts, *laws.switches, laws.rates
-    return _transition(lines, steps, breaks, length, *own, *variation, more, values)
+    return _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
 
 
 def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:
@@ -430,9 +388,24 @@ def _generate(
     _add_more(more, values, first, result)
 
 
+@part
+def _kick(knots, knot, angles, changes, matrix):
+    """Let momenta jump with positions, which do not, at the last of all knots with the same angle."""
+    half = len(matrix) // 2
+    if knot + 1 < len(knots) and knots[knot + 1] == knots[knot]:
+        return
+    for kick in range(len(angles)):
+        if angles[kick] == knots[knot]:
+            for a in range(half):
+                for b in range(len(matrix)):
+                    for k in range(half):
+                        matrix[half + a, b] += changes[kick, half + a, k] * matrix[k, b]
+
+
 @kernel(
     "f8[:, ::1](c16[:, ::1], i8, f8[::1], f8, f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1],"
-    " i8[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, :, ::1], f8[:, :, ::1])"
+    " i8[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, :, ::1], f8[:, :, ::1],"
+    " f8[::1], f8[:, :, ::1])"
 )
 def _transition(
     lines,
@@ -452,6 +425,8 @@ def _transition(
     wave_rates,
     more,
     values,
+    kick_angles,
+    kick_matrices,
 ):
     """Multiply the transitions of all steps, some of them at a time."""
     size, knots = len(steady), _knots(steps, breaks)
@@ -499,4 +474,6 @@ def _transition(
                     for k in range(size):
                         moved[a, b] += exponentials[a, k, s] * matrix[k, b]
             matrix, moved = moved, matrix
+            if len(kick_angles):
+                _kick(knots, first + s + 1, kick_angles, kick_matrices, matrix)
     return matrix
