@@ -25,6 +25,7 @@ from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.verification.verify_balanced import imbalance
+from tests.tiers import in_campaign
 
 MACHINES = Path(__file__).parents[1] / "machines"
 REFERENCES = json.loads((MACHINES / "references.json").read_text(encoding="utf-8"))["orbits"]
@@ -173,7 +174,7 @@ def test_the_derivatives_are_those_of_central_differences(name):
         equation.evaluate(x + step * e, 1.1).residual - equation.evaluate(x - step * e, 1.1).residual
         for e in np.eye(len(x))
     ]
-    assert equation.evaluate(x, 1.1).by_unknowns == pytest.approx(np.array(moved).T / (2 * step), abs=3e-8)
+    assert equation.evaluate(x, 1.1).by_unknowns == pytest.approx(np.array(moved).T / (2 * step), rel=1e-8, abs=3e-8)
     added = [each for each in system.parameters if each.split(".")[0] in ADDED and "acts_on" not in each]
     for parameter in (*OTHERS, *added):
         equation, value = gw.Balance(6).pose(system, parameter), system[parameter]
@@ -223,11 +224,11 @@ def test_the_balanced_motion_tends_to_the_one_of_shooting(name):
 @pytest.mark.parametrize("name", ["stiffness", "products", "levels", "levels of the damping", "formulas", "kinks"])
 def test_the_multipliers_by_lines_tend_to_those_of_the_variational_pass(name):
     exact, errors = exact_of(name), []
-    for harmonics in (10, 40):
+    for harmonics in (20, 80):
         method = gw.Balance(harmonics, error=1.0, stability="hill")
         orbit = gw.find_orbit(exact.system, method=method, start=exact.state)
         errors.append(np.abs(np.sort_complex(orbit.multipliers) - np.sort_complex(exact.multipliers)).max())
-    assert errors[1] < min(2e-3, errors[0] / 4)
+    assert errors[1] < min(1e-3, errors[0] / 4)
 
 
 def machine(name: str) -> gw.System:
@@ -283,7 +284,9 @@ def test_mathieu_s_equation_has_a_multiplier_of_1_at_its_characteristic_value():
     assert orbit.multipliers.sum().real == pytest.approx(2.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "to", "count"), [("stiffness", 1.13, 3), ("formulas", 1.3, 3), ("kinks", 1.26, 1)])
+@pytest.mark.parametrize(
+    ("name", "to", "count"), [("stiffness", 1.13, 3), in_campaign("formulas", 1.3, 3), in_campaign("kinks", 1.26, 1)]
+)
 def test_a_balanced_branch_has_the_special_points_of_shooting(name, to, count):
     method = gw.Balance(30, error=1.0)
     branches = [gw.follow(exact_of(name), "frequency", to, method=each) for each in (None, method)]

@@ -13,7 +13,7 @@ The function that is 1 while a stage is closed has its spectrum in closed form, 
 is passed. Every term of the force is that function times a power of the penetration, and a product of functions is a
 convolution of their spectra. So nothing is sampled and nothing aliases.
 
-Where numbers vary over the angle, the coefficients of the polynomials have lines too (`variations`): one more
+Where numbers vary over the angle, the coefficients of the polynomials have lines too (`modulation`): one more
 convolution. Where they jump at known angles, a stage has a second row of polynomials, which acts while it is closed and
 its gate is open: such an angle is one more crossing. Only forces by formulas are sampled (`sampled_forces`).
 """
@@ -33,9 +33,9 @@ from gapwalk.model.spring import ForcePolynomials, Product, arranged
 from gapwalk.orbit.harmonic_balance.impulses import add_passages
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
+from gapwalk.orbit.harmonic_balance.modulation import Gate, Jumps, add_lines, jumps_of, modulation_of, subsets
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
 from gapwalk.orbit.harmonic_balance.series import grid
-from gapwalk.orbit.harmonic_balance.variations import Gate, Jumps, add_lines, jumps_of, modulation_of, subsets
 
 _STEP = 1e-150  # of the complex step
 

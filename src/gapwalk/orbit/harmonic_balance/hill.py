@@ -1,4 +1,4 @@
-"""The monodromy matrix of a balanced motion by the projected exponential of Hill's matrix: no eigenvalues are sorted."""
+"""The monodromy matrix of a balanced motion by Hill's matrix, projected, so that no eigenvalues need be sorted."""
 
 from __future__ import annotations
 

@@ -25,9 +25,9 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
 from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
+from gapwalk.orbit.harmonic_balance.modulation import jumps_of
 from gapwalk.orbit.harmonic_balance.panels import spectra_between
 from gapwalk.orbit.harmonic_balance.series import waves
-from gapwalk.orbit.harmonic_balance.variations import jumps_of
 
 _STEP = 1e-150  # of the complex step
 _FOLDED = 1e-13  # largest line of the upper half, relative to the largest one
