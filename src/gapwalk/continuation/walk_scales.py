@@ -14,7 +14,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import formulas_of, static_forces_of
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.linear_part import linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import firsts_of, linear_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
@@ -167,7 +167,10 @@ def _typical_frequency(orbit: Orbit) -> float:
     """
     system = orbit.system
     linear = linear_of(layout_of(system.structure), coefficients_of(system))
-    closed = np.array([max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)])
+    closed = np.zeros(len(linear.deflections))
+    closed[firsts_of(system.structure)] = [
+        max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)
+    ]
     formulas = _mean_stiffness(orbit)
     for stiffness in (np.zeros(len(closed)), closed):
         square = float(np.trace(linear.shifted(stiffness) + formulas)) / system.size
@@ -247,7 +250,8 @@ def _amplitude(system: System) -> float:
     linear = linear_of(layout, coefficients)
     stiffness, damping, loads = linear.stiffness.copy(), linear.damping.copy(), linear.loads[:, 1:].copy()
     frequencies = np.array(layout.orders) * system.frequency
-    forces = zip(static_forces_of(system), springs_of(system), linear.contacts.T, strict=True)
+    pushes = linear.contacts.T[firsts_of(layout.structure)]
+    forces = zip(static_forces_of(system), springs_of(system), pushes, strict=True)
     for force, spring, push in forces:
         if force.is_formula:
             _, own_stiffness, own_damping = force.at(np.zeros(n))
