@@ -176,6 +176,8 @@ _CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "num
 @lru_cache(maxsize=256)
 def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
     """Return the force of a law as a sum of products, each of one stage; None if it is no such sum."""
+    if not law.stage_parameters:  # a formula of deflections
+        return None
     stages = Stages(
         StageTerms(
             sign,
