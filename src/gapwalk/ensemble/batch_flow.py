@@ -25,7 +25,7 @@ from gapwalk.ensemble.force_source import LANES
 from gapwalk.ensemble.kernel import Kernel, kernel_of
 from gapwalk.ensemble.kernel_source import Form
 from gapwalk.ensemble.scheme import Linear, Scheme, deflections_of, scheme_of
-from gapwalk.ensemble.start import guards_of, history_of, slopes_of
+from gapwalk.ensemble.start import guards_of, history_of, lag, slopes_of
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
@@ -271,8 +271,9 @@ class Blocks:
         number = len(self._lanes) // LANES
         height = max(block_plan.kernel(kind).source.height for kind in {False, survey})
         self._data = np.zeros((number, height, LANES))
-        basis = block_plan.linear.basis
-        modal = states if basis is None else np.linalg.solve(basis, states[:, :, None])[:, :, 0]
+        basis, jumps = block_plan.linear.basis, bool(block_plan.linear.layout.cycles)
+        begun = states - lag(block_plan.linear, states, block_plan.steps) if jumps else states
+        modal = begun if basis is None else np.linalg.solve(basis, begun[:, :, None])[:, :, 0]
         forces = history_of(block_plan.linear, states, block_plan.steps).reshape(-1, self.count)
         rows = np.concatenate((modal.T, forces, guards_of(block_plan.linear, states)))
         self._data[:, : len(rows)] = self._in_blocks(rows)
@@ -355,7 +356,10 @@ class Blocks:
         """Return the states in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
         states = blocks.transpose(0, 2, 1).reshape(-1, self._size)[: self.count]
         basis = self.block_plan.linear.basis
-        return states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]
+        states = states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]
+        if self.block_plan.linear.layout.cycles:
+            states += lag(self.block_plan.linear, states, self.block_plan.steps)
+        return states
 
 
 class Trial(NamedTuple):

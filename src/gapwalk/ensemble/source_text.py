@@ -103,7 +103,7 @@ class Switch(Term):
     __slots__ = ("condition", "opposite")
 
     def __init__(self, sheet: Sheet, condition: str, opposite: str) -> None:
-        super().__init__(sheet, sheet.write(f"1.0 if {condition} else 0.0").text)
+        super().__init__(sheet, sheet.write("1.0 if {} else 0.0", Term(sheet, condition)).text)
         self.condition, self.opposite = condition, opposite
 
     @classmethod

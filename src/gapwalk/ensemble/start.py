@@ -1,8 +1,8 @@
 """The start of a run of the batch integrator: what the first steps need of the time before it.
 
-A step needs the contact forces at earlier steps. The motion is therefore integrated backwards, as if no level of a
-variation had jumped before the start. Where one jumps within the first two steps, the samples of the force near the
-jump lie partly before the start, and do not count in full; the earlier values are chosen so that the sum is right.
+A step needs the contact forces at earlier steps, so the motion is integrated backwards. Where a level of a variation
+jumps, the samples of the force around the jump are smoothed: their sum is right two steps after it. The state of the
+kernel differs from that of the motion until then. `lag` is this difference at theta = 0, where motions start and end.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.ensemble.excitation import smooth_step
+from gapwalk.ensemble.excitation import share_at, smooth_step
 from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import ContactSlots, CycleSlots
@@ -39,8 +39,7 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
     turn = -2.0 * np.pi / steps
     h = (turn * linear.rate)[:, None]
     levels: list[Any] = [is_at_high(cycle, linear.coefficients, 0.0) * 1.0 for cycle in linear.layout.cycles]
-    near = [_starting_shares(cycle, linear.coefficients, steps) for cycle in linear.layout.cycles]
-    forces = [_contact_forces(linear, 0.0, states, [level + part[0] for level, part in zip(levels, near, strict=True)])]
+    forces = [_contact_forces(linear, 0.0, states, _shares(linear, 0.0, steps))]
     for number in range(HISTORY - 1):
         theta = number * turn
         k1 = _slopes(linear, theta, states, levels)
@@ -48,9 +47,12 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
         k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2, levels)
         k4 = _slopes(linear, theta + turn, states + h * k3, levels)
         states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        shares = [level + part[number + 1] for level, part in zip(levels, near, strict=True)]
-        forces.append(_contact_forces(linear, theta + turn, states, shares))
+        forces.append(_contact_forces(linear, theta + turn, states, _shares(linear, theta + turn, steps)))
     return np.array(forces).transpose(0, 2, 1)
+
+
+def _shares(linear: Linear, theta: float, steps: int) -> list[NDArray[np.float64]]:
+    return [share_at(linear.coefficients, cycle, theta, steps) for cycle in linear.layout.cycles]
 
 
 def guards_of(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,23 +135,59 @@ def _slopes(linear: Linear, theta: float, states: NDArray[np.float64], levels: l
     )
 
 
-def _starting_shares(cycle: CycleSlots, coefficients: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-    """Return what is added to the share of the higher level at the start and before, shape (HISTORY, lanes).
+def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return the state of the motion less that of the kernel at theta = 0, shape (lanes, 2n) or broadcast to it.
 
-    Let `t` be the place of a jump in steps from the start. Zeroth and first moment over the time after the start must
-    be those of the jump if `t > 0`, and 0 otherwise. The three unknowns are the smallest that satisfy this.
+    It is 0 unless a level of a variation jumps a few steps before or after theta = 0. The force of the motion jumps;
+    that of the kernel is the polynomial through samples. The zeroth and the first moment of their difference over all
+    time vanish, but not those over the time before theta = 0.
+
+    Parameters
+    ----------
+    linear
+        The systems, one for each state or one for all.
+    states : shape (lanes, 2n)
+        Positions, then velocities, of either.
+    steps
+        Steps per forcing period.
+    """
+    total = np.zeros((1, states.shape[1]))
+    shares, h = _shares(linear, 0.0, steps), (2.0 * np.pi / steps * linear.rate)[:, None]
+    for number, cycle in enumerate(linear.layout.cycles):
+        zeroth, first, sampled = (each[:, None] for each in _later_moments(cycle, linear.coefficients, steps))
+        if not np.any(zeroth) and not np.any(first):
+            continue
+        high, low = ([*shares[:number], level, *shares[number + 1 :]] for level in (1.0, 0.0))
+
+        def jump(theta: float, states: NDArray[np.float64], high: list[Any] = high, low: list[Any] = low) -> Any:
+            forces = _contact_forces(linear, theta, states, high) - _contact_forces(linear, theta, states, low)
+            return np.einsum("lik,lk->li", linear.push, forces)
+
+        now, later = jump(0.0, states), jump(2.0 * np.pi / steps, states + h * _slopes(linear, 0.0, states, shares))
+        turned = h * np.einsum("lij,lj->li", linear.matrix, now)
+        total = total + h * (first * turned - sampled * (later - now) - zeroth * now)
+    return total
+
+
+def _later_moments(cycle: CycleSlots, coefficients: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return moments, over the time after theta = 0, of the share of the high level less that of the kernel.
+
+    Shape (3, lanes): the zeroth moment; the first; the zeroth of the share times a force that grows with the time, of
+    which the kernel interpolates the samples too. The unit of time is a step.
     """
     per_radian, length = steps / (2.0 * np.pi), 2.0 * np.pi / cycle.order
-    total = np.zeros((HISTORY, len(coefficients)))
-    ahead = np.arange(1.0, 5.0)[:, None]
+    # sums of 1 and of i over all i >= 1 exceed the integrals from 0 on by zeta(0) and zeta(-1)
+    total, weights = np.zeros((3, len(coefficients))), np.stack((*_MOMENTS, -np.arange(HISTORY) * _MOMENTS[0]))
+    ahead, behind = np.arange(1.0, 5.0)[:, None], -np.arange(0.0, HISTORY)[:, None]
     for slot, sign in ((cycle.up, 1.0), (cycle.down, -1.0)):
         angle = coefficients[:, slot]
+        # place of the jump, in steps from theta = 0
         t = (angle - length * np.round(angle / length)) * per_radian
-        missing = smooth_step(ahead - t, lambda u: np.clip(u, 0.0, 1.0)) - 1.0
-        wanted = -np.stack((missing.sum(axis=0), (ahead * missing).sum(axis=0)))
-        # sums of 1 and of i over all i >= 1 exceed the integrals from 0 on by zeta(0) and zeta(-1)
-        wanted += np.where(t > 0.0, np.stack((0.5 - t, 1.0 / 12.0 - t**2 / 2.0)), 0.0)
-        total += sign * np.where((t > -1.0) & (t < 2.0), _PASSED @ wanted, 0.0)
+        missing, early = (smooth_step(each - t, lambda u: np.clip(u, 0.0, 1.0)) for each in (ahead, behind))
+        missing, early = missing - 1.0, early - (t <= 0.0)
+        found = -np.stack((np.ones_like(ahead), ahead, ahead))[:, :, 0] @ missing - weights @ early
+        found += np.where(t > 0.0, np.stack((0.5 - t, 1.0 / 12.0 - t**2 / 2.0, 1.0 / 12.0 - t**2 / 2.0)), 0.0)
+        total += sign * np.where((t > -4.0) & (t < 2.0), found, 0.0)
     return total
 
 
@@ -170,4 +208,4 @@ def _moments() -> NDArray[np.float64]:
     return found
 
 
-_PASSED = np.linalg.pinv(_moments())
+_MOMENTS = _moments()
