@@ -105,7 +105,7 @@ class FormulaSource:
         return [*lines, f"{result} = {force.text if isinstance(force, Term) else repr(float(force))}"], kept
 
     def _stages(self, sheet: Sheet, move: tuple[Term, Term], span: Term) -> list[tuple[StageTerms, Term]]:
-        """Return the stages, each closed from a step before its breakpoint on, and by how much its mode is too large."""
+        """Return the stages, each closed from a step before its breakpoint on, with the excess of its mode."""
         found, (x, rate) = [], move
         width = size(rate) * span + _TINY
         for stage in self._slots.stages:

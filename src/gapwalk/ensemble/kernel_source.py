@@ -94,7 +94,7 @@ class Source:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        """Row of each name that outlives a loop: states, force history, guards, then (after the survey) stored values."""
+        """Row of each name that outlives a loop: states, forces, guards, then (after the survey) stored values."""
         names = [f"z{i}" for i in range(2 * self.n)]
         names += [f"h{j}_{k}" for j in range(HISTORY) for k in range(self.contacts)]
         names += self._modes

@@ -61,7 +61,8 @@ def guards_of(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64
     for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True):
         if slots.form.law.mode_count:
             numbers = angles.named(slots.numbers, slots.waves)
-            guards = slots.form.law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
+            with np.errstate(all="ignore"):
+                guards = slots.form.law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
             found += [np.broadcast_to(each, len(states)) for each in guards]
     return np.array(found).reshape(len(found), len(states))
 
@@ -116,10 +117,11 @@ def _contact_forces(
 ) -> NDArray[np.float64]:
     """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
     angles = Angles(linear.layout, linear.coefficients, theta, levels)
-    forces = [
-        np.broadcast_to(contact_force(slots, angles, moves), len(states))
-        for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True)
-    ]
+    with np.errstate(all="ignore"):  # a formula may overflow far outside
+        forces = [
+            np.broadcast_to(contact_force(slots, angles, moves), len(states))
+            for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True)
+        ]
     return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
 
 

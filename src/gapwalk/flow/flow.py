@@ -14,7 +14,7 @@ from copy import copy
 from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, NoReturn, TypeVar
 
 import heyoka as hy
 import numpy as np
@@ -270,7 +270,10 @@ class _Integrator:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
         if self.equations.layout.cycles and self._switchboard.jumps_between(float(thetas[0]), float(thetas[-1])):
             return self._vary_piecewise(coefficients, state, thetas, direction)
-        outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        try:
+            outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
+            self._refuse(hy.taylor_outcome.err_nf_state, float(thetas[0]))
         if outcome != hy.taylor_outcome.time_limit:
             self._refuse(outcome, float(thetas[0]))
         if not self._switchboard.is_right():
@@ -343,7 +346,7 @@ class _Integrator:
                 self._switchboard.change_level(angle, *change)
         return total
 
-    def _refuse(self, outcome, start: float) -> None:
+    def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._switchboard.event_limit <= 0:
