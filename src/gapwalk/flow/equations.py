@@ -23,7 +23,7 @@ from gapwalk.model.laws import Stages, StageTerms
 
 FUNCTIONS = {
     **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
-    "pow": lambda base, power: hy.expression(0.0) + base**power,
+    "pow": lambda base, power: (hy.expression(0.0) + base) ** power,
 }
 """Functions of formulas, of expressions."""
 
