@@ -17,6 +17,7 @@ from gapwalk.model.laws import Law
 from gapwalk.model.loads import Rectangle
 from gapwalk.studies.basin_study import basins
 from gapwalk.studies.basin_work import BasinOptions
+from gapwalk.studies.regime_study import RegimeMapOptions, regimes
 from tests.tiers import some_of
 from tests.toys.yielding import Yielding
 
@@ -277,3 +278,14 @@ def test_a_parametric_oscillator_between_stops_reaches_its_motion_of_period_two(
     system = System(("x",), [[0.0]], [[0.2]], contacts=contacts, harmonics=loads, frequency=1.95)
     found = basins(system, {"x": (-3.0, 3.0), "x'": (-3.0, 3.0)}, 12, options=in_process(10))
     assert found.cells == {"period 2": 144}
+
+
+@pytest.mark.slow
+def test_a_regime_map_of_a_formula_with_levels_agrees_with_the_exact_flow():
+    loads = [Harmonic(0.3, {"x": 1.0}), Rectangle(0.3, "f.a", order=2, share=0.4)]
+    well = formula("-a*x + b*x**3", a=1.0, b=1.0)
+    system = System(("x",), [[0.0]], [[0.3]], contacts=[well], harmonics=loads, frequency=1.2)
+    plane = {"frequency": (0.8, 1.6), "harmonic1.amplitude": (0.1, 0.45)}
+    found = regimes(system, plane, (9, 7), options=RegimeMapOptions(workers=1, check=12))
+    assert {"period 1", "period 2", "chaotic"} <= set(found.cells)
+    assert len(found.check.different) <= 1

@@ -169,8 +169,20 @@ def _function(name: str) -> Callable[..., Any]:
     return apply
 
 
+def _power(base: Any, exponent: Any) -> Any:
+    """Raise to a power; half of an odd number by a root, for which the processor has an instruction."""
+    if isinstance(base, Term) and not isinstance(exponent, Term) and exponent in _HALVES:
+        product = FUNCTIONS["sqrt"](base)
+        for _ in range(int(exponent)):
+            product = product * base
+        return product
+    return _function("power")(base, exponent)
+
+
+_HALVES = (0.5, 1.5, 2.5, 3.5)
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _function(name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
-    "pow": _function("power"),
+    "pow": _power,
 }
 """The functions of formulas, of terms."""

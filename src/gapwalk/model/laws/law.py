@@ -49,8 +49,8 @@ class Law(ABC):
     of two parameters is a series like any other.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance, the batch integrator (basins, regime maps) and equilibria (``gapwalk modes``) refuse
-    it by name; the flow, shooting, special points, loci, verification and files do not.
+    it. Otherwise harmonic balance and equilibria (``gapwalk modes``) refuse it by name; the flow, the batch integrator
+    (basins, regime maps), shooting, special points, loci, verification and files do not.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
     `gapwalk.flow.contact_events`; where it does not, nothing is computed.
