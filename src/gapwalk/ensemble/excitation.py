@@ -116,11 +116,10 @@ class Excitation:
         levels: list[Any] = [share_at(coefficients, cycle, after, steps) for cycle in self._layout.cycles]
         start, end = (Angles(self._layout, coefficients, each, levels) for each in (theta, after))
         columns = [basis]
-        for kind, *rest in self._keys:
-            what = self._keys[kind, *rest][1]
+        for (kind, *rest), (_, what) in self._keys.items():
             if kind == "sway":
-                *_, derivative, at_start = rest
-                column = (start if at_start else end).sway(*what, derivative)
+                (slots, argument), (*_, derivative, at_start) = what, rest
+                column = (start if at_start else end).sway(slots, argument, derivative)
             elif kind == "wave":
                 column = end.wave(what)
             elif kind == "angle":

@@ -56,7 +56,7 @@ class Source:
         self.n, self.contacts = form.structure.size, len(form.structure.contacts)
         self._slots: dict[tuple[str, tuple[int, ...]], int] = {}
         self._patterns = patterns_of(form)
-        loaded = self._patterns["loads"].any(axis=1)
+        loaded = np.asarray(self._patterns["loads"].any(axis=1))
         self._excitation = Excitation(self.layout, form.shared, loaded, self._coefficient, self._active)
         deflections = deflections_of(self.layout)
         self._moves = [
