@@ -14,7 +14,7 @@ from copy import copy
 from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, NoReturn, TypeVar
 
 import heyoka as hy
 import numpy as np
@@ -296,7 +296,10 @@ class _Integrator:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
             grid = np.unique([self._taylor.time, *own, angle])
-            outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+            try:
+                outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+            except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
+                self._refuse(hy.taylor_outcome.err_nf_state, start)
             if outcome != hy.taylor_outcome.time_limit:
                 self._refuse(outcome, start)
             rows.append(found[np.searchsorted(grid, own)])
@@ -395,7 +398,7 @@ class _Integrator:
                 self._switchboard.change_level(angle, *change)
         return total
 
-    def _refuse(self, outcome, start: float) -> None:
+    def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._switchboard.event_limit <= 0:

@@ -199,6 +199,11 @@ class ContactForm:
         signs = [sign for _, sign in self.sides]
         return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
 
+    @property
+    def has_closed_form(self) -> bool:
+        """True if the force is a sum of products."""
+        return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
+
     def closed_form(self, backend: str) -> tuple[Term, ...]:
         """Return the force as a sum of products.
 
@@ -208,7 +213,7 @@ class ContactForm:
             If it is not a sum of products; the message names the backend that needs one.
         """
         terms = closed_form_of(self.law, self.shapes)
-        if terms is None or self.law.rebounds:
+        if terms is None or not self.has_closed_form:
             reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
             raise ModelError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
         return terms

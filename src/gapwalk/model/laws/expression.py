@@ -121,7 +121,7 @@ class Expression(Law):
         stages
             Its ``deflections`` give the deflection and its rate for each variable.
         numbers
-            The parameters by name, and under ``"_edge"`` the widths of the edges of fractional powers.
+            The parameters by name, and perhaps ``"_edge"`` and ``"_kinks"`` as in `Formula.value`.
         """
         found = dict(numbers)
         for name in self.variables:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.model.laws.arithmetic import FUNCTIONS, Guard, Node, Values
+from gapwalk.model.laws.arithmetic import FUNCTIONS, KINKS, Guard, Node, Values
 
 NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
@@ -93,7 +93,8 @@ class Formula:
         environment
             The variables and parameters by name: numbers, arrays, symbols, anything with ``+ - * /``. Under the key
             ``"_edge"`` the width of the edges of fractional powers, in the unit of what stands in ``max(..., 0)``:
-            one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth.
+            one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth. Under the
+            key ``"_kinks"`` what ``max(u, 0)`` is too small by at the kink of each mode, or None, as samples of it are.
         functions
             ``sin cos exp log sqrt tanh`` of one argument, and ``pow(base, exponent)``.
         modes
@@ -143,7 +144,8 @@ class Formula:
         return tuple(self._edge_numbers)
 
     def _values(self, environment: Mapping[str, Any], functions: Any, modes: Sequence[Any]) -> Values:
-        return Values(environment, functions, dict(zip(self._guards, modes, strict=True)), self._edge_numbers)
+        kinks = dict(zip(self._guards, environment.get(KINKS, ()), strict=False))
+        return Values(environment, functions, dict(zip(self._guards, modes, strict=True)), self._edge_numbers, kinks)
 
     @cached_property
     def _guards(self) -> dict[str, Guard]:
