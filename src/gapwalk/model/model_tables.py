@@ -13,6 +13,8 @@ from pydantic import (
     BeforeValidator,
     Field,
     ModelWrapValidatorHandler,
+    PlainValidator,
+    PrivateAttr,
     ValidationError,
     ValidationInfo,
     WrapValidator,
@@ -27,6 +29,8 @@ from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamp
 from gapwalk.model.force_table import ForcePart
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.loads.over_speed import OverSpeed, over_speed_data, read_factor
+from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
@@ -283,41 +287,63 @@ class LoadBase(Part):
     """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
 
     kind: ClassVar[type[Load]]
+    _made: Load = PrivateAttr()
 
-    order: Order = 1
-    name: Name | None = Field(default=None, validate_default=True)
-
-    @field_validator("name")
+    @field_validator("name", check_fields=False)
     @classmethod
     def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
         if name is not None:
             claim(name, info)
-        elif "order" in info.data:
-            name = f"{cls.kind.key}{info.data['order']}"
+        elif "order" in info.data or "order" not in cls.kind.__dataclass_fields__:
+            name = f"{cls.kind.key}{info.data['order'] if 'order' in cls.kind.__dataclass_fields__ else ''}"
             if name in info.context.taken:
                 raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
             info.context.taken.add(name)
         return name
 
     @model_validator(mode="after")
-    def _makes_a_load(self) -> LoadBase:
+    def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
+        given = {name: value for name, value in dict(self).items() if value is not None}
         try:
-            self.load()
+            self._made = self.kind.from_table({**given, "name": given.get("name", "")}, units=info.context.units)
         except ModelError as error:
             raise ValueError(f"is refused: {error}") from None
         return self
 
     def load(self) -> Load:
-        """Make the load."""
-        numbers = {name: value for name, value in dict(self).items() if value is not None}
-        return self.kind(**{**numbers, "name": numbers.get("name", "")})
+        """Return the load."""
+        return self._made
 
 
 _Varied = Annotated[
     Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
     by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
 ]
-_PLAIN = {int: Annotated[int, Field(strict=True)], float: Number, str: Text}
+
+
+def _is_file(given: object) -> NamedFile:
+    """Refuse what is not the name of a file; the file has been read before."""
+    if not isinstance(given, NamedFile):
+        raise ValueError(f'is {given!r}; write the name of a CSV file, as in file = "gas.csv"')
+    return given
+
+
+def _over_speed(given: object, info: ValidationInfo[Names]) -> OverSpeed:
+    """Read a factor over the speed: a formula, or a table in a file."""
+    if isinstance(given, NamedFile):
+        return read_factor(given, units=info.context.units)
+    if not isinstance(given, str):
+        raise ValueError(f'is {given!r}; write a formula such as "1 + 0.1*W", or the name of a file such as "gas.csv"')
+    return over_speed_data(given)
+
+
+_PLAIN = {
+    int: Annotated[int, Field(strict=True)],
+    float: Number,
+    str: Text,
+    OverSpeed: Annotated[Any, PlainValidator(_over_speed)],
+    NamedFile: Annotated[Any, PlainValidator(_is_file)],
+}
 """Types of further fields of loads in model files."""
 
 
@@ -332,11 +358,15 @@ def _load_part(kind: type[Load]) -> type[LoadBase]:
         fields["varies"] = (_Varied | None, None)
         if not kind.has_levels:
             fields["acts_on"] = (Direction | None, None)
-        hints = get_type_hints(kind)
-        for name in named.keys() - {*fields, "acts_on", "order", "name"}:
-            fields[name] = (_PLAIN.get(hints[name], hints[name]), named[name].default)
     else:
         fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
+    hints, keys = get_type_hints(kind), kind.table_keys
+    if keys is None:
+        own = named.keys() - {*fields, "acts_on", "order", "name"}
+        keys = {name: (hints[name], named[name].default) for name in own} if own else {}
+    fields |= {name: (_PLAIN.get(type_, type_), default) for name, (type_, default) in keys.items()}
+    first: dict[str, Any] = {"order": (Order, 1)} if "order" in named or "order" in keys else {}
+    fields = {**first, "name": (Name | None, Field(default=None, validate_default=True)), **fields}  # it may name it
     part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
     part.kind = kind
     return part

@@ -295,10 +295,10 @@ class System(Shown):
             f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
             for form in self.structure.contacts
         )
-        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        loads = (_load_words(form, self.turns or 1) for form in self.structure.harmonics)
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
-        yield f"excitation: {', '.join(orders) or 'none'}"
+        yield f"excitation: {', '.join(loads) or 'none'}"
         if self.units:
             yield f"units: {self.units.words}"
 
@@ -317,6 +317,12 @@ class System(Shown):
         values.flags.writeable = False
         for name, value in (("structure", structure), ("_shared", values), ("_own", own or {})):
             object.__setattr__(self, name, value)
+
+
+def _load_words(form: LoadForm, turns: int) -> str:
+    """Describe a load by its name and order, or by what its kind says of it."""
+    has_order = "order" in form.kind.__dataclass_fields__
+    return f"{form.words} of order {form.order * turns}" if has_order else form.words
 
 
 def pace_number(system: System, digits: int = 8) -> str:

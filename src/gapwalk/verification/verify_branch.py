@@ -126,6 +126,10 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
         yield f"{said}, but the branch ends at {point.value:.10g}"
         return
     match end.reason:
+        case EndReason.TABLE:
+            limits = point.orbit.system.structure.pace_limits
+            if min(abs(end.value - bound) for bound in limits[:2]) > same:
+                yield f"{said}, where {limits.words or 'no load has a table'}"
         case EndReason.RANGE | EndReason.TURNED_BACK:
             if within is not None and min(abs(end.value - bound) for bound in within) > same:
                 yield f"{said}, where the range is from {within[0]:.10g} to {within[1]:.10g}"

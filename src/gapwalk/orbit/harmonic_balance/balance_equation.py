@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.motion import integrate
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, period_of, varying
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
@@ -291,9 +291,8 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, if no parameter changes it."""
-        for name in self._varying:
-            slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
-            if not linear_of(self._layout, slope).is_zero:
+        for mask in varying(self.system, self._varying):
+            if not linear_of(self._layout, mask.astype(float)).is_zero:
                 return None
         return linear_of(self._layout, coefficients_of(self.system))
 
