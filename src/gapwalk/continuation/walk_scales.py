@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
-from gapwalk.model.structure import PaceLimits
 from gapwalk.model.static_force import formulas_of, static_forces_of
+from gapwalk.model.structure import PaceLimits
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.linear_part import linear_of
 from gapwalk.orbit.orbit import Orbit

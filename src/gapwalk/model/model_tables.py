@@ -27,6 +27,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
+from gapwalk.model.laws.grammar import FormulaError
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.loads.over_speed import OverSpeed, over_speed_data, read_factor
@@ -334,7 +335,12 @@ def _over_speed(given: object, info: ValidationInfo[Names]) -> OverSpeed:
         return read_factor(given, units=info.context.units)
     if not isinstance(given, str):
         raise ValueError(f'is {given!r}; write a formula such as "1 + 0.1*W", or the name of a file such as "gas.csv"')
-    return over_speed_data(given)
+    try:
+        return over_speed_data(given)
+    except FormulaError as error:
+        raise ValueError(f"is {given!r}, column {error.column}: {error.reason}") from None
+    except ModelError as error:
+        raise ValueError(str(error).removeprefix("over_speed ")) from None
 
 
 _PLAIN = {
@@ -345,6 +351,7 @@ _PLAIN = {
     NamedFile: Annotated[Any, PlainValidator(_is_file)],
 }
 """Types of further fields of loads in model files."""
+_FILE = 'write the name of a CSV file, as in file = "gas.csv"'
 
 
 @lru_cache
@@ -364,9 +371,11 @@ def _load_part(kind: type[Load]) -> type[LoadBase]:
     if keys is None:
         own = named.keys() - {*fields, "acts_on", "order", "name"}
         keys = {name: (hints[name], named[name].default) for name in own} if own else {}
-    fields |= {name: (_PLAIN.get(type_, type_), default) for name, (type_, default) in keys.items()}
-    first: dict[str, Any] = {"order": (Order, 1)} if "order" in named or "order" in keys else {}
-    fields = {**first, "name": (Name | None, Field(default=None, validate_default=True)), **fields}  # it may name it
+    for name, (type_, default) in keys.items():
+        fields[name] = (_PLAIN.get(type_, type_), Field(description=_FILE) if default is ... else default)
+    order: dict[str, Any] = {"order": (Order, 1)} if "order" in named or "order" in keys else {}
+    fields.pop("order", None)
+    fields = {**order, "name": (Name | None, Field(default=None, validate_default=True)), **fields}  # it may name it
     part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
     part.kind = kind
     return part

@@ -256,11 +256,11 @@ def read_curve(file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units
     table = read_table(file, wanted)
     abscissa, values = table[wanted[0].role].values(), table[wanted[1].role].values()
     turns = 2 if keys["per"] == "cycle" else 1
-    how = {"orders": keys["orders"], "per": keys["per"], "error": keys["error"]}
-    speed = keys["speed"]
+    how = {"orders": keys.get("orders"), "per": keys["per"], "error": keys["error"]}
+    speed = keys.get("speed")
     try:
         if over_time:
-            period = _number(keys["period"], "period", QuantityKind.TIME, "0.04", "s" if units else "")
+            period = _number(keys.get("period"), "period", QuantityKind.TIME, "0.04", "s" if units else "")
             abscissa, speed = 2.0 * math.pi * turns * abscissa / period, 2.0 * math.pi * turns / period
         elif accelerates:
             speed = _number(speed, "speed", QuantityKind.FREQUENCY, "1500", "rpm" if units else "")
