@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -216,8 +217,8 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
-    def turns(self) -> int | None:
-        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+    def turns(self) -> int | Fraction | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter; a fraction for some.
 
         Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
         excitation: there they are multiples of it.

@@ -44,7 +44,7 @@ class Harmonic(Load):
     Harmonic(amplitude=0.1, acts_on={'x': 1.0}, order=1, phase=0.0, name='harmonic1', varies={}, growth=2, at=1.0)
     """
 
-    key, words = "harmonic", "a term of the excitation"
+    key, words, frequencies = "harmonic", "a term of the excitation", ("at",)
     parameters = (
         Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),
         Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
@@ -63,7 +63,7 @@ class Harmonic(Load):
         super().__post_init__()
         if self.growth not in (0, 1, 2) or isinstance(self.growth, bool):
             raise ModelError(f"growth is {self.growth!r}; it must be 0, 1 or 2, the power of the frequency")
-        if not self.at > 0.0:
+        if isinstance(self.at, int | float) and not self.at > 0.0:  # a text with a unit is read by the drive train
             raise ModelError(f"at is {self.at!r}; it must be a frequency > 0, at which the load has its amplitude")
 
     @classmethod

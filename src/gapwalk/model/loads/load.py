@@ -95,6 +95,8 @@ class Load(ABC):
     words: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     has_levels: ClassVar[bool] = False
+    frequencies: ClassVar[tuple[str, ...]] = ()
+    """Names of further fields that are frequencies W; in a drive train with units they are texts."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every kind is a dataclass
     acts_on: Mapping[str, float]
