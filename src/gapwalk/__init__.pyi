@@ -42,11 +42,14 @@ from .model.contact import Contact as Contact
 from .model.contact import Side as Side
 from .model.contact import Stage as Stage
 from .model.contact import backlash as backlash
+from .model.contact import force as force
 from .model.contact import stop as stop
 from .model.damping_matrix import ModalDamping as ModalDamping
 from .model.damping_matrix import ProportionalDamping as ProportionalDamping
 from .model.equilibria import find_equilibria as find_equilibria
 from .model.loads import Harmonic as Harmonic
+from .model.loads import Rectangle as Rectangle
+from .model.measured.curve_contact import measured_spring as measured_spring
 from .model.modes import find_modes as find_modes
 from .model.system import System as System
 from .orbit.find import find_orbit as find_orbit

@@ -2,7 +2,7 @@
 
 Functions: `register`.
 
-Classes: `Harmonic`, `Line`, `Load`, `Parameter`.
+Classes: `Harmonic`, `Levels`, `Line`, `Load`, `Parameter`, `Rectangle`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -128,6 +128,7 @@ class Switchboard:
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
         self._signs = self.signs.tolist()
         self._sways = [contact.sway for contact in contacts]
+        self._swaying = [switch for switch, sway in enumerate(self._sways) if sway is not None]
         moving = [sway for sway in self._sways if sway is not None]
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
@@ -229,10 +230,13 @@ class Switchboard:
 
     def _depths(self, positions: list[float], theta: float) -> list[float]:
         """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
-        return [
-            sign * (sum([factor * positions[i] for i, factor in row]) + self._sway(switch, theta) - offset)
-            for switch, (sign, row, offset) in enumerate(zip(self._signs, self._rows, self._offsets, strict=True))
+        depths = [
+            sign * (sum([factor * positions[i] for i, factor in row]) - offset)
+            for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
         ]
+        for switch in self._swaying:
+            depths[switch] += self._signs[switch] * self._sway(switch, theta)
+        return depths
 
     def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
         """Return which breakpoints the motion is on, within a share of the size of the motion and the breakpoint."""

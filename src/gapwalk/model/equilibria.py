@@ -143,7 +143,7 @@ def find_equilibria(system: System) -> Rest:
     ModelError
         If the force law of a contact is no polynomial of the penetration.
     """
-    springs = springs_of(system, exact=True)
+    springs = springs_of(system)
     statics = _Statics(system.matrix("stiffness"), system.vector("mean"), springs)
     if statics.has_least_energy:
         position = statics.least_energy(system.matrix("mass"))

@@ -16,6 +16,7 @@ import numpy as np
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import describes_train, train_part, train_problems
 from gapwalk.model.matrix_file import read_matrix
+from gapwalk.model.measured.curve_contact import with_curves
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import system_part
 from gapwalk.model.problems import Problem, given
@@ -57,7 +58,11 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
     """
     is_train = describes_train(source.data)
     if is_train:
-        part, problems = validate(train_part(), source.data, source, context=lambda: Names.of_train(source.data))
+        units = Names.of_train(source.data).units
+        data, unread = with_curves(source, lambda name: _path_of(name, source), units=units)
+        full = replace(source, data=data)
+        part, problems = validate(train_part(), data, full, context=lambda: Names.of_train(data))
+        problems = unread + problems
     else:
         full, unread = read_parts(source)
         part, problems = validate(system_part(), full.data, full, context=lambda: Names.of(full.data))
@@ -107,7 +112,9 @@ def read_parts(source: Source) -> tuple[Source, list[Problem]]:
             data[key] = read_matrix(_path_of(data[key], source)).tolist()
         except ValueError as error:
             problems.append(source.problem(f"is {given(data.pop(key))}, {error}", (key,)))
-    return replace(source, data=data), problems
+    source = replace(source, data=data)
+    data, unread = with_curves(source, lambda name: _path_of(name, source), units=False)
+    return replace(source, data=data), problems + unread
 
 
 def matrix_paths(source: Source) -> tuple[str, ...]:

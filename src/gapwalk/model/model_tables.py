@@ -271,7 +271,8 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     law = info.data.get("law")
     if law is None:
         return value
-    if name in own and value is None:
+    optional = {each.name for each in law.parameters if each.optional}
+    if name in own - optional and value is None:
         raise ValueError(f"is missing; the law {given(law.name)} needs it")
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")

@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.known_ideas import idea_of
 from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
@@ -391,6 +392,8 @@ def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[P
     for name, info in root.model_fields.items() if owner is root else ():
         if any(key in _fields(part) for part in _parts_in([info.annotation])):
             return f"it belongs in {name}"
+    if idea := idea_of(key):
+        return idea
     return did_you_mean(key, list(_fields(owner) if owner else ()), "the keys are")
 
 

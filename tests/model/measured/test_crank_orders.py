@@ -123,6 +123,17 @@ def test_too_many_orders_are_refused_with_an_error_that_suffices() -> None:
     assert orders_of(angle, torque, error=written).left_out <= written
 
 
+def test_the_error_of_lines_between_uneven_samples_is_estimated() -> None:
+    angle = np.linspace(0.0, TURN, 91)
+    angle[1:-1] += np.random.default_rng(0).uniform(-0.001, 0.001, 89)
+    table = orders_of(angle, 7.0 * np.cos(5.0 * angle))
+    assert (table.orders, table.is_even) == ((5.0,), False)
+    assert 1.0 - table.lines[0].cosine / 7.0 == pytest.approx(table.lines_error, rel=0.05)
+    assert "orders 5, which leave out" in table.words
+    assert "change the highest one by about 1 %" in table.words
+    assert orders_of(np.linspace(0.0, TURN, 91), np.ones(91)).lines_error == 0.0
+
+
 def test_coarse_samples_are_refused_as_such() -> None:
     angle = np.linspace(0.0, TURN, 9)
     with pytest.raises(

@@ -22,9 +22,17 @@ class Piecewise(Law):
 
     name, words = "piecewise", "a polynomial beyond each clearance, with a preload"
     parameters = (
-        Parameter("scale", None, "it is the factor of the whole force", 1.0),
-        Parameter("offset", QuantityKind.TORQUE, "it is a constant force while the innermost stage is closed", 0.0),
-        Parameter("bend", None, "it is a quadratic term of the same sign on both sides", 0.0, None, -2, 1),
+        Parameter("scale", None, "it is the factor of the whole force", 1.0, optional=True),
+        Parameter(
+            "offset",
+            QuantityKind.TORQUE,
+            "it is a constant force while the innermost stage is closed",
+            0.0,
+            optional=True,
+        ),
+        Parameter(
+            "bend", None, "it is a quadratic term of the same sign on both sides", 0.0, None, -2, 1, optional=True
+        ),
     )
     stage_parameters = (
         CLEARANCE,

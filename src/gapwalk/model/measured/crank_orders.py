@@ -103,7 +103,22 @@ class OrderTable:
     def words(self) -> str:
         """Write what is kept in one line."""
         kept = ", ".join(f"{order:g}" for order in self.orders) or "none"
-        return f"orders {kept}, which leave out {100.0 * self.left_out:.2g} % of the energy of {self.samples:,} samples"
+        uneven = f"; lines between uneven samples change the highest one by about {100.0 * self.lines_error:.2g} %"
+        return (
+            f"orders {kept}, which leave out {100.0 * self.left_out:.2g} % of the energy of {self.samples:,} samples"
+            + uneven * (not self.is_even)
+        )
+
+    @property
+    def lines_error(self) -> float:
+        """About the share of the highest order of a smooth signal that straight lines between uneven samples lose.
+
+        It is ``(order * step)**2 / 12`` for the mean step, the leading term of the spectrum of a triangle. It is 0 for
+        even samples.
+        """
+        if self.is_even or not self.lines:
+            return 0.0
+        return (self.lines[-1].order * 2.0 * math.pi * self.turns / self.samples) ** 2 / 12.0
 
     def value(self, angle: ArrayLike) -> Any:
         """Return the signal at some angles (rad), of their shape."""

@@ -19,7 +19,9 @@ _RUNS = 4  # changes of direction of a loop: from rest to one end, to the other,
 _SAME = 1e-12  # a share of the largest number
 _NEAR = 1e-9  # a share of the range of the deflection
 _SMALLEST = 1e-30
-_LEAST_TURNS = 5  # rises and falls in turn of which noise or two branches are suspected
+# Rises and falls in turn, and bends up and down in turn, of which noise or two branches are suspected; and the least
+# bend that counts: the distance of a corner from the chord of its neighbours, as a share of the largest force.
+_LEAST_TURNS, _LEAST_SWAPS, _BEND = 5, 7, 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +50,16 @@ class CurvePoints:
 
     @property
     def is_odd(self) -> bool:
-        """True if the curve is the same on both sides of the deflection 0, but for rounding in the file."""
-        near_x, near_y = _SAME * self.x[-1], _SAME * self.scale
-        return bool(
-            np.all(np.abs(self.x + self.x[::-1]) <= near_x) and np.all(np.abs(self.left + self.right[::-1]) <= near_y)
-        )
+        """True if the curve is exactly the same on both sides of the deflection 0."""
+        return np.array_equal(self.x, -self.x[::-1]) and np.array_equal(self.left, -self.right[::-1])
+
+    def without_rounding(self) -> CurvePoints:
+        """Return an odd curve if it is odd but for rounding of the numbers in a file, as in most data sheets."""
+        x, left, right = self.x, self.left, self.right
+        bend = np.max(np.abs(left + right[::-1]))
+        if np.max(np.abs(x + x[::-1])) > _SAME * x[-1] or bend > _SAME * self.scale:
+            return self
+        return CurvePoints(0.5 * (x - x[::-1]), 0.5 * (left - right[::-1]), 0.5 * (right - left[::-1]), self.scale)
 
     def right_half(self) -> CurvePoints:
         """Return an odd curve from the deflection 0 on, where its force is 0 unless it has a step there."""
@@ -140,22 +147,31 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
             f"the curve has a step at its end, at the deflection {end:g}; a step needs a point on each side of it, as "
             "in -1,0 then 0,0 then 0,5 then 1,9"
         )
-    return CurvePoints(places, left, right, scale)
+    return CurvePoints(places, left, right, scale).without_rounding()
 
 
-def check_turns(force: Array) -> None:
-    """Refuse the forces of a thinned curve if most of its corners are rises and falls in turn.
+def check_zigzag(x: Array, force: Array, scale: float) -> None:
+    """Refuse a thinned curve if most of its corners are rises and falls, or bends up and down, in turn.
 
     Points of two branches that were sorted by their deflection, or noise, look like this.
     """
-    rises = np.sign(np.diff(force))
-    rises = rises[rises != 0.0]
-    turns = int(np.count_nonzero(rises[1:] != rises[:-1]))
-    if turns >= _LEAST_TURNS and 2 * turns > len(force) - 2:
+    corners = len(force) - 2
+    rises = np.diff(force)
+    turns = _changes(rises[rises != 0.0])
+    chord = force[:-2] + (force[2:] - force[:-2]) * ((x[1:-1] - x[:-2]) / (x[2:] - x[:-2]))
+    bends = force[1:-1] - chord
+    swaps = _changes(bends[np.abs(bends) > _BEND * scale])
+    if (turns >= _LEAST_TURNS and 2 * turns > corners) or (swaps >= _LEAST_SWAPS and 2 * swaps > corners):
+        how = f"rises and falls {turns}" if turns >= _LEAST_TURNS else f"bends up and down {swaps}"
         raise ModelError(
-            f"the force rises and falls {turns} times in turn: these seem to be two branches (loading and unloading) "
-            "that were sorted together, or noise; give the mean curve, or write an error that is larger than the noise"
+            f"the force {how} times in turn: these seem to be two branches (loading and unloading) that were sorted "
+            "together, or noise; give the mean curve, or write an error that is larger than the noise"
         )
+
+
+def _changes(numbers: Array) -> int:
+    """Count the changes of the sign."""
+    return int(np.count_nonzero(np.sign(numbers[1:]) != np.sign(numbers[:-1])))
 
 
 def _row(values: object, what: str) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.curve_points import CurvePoints, check_turns, curve_points
+from gapwalk.model.measured.curve_points import CurvePoints, check_zigzag, curve_points
 from gapwalk.model.measured.polyline_thinning import thin_polyline
 
 Array = NDArray[np.float64]
@@ -212,7 +212,7 @@ def _lines(data: CurvePoints, error: float) -> tuple[Polynomial, tuple[Corner, .
     breaks: list[Break] = []
     pieces: list[Piece] = []
     for x, y in chosen:
-        check_turns(y)
+        check_zigzag(x, y, data.scale)
         slopes = np.diff(y) / np.diff(x)
         pieces += [(float(a), (float(b), float(slope), 0.0, 0.0)) for a, b, slope in zip(x, y, slopes, strict=False)]
         breaks += [*((float(place), 1) for place in x[1:-1]), (float(x[-1]), 0)]  # between sections is a step
@@ -286,7 +286,7 @@ def _cubics(data: CurvePoints, error: float) -> tuple[Polynomial, tuple[Corner, 
     if reached > allowed:
         raise _refusal(reached / data.scale, error)
     kept = _without_needless(x, y, kept, allowed, odd=data.is_odd)
-    check_turns(y[kept])
+    check_zigzag(x[kept], y[kept], data.scale)
     smooth = _monotone(x[kept], y[kept])
     slopes = smooth.derivative()(x[kept])
     pieces = [(float(x[0]), (float(y[0]), float(slopes[0]), 0.0, 0.0))]

@@ -1,0 +1,198 @@
+"""Contacts whose springs follow a measured curve: each corner is a stage; and the key ``curve`` of model files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from gapwalk.errors import ModelError
+from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.measured.measured_table import WantedColumn, read_table
+from gapwalk.model.measured.spring_curve import ERROR, Corner, Curve, spring_curve
+from gapwalk.model.model_source import Source
+from gapwalk.model.problems import Problem, given
+from gapwalk.model.units import QuantityKind
+
+LAW = "piecewise"
+"""The force law of a measured curve."""
+
+_TABLES = ("contact", "shaft", "gear")
+_OWN = ("curve", "interpolation", "error")
+_WITHOUT = ("law", "clearance", "stiffness", "cubic", "side", "stage", "preload", "quadratic", "offset", "bend")
+
+
+def measured_spring(
+    name: str,
+    deflection: Mapping[str, float],
+    curve: Curve | str | os.PathLike[str],
+    *,
+    scale: float = 1.0,
+    force: Mapping[str, float] | None = None,
+) -> Contact:
+    """Make a contact from a measured curve of force over deflection.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names: ``clutch.scale``, ``clutch.corner1.clearance``, ...
+    deflection
+        The deflection by coordinate name.
+    curve
+        The curve, as from `spring_curve`; or a CSV file with a column of deflections and one of forces, without units.
+    scale
+        Factor of the whole force.
+    force
+        Where it acts; by default along its deflection.
+
+    Raises
+    ------
+    ModelError
+        If the file is no curve.
+
+    Examples
+    --------
+    >>> curve = spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> [(stage.clearance, stage.stiffness) for stage in measured_spring("clutch", {"x": 1.0}, curve).stages]
+    [(2.0, 5.0)]
+    """
+    if not isinstance(curve, Curve):
+        curve = _read(os.fspath(curve), "linear", ERROR, None)
+    stages, numbers = stages_of_curve(curve)
+    return Contact(name, deflection, stages, force, LAW, numbers, scale=scale)
+
+
+def stages_of_curve(curve: Curve) -> tuple[tuple[Stage, ...], dict[str, float]]:
+    """Return the stages of a curve from the inside out, and the parameters of its contact as a whole."""
+    value, slope, quadratic, cubic = curve.base
+    corners, numbers = list(curve.corners), {}
+    found: list[Stage] = []
+    at_rest = next((corner for corner in corners if corner.position == 0.0), None)
+    if at_rest is not None:  # another polynomial on each side
+        corners.remove(at_rest)
+        left = Corner(-0.0, -1, value, slope, quadratic, cubic)
+        total = [part + change for part, change in zip(curve.base, at_rest.change, strict=True)]
+        found += [_stage(each) for each in (Corner(0.0, 1, *total), left) if any(each.change)]
+    elif any(curve.base):
+        found.append(Stage(0.0, slope, cubic))
+        numbers = {"offset": value, "bend": quadratic}
+    outer = [_stage(corner) for corner in corners]
+    mirrored = {(stage.clearance, *_numbers(stage)): stage for stage in outer if stage.side is Side.NEGATIVE}
+    for stage in sorted(outer, key=lambda stage: (stage.clearance, stage.side is Side.NEGATIVE)):
+        key = (stage.clearance, *_numbers(stage))
+        if stage.side is Side.POSITIVE and key in mirrored:
+            found.append(replace(stage, side=Side.BOTH))
+        elif stage.side is Side.POSITIVE or not _has_mirror(stage, outer):
+            found.append(stage)
+    if not found:
+        raise ModelError("the curve is zero everywhere; a contact needs a force")
+    names = _names(found) if len(found) > 1 else [""]
+    return tuple(replace(stage, name=name) for stage, name in zip(found, names, strict=True)), numbers
+
+
+def _stage(corner: Corner) -> Stage:
+    side = Side.POSITIVE if corner.side > 0 else Side.NEGATIVE
+    even = {"preload": corner.side * corner.step, "quadratic": corner.side * corner.quadratic}
+    numbers = {name: value for name, value in even.items() if value}
+    return Stage(abs(corner.position), corner.slope, corner.cubic, side, numbers=numbers)
+
+
+def _numbers(stage: Stage) -> tuple[float, ...]:
+    return stage.stiffness, stage.cubic, stage.numbers.get("preload", 0.0), stage.numbers.get("quadratic", 0.0)
+
+
+def _has_mirror(stage: Stage, stages: Sequence[Stage]) -> bool:
+    """Return True if the same stage acts on the other side."""
+    key = (stage.clearance, *_numbers(stage))
+    return any(each.side is not stage.side and (each.clearance, *_numbers(each)) == key for each in stages)
+
+
+def _names(stages: Sequence[Stage]) -> Iterator[str]:
+    count = 0
+    for stage in stages:
+        if stage.clearance == 0.0:
+            yield {Side.BOTH: "base", Side.POSITIVE: "right", Side.NEGATIVE: "left"}[stage.side]
+        else:
+            count += 1
+            yield f"corner{count}"
+
+
+def _read(path: str, interpolation: Any, error: Any, kinds: tuple[QuantityKind, QuantityKind] | None) -> Curve:
+    """Read a curve from a CSV file, in the reference units of the kinds."""
+    deflection, force = kinds or (None, None)
+    wanted = [
+        WantedColumn("deflection", deflection, ("angle", "twist", "displacement", "x")),
+        WantedColumn("torque" if kinds else "force", force, ("torque", "force", "moment", "load", "f")),
+    ]
+    table = read_table(path, wanted)
+    columns = [table[each.role].values() for each in wanted]
+    return spring_curve(columns[0], columns[1], interpolation, error)
+
+
+def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
+    """Replace the key ``curve`` of contacts, shafts and gears by the stages of the measured curve.
+
+    Parameters
+    ----------
+    source
+        The model file.
+    path_of
+        Function that returns the path of a file that the model file names; a ValueError if it must not be read.
+    units
+        True if the quantities of the file have units.
+
+    Returns
+    -------
+    data : dict
+        The content of the file with stages in place of curves.
+    problems : list of Problem
+        Curves that cannot be used.
+    """
+    data, problems = dict(source.data), []
+    for key in _TABLES:
+        tables = data.get(key)
+        if not isinstance(tables, list):
+            continue
+        tables = data[key] = list(tables)
+        for number, table in enumerate(tables):
+            if not isinstance(table, Mapping) or "curve" not in table:
+                continue
+            try:
+                tables[number] = _with_stages(table, path_of, units=units)
+            except (ModelError, ValueError) as error:
+                tables[number] = {each: value for each, value in table.items() if each not in _OWN}
+                tables[number] |= {"clearance": 0.0, "stiffness": "1 N m/rad" if units else 1.0}
+                problems.append(source.problem(f"is {given(table['curve'])}: {error}", (key, number, "curve")))
+    return data, problems
+
+
+def _with_stages(table: Mapping[str, Any], path_of: Callable[[str], str], *, units: bool) -> dict[str, Any]:
+    """Return the table of a contact with stages in place of its curve."""
+    if both := [each for each in _WITHOUT if each in table]:
+        raise ModelError(f"it is given together with {both[0]}; the curve has all of the force, leave {both[0]} out")
+    if not isinstance(table["curve"], str):
+        raise ModelError('it must be the name of a CSV file, as in curve = "clutch.csv"')
+    kinds = (QuantityKind.ANGLE, QuantityKind.TORQUE) if units else None
+    interpolation, error = table.get("interpolation", "linear"), table.get("error", ERROR)
+    if interpolation not in ("linear", "cubic"):
+        raise ModelError(f'interpolation is {given(interpolation)}; it is "linear" or "cubic"')
+    if units and interpolation == "cubic":
+        raise ModelError('interpolation is "cubic", which is not available with units; write interpolation = "linear"')
+    curve = _read(path_of(table["curve"]), interpolation, error, kinds)
+    stages, numbers = stages_of_curve(curve)
+    rest = {each: value for each, value in table.items() if each not in _OWN}
+    own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
+    return rest | own | {"law": LAW, "stage": [_stage_table(stage, units=units) for stage in stages]}
+
+
+def _stage_table(stage: Stage, *, units: bool) -> dict[str, Any]:
+    numbers = {"clearance": stage.clearance, "stiffness": stage.stiffness, "cubic": stage.cubic, **stage.numbers}
+    found: dict[str, Any] = {name: _with_unit(name, value, units=units) for name, value in numbers.items()}
+    found["side"] = stage.side.value
+    return found | ({"name": stage.name} if stage.name else {})
+
+
+def _with_unit(name: str, value: float, *, units: bool) -> float | str:
+    kinds = {"clearance": "rad", "stiffness": "N m/rad", "cubic": "N m/rad^3", "preload": "N m", "offset": "N m"}
+    return f"{value!r} {kinds[name]}" if units and value and name in kinds else value
