@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import fields as dataclass_fields
+from collections.abc import Callable, Mapping
 from functools import lru_cache, wraps
-from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -26,19 +25,17 @@ from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
-from gapwalk.model.loads import LOADS, Load
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.load_table import load_fields, loads_of
+from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
-    Angle,
     Direction,
     Matrix,
     Name,
     Names,
     NonNegative,
     Number,
-    Order,
     Part,
     Positive,
     RegularMatrix,
@@ -46,13 +43,12 @@ from gapwalk.model.schema import (
     Vector,
     by_shape,
     claim,
-    measured,
+    number_of,
     one_of,
     tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind, has_unit
 
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
@@ -87,14 +83,6 @@ def law_fields(which: str) -> dict[str, Any]:
     for name, each in law_parameters(which).items():
         found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
     return found
-
-
-def number_of(parameter: Parameter) -> Any:
-    """Make the type of a parameter's value in a table."""
-    number = Angle if parameter.kind is QuantityKind.PHASE else Number
-    if parameter.least is not None:
-        number = Annotated[number, Field(ge=parameter.least)]
-    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
 
 
 def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
@@ -277,137 +265,6 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
     return value
-
-
-class LoadBase(Part):
-    """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
-
-    kind: ClassVar[type[Load]]
-
-    order: Order = 1
-    name: Name | None = Field(default=None, validate_default=True)
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Names]) -> Self:
-        """Name a variation for what it varies, if the name of its order is taken."""
-        if isinstance(table, Mapping) and "name" not in table:
-            name = default_name(cls.kind.key, table, info.context.taken)
-            if name != f"{cls.kind.key}{table.get('order', 1)}":
-                table = {**table, "name": name}
-        return handler(table)
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
-        if name is not None:
-            claim(name, info)
-        elif "order" in info.data:
-            name = f"{cls.kind.key}{info.data['order']}"
-            if name in info.context.taken:
-                raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
-            info.context.taken.add(name)
-        return name
-
-    @model_validator(mode="after")
-    def _makes_a_load(self) -> LoadBase:
-        try:
-            self.load()
-        except ModelError as error:
-            raise ValueError(f"is refused: {error}") from None
-        return self
-
-    def load(self) -> Any:
-        """Make the load."""
-        numbers = {name: value for name, value in dict(self).items() if value is not None}
-        return self.kind(**{**numbers, "name": numbers.get("name", "")})
-
-
-def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
-    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2`` if that is taken."""
-    order, varied = table.get("order", 1), table.get("varies")
-    name = f"{key}{order}" if isinstance(order, int) else f"{key}{order}".replace(".", "_")
-    if name in taken and isinstance(varied, str):
-        return f"{varied.replace('.', '_')}_{name}"
-    return name
-
-
-_Varied = Annotated[
-    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
-]
-_PLAIN = {int: Annotated[int, Field(strict=True)], float: Number, str: Text}
-"""Types of further fields of loads in model files."""
-
-
-def _size_of(parameter: Parameter) -> Any:
-    """Make the type of a parameter's value in a table: a fraction or an angle where the load varies something."""
-    measures = {kind: measured(kind).func for kind in (QuantityKind.ANGLE, QuantityKind.TORQUE)}
-
-    def check(value: object, handler: Callable[[object], Any], info: ValidationInfo[Names]) -> Any:
-        kind = kind_of_size(info.data.get("varies"))
-        if kind is not None:
-            return measures[kind](value, handler, info)  # pyright: ignore
-        if has_unit(value):
-            raise ValueError(f"is {given(value)}; it is a fraction of what varies, so write it without a unit")
-        return handler(value)
-
-    number = Number if parameter.least is None else Annotated[Number, Field(ge=parameter.least)]
-    return Annotated[number, WrapValidator(check)]
-
-
-def kind_of_size(varied: object) -> QuantityKind | None:
-    """Return the kind of the amplitude of a load by what it varies: a torque, an angle, or None for a fraction."""
-    if not varied:
-        return QuantityKind.TORQUE
-    names = [varied] if isinstance(varied, str) else list(varied) if isinstance(varied, Mapping) else []
-    displaced = any(str(name).rpartition(".")[2] in DISPLACED for name in names)
-    return QuantityKind.ANGLE if displaced else None
-
-
-DISPLACED = ("deflection", "clearance", "angle")
-"""Last words of what varies by a displacement, and not by a fraction."""
-
-
-@lru_cache
-def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
-    fields, named = {}, {each.name: each for each in dataclass_fields(kind)}
-    if "varies" in named:
-        fields["varies"] = (_Varied | None, None)
-        if not kind.has_levels:
-            fields["acts_on"] = (Direction | None, None)
-    for each in kind.parameters:
-        number = _size_of(each) if each.name == "amplitude" and "varies" in named else number_of(each)
-        fields[each.name] = (number, Field(description=each.words) if each.default is None else each.default)
-    if "varies" in named:
-        hints = get_type_hints(kind)
-        for name in (name for name in named if name not in {*fields, "acts_on", "order", "name"}):
-            number = _PLAIN.get(hints[name], hints[name])
-            if name in kind.frequencies:
-                number = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-            fields[name] = (number, named[name].default)
-    else:
-        fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
-    part = create_model(f"{kind.__name__}Part", __base__=base, **fields)
-    part.kind = kind
-    return part
-
-
-def load_fields(base: type[LoadBase] = LoadBase) -> dict[str, Any]:
-    """Make the fields of the tables of all registered loads, one list for each kind.
-
-    Parameters
-    ----------
-    base
-        The keys that all have in common.
-    """
-    lists: dict[str, Any] = {key: list[_load_part(kind, base)] for key, kind in LOADS.items()}  # pyright: ignore
-    return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
-
-
-def loads_of(part: Part) -> list[Any]:
-    """Make the loads of a model file."""
-    return [each.load() for key in LOADS for each in getattr(part, key, ())]
 
 
 def study_tables(study: object) -> object:

@@ -178,7 +178,11 @@ class Train:
         units = self.units or units_of(
             quantities,
             None if self.speed is None else 1,  # until orders are counted
-            [(name, kinds[name], found[name][1] if name in found else PLAIN) for name in (*own, *formulas)],
+            [
+                (name, kind, found[name][1] if name in found else PLAIN)
+                for name, kind in own.items()
+                if kind is not QuantityKind.FREQUENCY
+            ],
         )
 
         def number(name: str, value: Any) -> Any:
@@ -223,8 +227,8 @@ class Train:
                 for group in ("inertias", "shafts", "gears", "forces")
             },
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
-            "harmonics": tuple(map(changed, self.harmonics)),
             pace: change(pace, getattr(self, pace)),
+            "harmonics": tuple(map(changed, self.harmonics)),
         }
 
     def replaced(self, part: str, **changes: Any) -> Train:

@@ -82,6 +82,8 @@ def part_problems(train: Train) -> Iterator[str]:
             for name in names
             if name not in inertias
         )
+    if train.reference not in inertias:
+        yield f"reference is {train.reference!r}, which is no inertia; {did_you_mean(train.reference, inertias)}"
     if train.reaction is not None:
         if train.reaction not in inertias:
             yield f"reaction is {train.reaction!r}, which is no inertia; {did_you_mean(train.reaction, inertias)}"

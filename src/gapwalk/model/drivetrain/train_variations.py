@@ -32,6 +32,7 @@ def own_kinds(train: Train) -> dict[str, QuantityKind | None]:
     found: dict[str, QuantityKind | None] = {}
     for load in map(plain_load, train.harmonics):
         displaced = any(name.rpartition(".")[2] in _DISPLACED for name in load.varies)
+        found |= {f"{load.name}.{name}": QuantityKind.FREQUENCY for name in load.frequencies}
         for parameter in load.parameters if load.varies else ():
             if kind_of(f"{load.name}.{parameter.name}") is QuantityKind.TORQUE:
                 found[f"{load.name}.{parameter.name}"] = QuantityKind.ANGLE if displaced else None
