@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -264,6 +265,10 @@ class Train:
             tuple(self._torques(numbers, links)),
             None if self.reaction is None else numbers[self.reaction],
         )
+        counts = Counter([load.form.name for load in form.loads])
+        counts.update(part.name for part in (*self.inertias, *self.links))
+        for name in (name for name, count in counts.items() if count > 1):
+            raise ModelError(f"{name} is the name of a displacement, too; choose another one for the part")
         return TrainAssembly(form, self.units), np.array([*self._numbers(form)], dtype=float)
 
     def _torques(self, numbers: Mapping[str, int], links: Sequence[LinkForm]) -> Iterator[TorqueForm]:
@@ -272,8 +277,9 @@ class Train:
         frequency = self.units.frequency if self.units else 1.0
         for each, order in zip(self.harmonics, multiples_of(self, turns), strict=True):
             load = plain_load(each)
+            scaled = load.frequencies if getattr(load, "growth", True) else ()
             constants = tuple(
-                (name, value * frequency if name in load.frequencies else value) for name, value in load.constants()
+                (name, value * frequency if name in scaled else value) for name, value in load.constants()
             )
             varies, displaces = targets_of(self, load, links)
             form = LoadForm(load.name, order, type(load), constants, varies)
