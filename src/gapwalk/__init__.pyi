@@ -17,7 +17,6 @@ from . import train as train
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
-from .attractors.basins import BasinShares as BasinShares
 from .attractors.classify import ClassifyOptions as ClassifyOptions
 from .attractors.classify import classify as classify
 from .attractors.regimes import Regimes as Regimes
@@ -48,8 +47,6 @@ from .model.damping_matrix import ModalDamping as ModalDamping
 from .model.damping_matrix import ProportionalDamping as ProportionalDamping
 from .model.equilibria import find_equilibria as find_equilibria
 from .model.loads import Harmonic as Harmonic
-from .model.loads import Rectangle as Rectangle
-from .model.measured.curve_contact import measured_spring as measured_spring
 from .model.modes import find_modes as find_modes
 from .model.system import System as System
 from .orbit.find import find_orbit as find_orbit

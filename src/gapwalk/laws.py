@@ -1,6 +1,6 @@
 """Force laws of contacts, and what a law of your own needs.
 
-Functions: `register`, `register_formula`, `spring_curve`.
+Functions: `register`, `register_formula`, `spring_curve`, `measured_spring`.
 
 Classes: `Corner`, `Curve`, `Elastic`, `Expression`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`, `Parameter`,
 `Piecewise`, `Pushing`, `QuantityKind`, `StageTerms`, `Stages`, `Viscous`.

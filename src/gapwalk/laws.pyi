@@ -16,6 +16,7 @@ from .model.laws.contact_laws import HuntCrossley as HuntCrossley
 from .model.laws.contact_laws import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
 from .model.laws.contact_laws import Viscous as Viscous
 from .model.laws.grammar import FormulaError as FormulaError
+from .model.measured.curve_contact import measured_spring as measured_spring
 from .model.measured.spring_curve import Corner as Corner
 from .model.measured.spring_curve import Curve as Curve
 from .model.measured.spring_curve import spring_curve as spring_curve

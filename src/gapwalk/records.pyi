@@ -2,6 +2,7 @@
 
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
+from .attractors.basins import BasinShares as BasinShares
 from .attractors.basins import Share as Share
 from .attractors.box import Box as Box
 from .attractors.box import Window as Window

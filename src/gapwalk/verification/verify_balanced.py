@@ -84,7 +84,7 @@ def _of_series(orbit: BalancedOrbit) -> Imbalance:
         waves = np.exp(1j * np.outer(theta / orbit.period, np.arange(count + 1)))
         states = np.hstack([(waves @ (lines * rate**power).T).real for power in (0, 1)])
         accelerations = (waves @ (lines * rate**2).T).real
-        depths = equations.depths(equations.deflections(states[:, : system.size]))
+        depths = equations.depths(equations.deflections(theta, states[:, : system.size]))
         closed = (depths > 0.0).astype(float)
         full = np.column_stack((states, np.zeros(len(theta))))
         rates = equations.rates(theta, full, closed)[:, system.size : 2 * system.size] * system.frequency

@@ -91,6 +91,11 @@ class Expression(Law):
         return self.formula.mode_count
 
     @property
+    def has_edges(self) -> bool:
+        """See `Law.has_edges`."""
+        return bool(self.formula.edge_widths)
+
+    @property
     def is_damped(self) -> bool:
         """True if a rate occurs in the formula."""
         return any(name not in self.variables for name in self.formula.variables)

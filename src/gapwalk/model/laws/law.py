@@ -123,6 +123,11 @@ class Law(ABC):
         return ()
 
     @property
+    def has_edges(self) -> bool:
+        """True if the force has no higher derivatives where a guard vanishes, as fractional powers have none at 0."""
+        return False
+
+    @property
     def rebounds(self) -> bool:
         """True if the law has a reset."""
         return type(self).rebound is not Law.rebound
