@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields as dataclass_fields
 from functools import lru_cache, wraps
-from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
     ModelWrapValidatorHandler,
-    PlainValidator,
-    PrivateAttr,
     ValidationError,
     ValidationInfo,
     WrapValidator,
@@ -27,23 +24,18 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
-from gapwalk.model.laws.grammar import FormulaError
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
-from gapwalk.model.loads import LOADS, Load
-from gapwalk.model.loads.over_speed import OverSpeed, over_speed_data, read_factor
-from gapwalk.model.measured.measured_table import NamedFile
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.load_table import load_fields, loads_of
+from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
-    Angle,
     Direction,
     Matrix,
     Name,
     Names,
     NonNegative,
     Number,
-    Order,
     Part,
     Positive,
     RegularMatrix,
@@ -51,13 +43,12 @@ from gapwalk.model.schema import (
     Vector,
     by_shape,
     claim,
-    measured,
+    number_of,
     one_of,
     tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
@@ -92,14 +83,6 @@ def law_fields(which: str) -> dict[str, Any]:
     for name, each in law_parameters(which).items():
         found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
     return found
-
-
-def number_of(parameter: Parameter) -> Any:
-    """Make the type of a parameter's value in a table."""
-    number = Angle if parameter.kind is QuantityKind.PHASE else Number
-    if parameter.least is not None:
-        number = Annotated[number, Field(ge=parameter.least)]
-    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
 
 
 def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
@@ -282,114 +265,6 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
     return value
-
-
-class LoadBase(Part):
-    """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
-
-    kind: ClassVar[type[Load]]
-    _made: Load = PrivateAttr()
-
-    @field_validator("name", check_fields=False)
-    @classmethod
-    def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
-        if name is not None:
-            claim(name, info)
-        elif "order" in info.data or "order" not in cls.kind.__dataclass_fields__:
-            name = f"{cls.kind.key}{info.data['order'] if 'order' in cls.kind.__dataclass_fields__ else ''}"
-            if name in info.context.taken:
-                raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
-            info.context.taken.add(name)
-        return name
-
-    @model_validator(mode="after")
-    def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
-        given = {name: value for name, value in dict(self).items() if value is not None}
-        try:
-            self._made = self.kind.from_table({**given, "name": given.get("name", "")}, units=info.context.units)
-        except ModelError as error:
-            raise ValueError(f"is refused: {error}") from None
-        return self
-
-    def load(self) -> Load:
-        """Return the load."""
-        return self._made
-
-
-_Varied = Annotated[
-    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
-]
-
-
-def _is_file(given: object) -> NamedFile:
-    """Refuse what is not the name of a file; the file has been read before."""
-    if not isinstance(given, NamedFile):
-        raise ValueError(f'is {given!r}; write the name of a CSV file, as in file = "gas.csv"')
-    return given
-
-
-def _over_speed(given: object, info: ValidationInfo[Names]) -> OverSpeed:
-    """Read a factor over the speed: a formula, or a table in a file."""
-    if isinstance(given, NamedFile):
-        return read_factor(given, units=info.context.units)
-    if not isinstance(given, str):
-        raise ValueError(f'is {given!r}; write a formula such as "1 + 0.1*W", or the name of a file such as "gas.csv"')
-    try:
-        return over_speed_data(given)
-    except FormulaError as error:
-        raise ValueError(f"is {given!r}, column {error.column}: {error.reason}") from None
-    except ModelError as error:
-        raise ValueError(str(error).removeprefix("over_speed ")) from None
-
-
-_PLAIN = {
-    int: Annotated[int, Field(strict=True)],
-    float: Number,
-    str: Text,
-    OverSpeed: Annotated[Any, PlainValidator(_over_speed)],
-    NamedFile: Annotated[Any, PlainValidator(_is_file)],
-}
-"""Types of further fields of loads in model files."""
-_FILE = 'write the name of a CSV file, as in file = "gas.csv"'
-
-
-@lru_cache
-def _load_part(kind: type[Load]) -> type[LoadBase]:
-    fields: dict[str, Any] = {
-        each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
-        for each in kind.parameters
-    }
-    named = {each.name: each for each in dataclass_fields(kind)}
-    if "varies" in named:
-        fields["varies"] = (_Varied | None, None)
-        if not kind.has_levels:
-            fields["acts_on"] = (Direction | None, None)
-    else:
-        fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
-    hints, keys = get_type_hints(kind), kind.table_keys
-    if keys is None:
-        own = named.keys() - {*fields, "acts_on", "order", "name"}
-        keys = {name: (hints[name], named[name].default) for name in own} if own else {}
-    for name, (type_, default) in keys.items():
-        fields[name] = (_PLAIN.get(type_, type_), Field(description=_FILE) if default is ... else default)
-    order: dict[str, Any] = {"order": (Order, 1)} if "order" in named or "order" in keys else {}
-    fields.pop("order", None)
-    fields = {**order, "name": (Name | None, Field(default=None, validate_default=True)), **fields}  # it may name it
-    part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
-    part.kind = kind
-    return part
-
-
-def load_fields() -> dict[str, Any]:
-    """Make the fields of the tables of all registered loads, one list for each kind."""
-    lists: dict[str, Any] = {key: list[_load_part(kind)] for key, kind in LOADS.items()}  # pyright: ignore
-    return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
-
-
-def loads_of(part: Part) -> list[Load]:
-    """Make the loads of a model file."""
-    return [each.load() for key in LOADS for each in getattr(part, key, ())]
 
 
 def study_tables(study: object) -> object:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -216,8 +217,8 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
-    def turns(self) -> int | None:
-        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+    def turns(self) -> int | Fraction | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter; a fraction for some.
 
         Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
         excitation: there they are multiples of it.
@@ -319,10 +320,12 @@ class System(Shown):
             object.__setattr__(self, name, value)
 
 
-def _load_words(form: LoadForm, turns: int) -> str:
-    """Describe a load by its name and order, or by what its kind says of it."""
-    has_order = "order" in form.kind.__dataclass_fields__
-    return f"{form.words} of order {form.order * turns}" if has_order else form.words
+def _load_words(form: LoadForm, turns: int | Fraction) -> str:
+    """Describe a load by its name and its order, or by what its kind says of it."""
+    notes = [form.kind.notes(dict(form.constants)), form.factor.words if form.factor else ""]
+    order = f" of order {form.order * turns}" if form.kind.is_periodic and not notes[0] else ""
+    text = "; ".join(filter(None, notes))
+    return f"{form.name}{order}{f' ({text})' if text else ''}"
 
 
 def pace_number(system: System, digits: int = 8) -> str:

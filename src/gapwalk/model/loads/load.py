@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Self
@@ -49,7 +50,7 @@ class Load(ABC):
     acts_on
         The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia. Empty for a variation.
     order
-        Multiple of the fundamental frequency, an integer >= 1; a kind without this field has other orders, or none.
+        Multiple of the fundamental frequency, an integer >= 1.
     name
         Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
     varies
@@ -107,6 +108,10 @@ class Load(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     has_levels: ClassVar[bool] = False
     table_keys: ClassVar[Mapping[str, tuple[Any, Any]] | None] = None
+    frequencies: ClassVar[tuple[str, ...]] = ()
+    """Names of further fields that are frequencies W; in a drive train with units they are texts."""
+    is_periodic: ClassVar[bool] = True
+    """False if it is constant over the angle, so that it has no order."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every kind is a dataclass
     acts_on: Mapping[str, float]
@@ -118,16 +123,16 @@ class Load(ABC):
     at: float = 1.0
 
     def __post_init__(self) -> None:
-        if "order" in self.__dataclass_fields__:
+        if self.is_periodic:
             check_order(self.order)
             object.__setattr__(self, "order", int(self.order))
         if not self.name:
-            object.__setattr__(self, "name", f"{self.key}{self.order if 'order' in self.__dataclass_fields__ else ''}")
+            object.__setattr__(self, "name", f"{self.key}{self.order if self.is_periodic else ''}")
         if "over_speed" in self.__dataclass_fields__:
             object.__setattr__(self, "over_speed", over_speed_data(self.over_speed))
         if self.growth not in (0, 1, 2) or isinstance(self.growth, bool):
             raise ModelError(f"growth is {self.growth!r}; it must be 0, 1 or 2, the power of the frequency")
-        if not self.at > 0.0:
+        if isinstance(self.at, int | float) and not self.at > 0.0:  # a text with a unit is read by the drive train
             raise ModelError(f"at is {self.at!r}; it must be a frequency > 0, at which the load has its amplitude")
         if isinstance(self.varies, str):
             object.__setattr__(self, "varies", {self.varies: 1.0})
@@ -167,22 +172,15 @@ class Load(ABC):
         raise NotImplementedError
 
     @property
-    def turn_orders(self) -> tuple[int, ...]:
-        """Its orders in a turn of the shaft, in a drive train whose pace is the speed of that shaft."""
-        return (self.order,) if "order" in self.__dataclass_fields__ else ()
+    def turn_order(self) -> Fraction:
+        """Its order per turn of a shaft whose speed is the pace of a drive train; 0 if it is constant."""
+        return Fraction(self.order) if self.is_periodic else Fraction(0)
 
     def in_train(self, units: Units) -> Self:
-        """Return the load in the units of a drive train.
-
-        Its parameters have been converted already. If the pace is the speed of a shaft, the orders per turn become
-        multiples of the fundamental frequency; a factor over the speed is told the unit of the speed.
-        """
-        changes: dict[str, Any] = {}
-        if units.turns and "order" in self.__dataclass_fields__:
-            changes["order"] = self.order // units.turns
-        if self.over_speed:
-            changes["over_speed"] = factor_over_speed(self.over_speed).in_train(units).data
-        return replace(self, **changes) if changes else self
+        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere."""
+        if not self.over_speed:
+            return self
+        return replace(self, over_speed=factor_over_speed(self.over_speed).in_train(units).data)
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
@@ -262,13 +260,6 @@ class LoadForm:
     def _numbers(self, values: Iterable[Any]) -> dict[str, Any]:
         numbers = {each.name: value for each, value in zip(self.kind.parameters, values, strict=True)}
         return {**dict(self.constants), **numbers}
-
-    @property
-    def words(self) -> str:
-        """Its name with what a reader of the model should know of it: its factor over the speed, and `Load.notes`."""
-        notes = [self.kind.notes(dict(self.constants)), self.factor.words if self.factor else ""]
-        text = "; ".join(filter(None, notes))
-        return f"{self.name} ({text})" if text else self.name
 
     @property
     def orders(self) -> tuple[int, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -30,10 +31,15 @@ class Measured(Load):
 
     Parameters
     ----------
-    series : tuple of (int, float, float, float)
-        For each order: the multiple of the fundamental frequency, the periods in a turn of the shaft, cosine, sine.
+    series : tuple of (int, float, float)
+        For each order: periods in a period of the curve, cosine, sine.
     acts_on
         The vector along which it acts, by coordinate name.
+    order
+        Periods of the curve in a period of the excitation, an integer >= 1. The fundamental frequency of a four-stroke
+        engine is that of its cycle: then a curve over the cycle has the order 1, and one over a turn has the order 2.
+    turns
+        Turns of the shaft in a period of the curve.
     scale
         Its factor.
     phase
@@ -56,7 +62,7 @@ class Measured(Load):
         Prefix of its parameters' names.
     """
 
-    key, words = "measured", "a measured curve over the angle of a shaft"
+    key, words, frequencies = "measured", "a measured curve over the angle of a shaft", ("at",)
     parameters = (
         Parameter("scale", None, "it is a factor of the curve", 1.0),
         Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
@@ -67,7 +73,6 @@ class Measured(Load):
         "per": (Literal["turn", "cycle"], "turn"),
         "orders": (list[float] | None, None),
         "error": (float, ERROR),
-        "order": (int, 1),
         "column": (str, ""),
         "period": (float | str | None, None),
         "speed": (float | str | None, None),
@@ -77,8 +82,10 @@ class Measured(Load):
         "over_speed": (OverSpeed, ()),
     }
 
-    series: tuple[tuple[int, float, float, float], ...]
+    series: tuple[tuple[int, float, float], ...]
     acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
+    order: int = 1
+    turns: int = 1
     scale: float = 1.0
     phase: float = 0.0
     varies: Mapping[str, float] = field(default_factory=dict, hash=False)
@@ -95,7 +102,7 @@ class Measured(Load):
     def __post_init__(self) -> None:
         super().__post_init__()
         try:
-            series = tuple((order, float(own), float(c), float(s)) for order, own, c, s in self.series)
+            series = tuple((order, float(cosine), float(sine)) for order, cosine, sine in self.series)
         except (TypeError, ValueError):
             raise ModelError(f"series is {self.series!r}; make a measured load with Measured.of(table, ...)") from None
         for order, *numbers in series:
@@ -110,7 +117,6 @@ class Measured(Load):
         table: OrderTable,
         acts_on: Mapping[str, float] | None = None,
         *,
-        order: int = 1,
         relative: bool = False,
         **fields: Any,
     ) -> Self:
@@ -122,10 +128,6 @@ class Measured(Load):
             The curve: `gapwalk.loads.orders_of` finds it from samples.
         acts_on
             See `Measured`.
-        order
-            Periods of the curve in a period of the excitation, an integer >= 1. The fundamental frequency of a
-            four-stroke engine is that of its cycle: then a curve over the cycle has the order 1, and one over a turn
-            has the order 2.
         relative
             True to take the curve divided by its mean, less 1: for a measured stiffness.
         **fields
@@ -145,7 +147,6 @@ class Measured(Load):
         >>> [order for order, *_ in load.series], round(load.mean, 9)
         ([1, 4], 80.0)
         """
-        check_order(order)
         mean, varies = table.mean, fields.get("varies") or {}
         varied = [varies] if isinstance(varies, str) else list(varies)
         size = math.sqrt(2.0 * sum(line.energy for line in table.lines))
@@ -162,12 +163,9 @@ class Measured(Load):
                 "itself over the angle, write relative = true; otherwise subtract the mean from the curve"
             )
         part = 1.0 / mean if relative else 1.0
-        series = tuple(
-            (round(line.order * table.turns) * int(order), line.order, part * line.cosine, part * line.sine)
-            for line in table.lines
-        )
+        series = tuple((round(line.order * table.turns), part * line.cosine, part * line.sine) for line in table.lines)
         means = {"mean_left_out": 0.0 if relative else mean} if varied else {"mean": mean}
-        return cls(series, acts_on or {}, left_out=table.left_out, **means, **fields)
+        return cls(series, acts_on or {}, turns=table.turns, left_out=table.left_out, **means, **fields)
 
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
@@ -178,7 +176,7 @@ class Measured(Load):
         relative = own["relative"]
         acts_on = fields.pop("acts_on", None)
         marks = {"is_angle": is_angle and not relative, "source": own["file"].name}
-        return cls.of(table, acts_on, order=own["order"], relative=relative, **fields, **marks)
+        return cls.of(table, acts_on, relative=relative, **fields, **marks)
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
@@ -186,37 +184,27 @@ class Measured(Load):
         size = cls.grown(numbers["scale"], frequency, numbers)
         if numbers["mean"]:
             yield Line(0, size * numbers["mean"])
-        for multiple, own, cosine, sine in numbers["series"]:
-            c, s = np.cos(own * numbers["phase"]), np.sin(own * numbers["phase"])
-            yield Line(multiple, size * (cosine * c + sine * s), size * (sine * c - cosine * s))
+        for multiple, cosine, sine in numbers["series"]:
+            ahead = multiple / numbers["turns"] * numbers["phase"]
+            c, s = np.cos(ahead), np.sin(ahead)
+            yield Line(order * multiple, size * (cosine * c + sine * s), size * (sine * c - cosine * s))
 
     @property
-    def turn_orders(self) -> tuple[int, ...]:
-        """See `Load.turn_orders`."""
-        for _, own, *_ in self.series:
-            if own % 1.0:
-                raise ModelError(
-                    f"{self.name} has the order {own:g}, which does not repeat with a turn, but speed is that of a "
-                    'shaft; write frequency = "12.5 Hz" instead of speed = "1500 rpm": the frequency of the cycle of '
-                    "two turns, of which all orders are then multiples"
-                )
-        return tuple(int(own) for _, own, *_ in self.series)
+    def turn_order(self) -> Fraction:
+        """See `Load.turn_order`: a half for the curve of a cycle of two turns."""
+        return Fraction(self.order, self.turns)
 
     def in_train(self, units: Units) -> Self:
         """See `Load.in_train`."""
         unit = units.angle if self.is_angle else 1.0
-        turns = units.turns
-        series = tuple(
-            (int(own) // turns if turns else order, own, cosine / unit, sine / unit)
-            for order, own, cosine, sine in self.series
-        )
+        series = tuple((order, cosine / unit, sine / unit) for order, cosine, sine in self.series)
         moved = replace(self, series=series, mean_left_out=self.mean_left_out / unit, is_angle=False)
         return super(Measured, moved).in_train(units)
 
     @classmethod
     def notes(cls, constants: Mapping[str, Any]) -> str:
         """Say which orders of the shaft it has, and what is left out; see `Load.notes`."""
-        kept = ", ".join(f"{own:g}" for _, own, *_ in constants["series"]) or "none"
+        kept = ", ".join(f"{order / constants['turns']:g}" for order, *_ in constants["series"])
         source = f" of {constants['source']}" if constants["source"] else ""
         text = f"orders {kept} per turn{source}, without {100.0 * constants['left_out']:.2g} % of the energy"
         mean = constants["mean_left_out"]
@@ -233,7 +221,8 @@ def read_curve(file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units
     keys
         The values of `Measured.table_keys`.
     is_load
-        True for a force or a torque; False for what varies: a displacement, an acceleration, or (`relative`) any number.
+        True for a force or a torque. False for what varies: a displacement, an acceleration, or (`relative`) any
+        number.
     units
         True if the quantities of the model have units.
 
@@ -250,7 +239,8 @@ def read_curve(file: NamedFile, keys: Mapping[str, Any], *, is_load: bool, units
         If a column is missing or has a wrong unit, or if the curve has no such orders.
     """
     heads = read_heads(file)
-    over_time = not any(_is(head, ("angle", "crank")) for head in heads) and any(_is(head, ("time", "t")) for head in heads)
+    has_angle = any(_is(head, ("angle", "crank")) for head in heads)
+    over_time = not has_angle and any(_is(head, ("time", "t")) for head in heads)
     accelerates = not is_load and not keys["relative"] and any(_is(head, ("acceleration", "a")) for head in heads)
     wanted = [_abscissa(heads, over_time=over_time, units=units), _ordinate(keys, is_load, accelerates, units)]
     table = read_table(file, wanted)

@@ -23,6 +23,7 @@ from gapwalk.model.units import QuantityKind, Units
 _FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")} | {"pow": np.power}
 _NAMES = ("W", "speed")
 
+
 @dataclass(frozen=True)
 class FactorOverSpeed:
     """A factor that depends on the frequency of the excitation.
@@ -100,7 +101,7 @@ class FactorOverSpeed:
 
     def in_train(self, units: Units) -> FactorOverSpeed:
         """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
-        return replace(self, pace=units.frequency if self.table is None else self.pace * (units.turns or 1))
+        return replace(self, pace=units.frequency if self.table is None else self.pace * float(units.turns or 1))
 
     @cached_property
     def _read(self) -> Formula:

@@ -35,7 +35,8 @@ class Steady(Load):
     'steady'
     """
 
-    key, words = "steady", "a constant load that depends on the speed"
+    key, words, frequencies = "steady", "a constant load that depends on the speed", ("at",)
+    is_periodic, order = False, 0
     parameters = (Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),)
 
     amplitude: float
