@@ -146,8 +146,8 @@ def read_table(
     ----------
     source
         A CSV file in UTF-8, its text as ``io.StringIO``, or its content: a line of column names with units, then
-        numbers, separated by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not separate numbers,
-        they may be decimal ones.
+        numbers, separated by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not
+        separate numbers, they may be decimal ones.
     wanted
         The columns to find. A column without a given name is found by its unit, if it is the only one with a unit of
         its kind, or by its role or one of its other names.
