@@ -254,7 +254,7 @@ class CoefficientLayout:
         first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
         last = 1 + s.size * self._columns
         found[1:last].reshape(-1, self._columns)[:, first:] = table[:, first:] @ lines[[True, *driving]]
-        waves = found[last : last + 2 * count * len(s.variations)].reshape(-1, 2 * count)
+        waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
         waves[:] = 0.0
         for wave, variation in zip(waves, s.variations, strict=True):
             for load, factor in variation.loads:
