@@ -141,3 +141,15 @@ def test_the_acceleration_of_a_base_is_its_motion_in_other_coordinates() -> None
     loci = [gw.follow_locus(fold, "frequency", "stop.stiffness", ranges) for fold in folds]
     ends = [sorted(tuple(end.values) for end in locus.ends) for locus in loci]
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-7)
+
+
+def test_families_join_the_same_points_in_both_coordinates() -> None:
+    found = []
+    for relative in (True, False):
+        family = gw.family(shaken(relative=relative), "frequency", (1.2, 1.7), over={"stop.stiffness": [2.9, 3.1]})
+        found.append([(each.kind, each.fate, np.array(each.curve)) for each in family.connections[0]])
+    ours, theirs = found
+    assert len(ours) >= 1
+    for (kind, fate, curve), (other, its_fate, its_curve) in zip(ours, theirs, strict=True):
+        assert (kind, fate) == (other, its_fate)
+        np.testing.assert_allclose(curve[[0, -1]], its_curve[[0, -1]], rtol=1e-8)
