@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, OutsideError
 from gapwalk.model.laws.formula import Formula
 from gapwalk.model.laws.grammar import formula_of
 from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_heads, read_table
@@ -62,9 +62,9 @@ class FactorOverSpeed:
                 f"over_speed is {self.formula!r}, and {formula.parameters[0]} is unknown in it; its names are W, the "
                 "angular frequency, and speed, the first parameter of the system, as in 1 + 0.1*W"
             )
-        if formula.mode_count or formula.edges:
+        if formula.mode_count:
             raise ModelError(
-                f"over_speed is {self.formula!r}, which has a kink or an edge; write a smooth formula, or a table over "
+                f"over_speed is {self.formula!r}, which has a kink; write a smooth formula, or a table over "
                 'the speed: over_speed = "gas.csv"'
             )
 
@@ -97,7 +97,11 @@ class FactorOverSpeed:
         speed = frequency / self.pace
         if self.table is not None:
             return self.table.value(speed, continued=True)
-        return self._read.value({"W": frequency, "speed": speed}, _FUNCTIONS, ())
+        with np.errstate(all="ignore"):
+            found = self._read.value({"W": frequency, "speed": speed}, _FUNCTIONS, ())
+        if not np.all(np.isfinite(found)):
+            raise OutsideError(f"over_speed is {self.formula!r}, which has no value at W = {np.real(frequency)}")
+        return found
 
     def in_train(self, units: Units) -> FactorOverSpeed:
         """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
