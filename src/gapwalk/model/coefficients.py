@@ -318,6 +318,25 @@ def coefficients_of(system: System) -> NDArray[np.float64]:
     return known
 
 
+def static_load(system: System) -> NDArray[np.float64]:
+    """Return the constant load of a system: its mean, and the constant parts of its other loads; shape (n,).
+
+    Raises
+    ------
+    OutsideError
+        As `coefficients_of`.
+    """
+    system = system.equations
+    total, structure = system.vector("mean"), system.structure
+    constant = [load for load in structure.driving if 0 in load.orders]
+    if constant:
+        coefficients_of(system)
+    for load in constant:
+        lines = load.lines(system.frequency, [system[name] for name in load.parameters])
+        total = total + sum(line.cosine for line in lines if not line.order) * system.vector(load.shape)
+    return total
+
+
 def period_of(system: System, value: float) -> tuple[float, float]:
     """Return the first coefficient, 1/W, at a value of the first parameter, and its derivative by it."""
     unit = system.structure.frequency

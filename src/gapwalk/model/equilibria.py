@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
+from gapwalk.model.coefficients import static_load
 from gapwalk.model.spring import Range, Slope, Spring, springs_of
 from gapwalk.model.system import System
 
@@ -144,7 +145,7 @@ def find_equilibria(system: System) -> Rest:
         If the force law of a contact is no polynomial of the penetration.
     """
     springs = springs_of(system)
-    statics = _Statics(system.matrix("stiffness"), system.vector("mean"), springs)
+    statics = _Statics(system.matrix("stiffness"), static_load(system), springs)
     if statics.has_least_energy:
         position = statics.least_energy(system.matrix("mass"))
         found = [] if position is None else [_equilibrium(system, position, springs)]

@@ -99,7 +99,7 @@ def matrices_of(system: System) -> Matrices:
         deflection if form.reciprocal else vector(f"{form.name}.force")
         for form, deflection in zip(structure.contacts, deflections, strict=True)
     ]
-    shapes = [vector(f"{harmonic.name}.acts_on") for harmonic in structure.harmonics]
+    shapes = [vector(load.shape) for load in structure.driving]
     loads = [load for load in (vector("mean"), *shapes) if load.any()]
     mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
     return Matrices(

@@ -1,16 +1,13 @@
 """Loads that vary a train, against equations written body by body in SI units, and against a plain system."""
 
 import math
-from fractions import Fraction
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import gapwalk as gw
-from gapwalk.errors import ModelError
 from gapwalk.flow.forces import accelerations
-from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 
 DEGREE = math.pi / 180.0
 RPM = math.pi / 30.0

@@ -123,9 +123,13 @@ def test_the_share_that_is_left_out_is_that_of_the_curve(folder: Path, capsys) -
 
 def test_a_variation_leaves_the_mean_out_and_says_so(folder: Path) -> None:
     degrees = np.arange(0.0, 361.0, 5.0)
-    write(folder, "te.csv", "angle (deg), error", [(each, 0.2 + 0.05 * math.cos(math.radians(each))) for each in degrees])
+    write(
+        folder, "te.csv", "angle (deg), error", [(each, 0.2 + 0.05 * math.cos(math.radians(each))) for each in degrees]
+    )
     system = read(folder, 'varies = "stop.deflection"\nname = "te"', MODEL.replace("gas.csv", "te.csv"))
-    assert "te (orders 1 per turn of te.csv, without 0 % of the energy and without the mean 0.2)" in str(system.summary())
+    assert "te (orders 1 per turn of te.csv, without 0 % of the energy and without the mean 0.2)" in str(
+        system.summary()
+    )
     wave = coefficients_of(system)[layout_of(system.structure).contacts[0].sway]
     np.testing.assert_allclose(wave, [0.05, 0.0], atol=1e-15)
 
@@ -250,3 +254,15 @@ def test_a_rectangle_repeats_as_often_as_its_cycles() -> None:
     loads = [Harmonic(1.0, {"x": 1.0}, order=3), Rectangle(0.2, {"stop.stiffness": 1.0}, order=2)]
     assert repeats(gw.System(["x"], [[1.0]], contacts=[stop], harmonics=loads)) == 1
     assert repeats(gw.System(["x"], [[1.0]], contacts=[stop], harmonics=loads[:1])) == 3
+
+
+def test_a_shaken_base_is_the_same_in_both_coordinates() -> None:
+    """The models of the how-to page: y - u, and the multipliers, agree."""
+    docs = Path(__file__).parents[3] / "docs" / "howto"
+    fixed, relative = (gw.read_study(docs / f"{name}.toml").system.at(frequency=0.9) for name in ("base", "relative"))
+    orbits = [gw.find_orbit(each) for each in (fixed, relative)]
+    order = np.argsort(orbits[0].multipliers.imag), np.argsort(orbits[1].multipliers.imag)
+    np.testing.assert_allclose(orbits[0].multipliers[order[0]], orbits[1].multipliers[order[1]], atol=1e-6)
+    sway = coefficients_of(fixed)[layout_of(fixed.structure).contacts[0].sway]
+    displaced = sway[: len(sway) // 2].sum()  # of the contacts: -u(0)
+    assert orbits[0].state[0] + displaced == pytest.approx(orbits[1].state[0], abs=1e-6)
