@@ -113,9 +113,9 @@ def read_files(source: Source) -> tuple[dict[Path, Any], list[Problem]]:
 def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tuple[Source, list[Problem]]:
     """Replace the files that a source names, and a number of coordinates, by their contents and by names.
 
-    ``stiffness = "stiffness.mtx"`` and ``file = "gas.csv"`` name files in the folder of the model file. A matrix becomes
-    a list of rows, a curve the stages of its contact, any other file a `NamedFile`. ``coordinates = 100`` is short for
-    q1 ... q100.
+    ``stiffness = "stiffness.mtx"`` and ``file = "gas.csv"`` name files in the folder of the model file. A matrix
+    becomes a list of rows, a curve the stages of its contact, any other file a `NamedFile`. ``coordinates = 100`` is
+    short for q1 ... q100.
 
     Parameters
     ----------

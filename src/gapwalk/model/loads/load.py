@@ -162,7 +162,7 @@ class Load(ABC):
     @staticmethod
     def grown(size: Any, frequency: Any, numbers: Mapping[str, Any]) -> Any:
         """Return a size that grows with a power of the frequency: ``size * (W / at)**growth``."""
-        for _ in range(numbers["growth"]):
+        for _ in range(numbers.get("growth", 0)):  # result files of earlier versions have none
             size = size * (frequency / numbers["at"])
         return size
 
