@@ -204,7 +204,7 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
 
 def _top(found: Spectrum, largest: float) -> float:
     notable = found.orders[found.amplitudes > 30 * _SPECTRUM_DEPTH * largest]
-    unit = found.system.turns or 1
+    unit = float(found.system.turns or 1)
     return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))
 
 
