@@ -226,7 +226,7 @@ class CoefficientLayout:
         lines = self._load_lines(values)
         accelerations[:, first:] = table[:, first:] @ lines[[True, *driving]]
         if s.variations:
-            waves = found[last : last + 2 * count * len(s.variations)].reshape(-1, 2 * count)
+            waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
             waves[:] = 0.0
             for wave, variation in zip(waves, s.variations, strict=True):
                 for load, factor in variation.loads:
