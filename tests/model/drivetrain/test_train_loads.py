@@ -391,3 +391,17 @@ def test_orders_without_a_short_common_period_are_refused_with_the_way_out() -> 
     with pytest.raises(ModelError, match=r'is no whole multiple of 1; write speed = "1000 rpm"'):
         stages(gears=hunting, harmonics=meshes, speed=None, frequency="20 Hz")
     assert stages(speed=None, frequency="20 Hz").system().structure.harmonics[0].order == 24
+
+
+@pytest.mark.parametrize("prescribed", [False, True])
+def test_the_non_dimensional_form_is_exact(prescribed: bool) -> None:
+    system = (shaken() if prescribed else stages()).system()
+    form = gw.train.nondimensional(system, gw.train.Scales(angle=0.06 * DEGREE, frequency=700.0, inertia=0.003))
+    random, n = np.random.default_rng(3), system.size
+    for theta in random.uniform(0, 2 * math.pi, 4):
+        state = random.normal(0, 0.1, 2 * n) * np.repeat([1.0, 700.0], n)
+        other, found = form.state(state), []
+        for each, (q, v) in ((system, np.split(state, 2)), (form.system, np.split(other, 2))):
+            found.append(accelerations(layout_of(each.structure), coefficients_of(each), theta, q, v))
+        np.testing.assert_allclose(found[0] * DEGREE, found[1] * 0.06 * DEGREE * 700.0**2, rtol=1e-10)
+    assert form.physical_value("seal.a", form.value("seal.a", 0.3)) == pytest.approx(0.3)
