@@ -119,5 +119,5 @@ def _random_contact(draw, random, name, coordinates, laws):
         stages,
         None,
         law,
-        {"impact_damping": impact, "viscous_damping": 0.2 if law == "viscous" else 0.0},
+        {"impact_damping": impact, "viscous_damping": 0.2 if law in ("viscous", "pushing") else 0.0},
     )

@@ -2,8 +2,8 @@
 
 Functions: `register`, `register_formula`, `spring_curve`, `measured_spring`.
 
-Classes: `Corner`, `Curve`, `Elastic`, `Expression`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`, `Parameter`,
-`Piecewise`, `Pushing`, `QuantityKind`, `StageTerms`, `Stages`, `Viscous`.
+Classes: `Corner`, `Curve`, `Edge`, `Elastic`, `Expression`, `Formula`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`,
+`Parameter`, `Piecewise`, `Pushing`, `QuantityKind`, `StageTerms`, `Stages`, `Viscous`.
 
 Exceptions: `FormulaError`.
 

@@ -15,6 +15,8 @@ from .model.laws.contact_laws import Elastic as Elastic
 from .model.laws.contact_laws import HuntCrossley as HuntCrossley
 from .model.laws.contact_laws import HuntCrossleyAsPrinted as HuntCrossleyAsPrinted
 from .model.laws.contact_laws import Viscous as Viscous
+from .model.laws.formula import Edge as Edge
+from .model.laws.formula import Formula as Formula
 from .model.laws.grammar import FormulaError as FormulaError
 from .model.measured.curve_contact import measured_spring as measured_spring
 from .model.measured.spring_curve import Corner as Corner

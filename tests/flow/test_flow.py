@@ -52,7 +52,8 @@ def test_linear_motion_agrees_with_the_matrix_exponential():
 
 @pytest.mark.parametrize("law", list(LAWS))
 def test_state_agrees_with_an_independent_integrator(law):
-    damping = {"elastic": {}, "viscous": {"viscous_damping": 0.3}}.get(law, {"impact_damping": 0.2})
+    viscous = {"viscous_damping": 0.3}
+    damping = {"elastic": {}, "piecewise": {}, "viscous": viscous, "pushing": viscous}.get(law, {"impact_damping": 0.2})
     contact = Contact("c", {"q1": 1.0, "q3": -0.3}, (Stage(0.4, 3.0),), None, law, **damping)
     system = System(("q1", "q3"), [[1.0, -0.2], [-0.2, 0.5]], np.eye(2) * 0.1, contacts=[contact], frequency=0.3)
     assert len(advance(system, STATE).contacts) >= 6

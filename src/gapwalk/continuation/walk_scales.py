@@ -188,7 +188,7 @@ def _mean_stiffness(orbit: Orbit) -> NDArray[np.float64]:
         tangents = each.at(motion.q, motion.v)
         slopes = tangents.stiffness[tangents.is_finite]  # the slope may be infinite at single points
         total += np.outer(each.direction, slopes.sum(axis=0) @ each.deflections)
-    return np.linalg.solve(system.matrix("mass"), total) / len(motion.q)
+    return np.asarray(np.linalg.solve(system.matrix("mass"), total) / len(motion.q), dtype=np.float64)
 
 
 def linear_growth(system: System, parameter: str, within: Range) -> float:

@@ -3,16 +3,8 @@
 At an event the switch follows the side to which the motion crosses the breakpoint; where the force law resets the rate,
 the switch stays open.
 
-Derivatives of the motion pass an event by a general rule. Over theta the motion is ``y' = F(y, theta)``, with ``F-``
-before the event and ``F+`` after it. The event is where a guard ``g(y)`` vanishes, and there the state may be reset to
-``R(y)``. With ``den = g_y F- + g_theta``
-
-    S  = R_y + (F+ - R_y F- - R_theta) (x) g_y / den                              state transition
-    s+ = R_y s- + R_p + (F+ - R_y F- - R_theta) (g_y s- + g_p) / den              sensitivity to a parameter
-
-(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). All derivatives are taken by a complex step, so a force
-law provides its formulas only. Where the state is not reset and the force does not jump, as at the guards of the modes
-of a law, the rule is the identity, and nothing is computed.
+Derivatives of the motion pass an event by the general rule (`gapwalk.flow.event_rule`). Where the state is not reset
+and the force does not jump, the rule is the identity, and nothing is computed.
 
 Method: docs/numerics/flow.md
 """
@@ -20,34 +12,24 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.equations import EDGE, Equations
-from gapwalk.flow.forces import Angles, accelerations, contact_force, is_at_high, named, stages_of
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
-from gapwalk.model.laws import closed_form_of
+from gapwalk.flow.equations import Equations
+from gapwalk.flow.event_rule import Quotient, jump_of, pass_event
+from gapwalk.flow.forces import Angles, accelerations, named
+from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
-_AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
-_STEP = 1e-150  # of the complex step
-_SAME = 1e-12  # radians within which an angle at which a level changes is the start or the end of an interval
-
-Formula = Callable[[NDArray[Any], NDArray[Any], Any], NDArray[Any]]
-"""A function of states, shape (..., 2n), coefficients, shape (..., number of coefficients), and theta."""
-
-
-_Quotient = Callable[[float, float], float]
-"""A function of a rate and of theta."""
 
 
 class ContactEvent(NamedTuple):
@@ -132,11 +114,10 @@ class Switchboard:
         moving = [sway for sway in self._sways if sway is not None]
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
-        self.cycle_count, self.mode_count = len(layout.cycles), len(equations.modes)
-        self._modes, self._levels = equations.first_mode, equations.first_level
+        self.modes = ModeSwitches(equations)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
-        self._jumps = [_jump_of(layout, *switch) for switch in equations.switches]
+        self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
         self._rebounds = [
             stage.innermost and contact.form.law.rebounds for contact, stage in zip(contacts, stages, strict=True)
         ]
@@ -149,20 +130,18 @@ class Switchboard:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
-        if self.count or self.mode_count:
+        self.modes.attach(integrator)
+        if self.count or self.modes.mode_count:
             answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
-        self._of_motion: dict[int, tuple[NDArray, _Quotient, NDArray, NDArray]] = {}
+        self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = coefficients
-        if self.cycle_count:
-            self._set_levels(theta)
-        if self.mode_count:
-            self._set_modes(theta)
         if not self.count:
+            self.modes.start(coefficients, theta, unit)
             return
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
@@ -170,17 +149,20 @@ class Switchboard:
         depths = self._depths(state, theta)
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
+        self.modes.start(coefficients, theta, unit)
         self._changed = [theta] * self.count
         self._left = self._changed.copy()
         near = self._are_near(depths, state, _ON)
         if any(near):
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
+            if self.modes.mode_count:
+                self.modes.refresh(theta, self._closed())
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
-        if self.mode_count and not self._modes_are_right():
+        if self.modes.mode_count and not self.modes.are_right():
             return False
         if not self.count:
             return True
@@ -250,7 +232,7 @@ class Switchboard:
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self._settle(switch, theta) and self._simultaneous[switch]:
-            self._settle_simultaneous(switch, theta)
+            self._settle_simultaneous(self._simultaneous[switch], theta)
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -283,17 +265,19 @@ class Switchboard:
         if self._columns and self._jumps[switch] is not None:
             self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
+        if self.modes.mode_count:
+            self.modes.refresh(theta, self._closed())
         return True
 
-    def _settle_simultaneous(self, switch: int, theta: float) -> None:
-        """Set the other switches whose breakpoints are crossed at the same time.
+    def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
+        """Set those of some other switches whose breakpoints are crossed at the same time.
 
         If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
         near = self._are_near(self._depths(state, theta), state, _ON)
-        for other in self._simultaneous[switch]:
+        for other in others:
             if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
 
@@ -309,7 +293,7 @@ class Switchboard:
         distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
         for _ in range(self.count):
             self._integrator.step(max_delta_t=0.0, write_tc=True)
-            series, longest = self._integrator.tc[: self.n, 1:], _reach(self._integrator.tc[: 2 * self.n])
+            series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])
             for switch, start in starts.items():
                 depths = self._vectors[switch] @ series
                 if self._lines[switch] is not None:
@@ -360,107 +344,18 @@ class Switchboard:
         jump = quotient(rate, theta)
         columns[:, n:] -= np.outer(shifts, (jump if inside else -jump) * push)
 
-    def _contact_modes(self, theta: float, state: NDArray[np.float64]) -> list[tuple[bool, float]]:
-        """Return the modes of all laws at a state by their guards, and the values of these."""
-        n, layout, found = self.n, self.equations.layout, []
-        angles = Angles(layout, self._coefficients, theta, unit=self._unit)
-        for slots in layout.contacts:
-            law = slots.form.law
-            if not law.mode_count:
-                continue
-            unit = 1.0 if law.stage_parameters else self._unit
-            moves = [
-                (
-                    unit * (state[:n] @ self._coefficients[vector] + angles.sway(slots, place)),
-                    unit * (state[n:] @ self._coefficients[vector] + angles.sway(slots, place, 1)),
-                )
-                for place, vector in enumerate(slots.deflections)
-            ]
-            edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
-            stages = stages_of(slots, angles, moves, extra=edge)
-            guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
-            found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
-        return found
-
-    def _set_modes(self, theta: float) -> None:
-        """Set the modes of all laws for the motion that begins; where a guard vanishes, by the motion just after."""
-        state = self._state[: 2 * self.n]
-        self._parameters[self._modes : self._modes + self.mode_count] = [
-            mode for mode, _ in self._contact_modes(theta, state)
-        ]
-        self._integrator.step(max_delta_t=0.0, write_tc=True)
-        series = self._integrator.tc[: 2 * self.n]
-        ahead = 1e-3 * _reach(series)
-        later = series @ ahead ** np.arange(series.shape[1])
-        after = self._contact_modes(theta + ahead, later)
-        sizes = [abs(guard) for _, guard in after]
-        before = self._contact_modes(theta, state)
-        self._parameters[self._modes : self._modes + self.mode_count] = [
-            late if abs(guard) <= _ON * size else mode
-            for (mode, guard), (late, _), size in zip(before, after, sizes, strict=True)
-        ]
-
-    def _modes_are_right(self) -> bool:
-        """Return True if the modes are those of the guards at the present state, unless it is on one of them."""
-        found = self._contact_modes(self._integrator.time, self._state[: 2 * self.n])
-        modes = self._parameters[self._modes : self._modes + self.mode_count].tolist()
-        largest = max(abs(guard) for _, guard in found)
-        return all(
-            mode == now or abs(guard) <= _NEAR * largest for (mode, guard), now in zip(found, modes, strict=True)
-        )
-
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
-        self._parameters[self._modes + mode] = direction > 0
+        self.modes.set_mode(mode, direction)
+        if self.count:
+            self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1
         return self.event_limit > 0
 
-    def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
-        """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""
-        found = []
-        for number, cycle in enumerate(self.equations.layout.cycles):
-            length = 2.0 * math.pi / cycle.order
-            for slot, rises in ((cycle.up, True), (cycle.down, False)):
-                first = float(self._coefficients[slot])
-                low, high = math.ceil((start - first) / length) - 1, math.floor((stop - first) / length) + 1
-                angles = (first + k * length for k in range(low, high + 1))
-                # a change at the start belongs to this interval, one at the end to the next
-                found += [
-                    (max(angle, start), number, rises) for angle in angles if start - _SAME <= angle < stop - _SAME
-                ]
-        return sorted(found)
-
-    def _set_levels(self, theta: float) -> None:
-        """Set the levels of all cycles just before a change at an angle, if there is one."""
-        cycles = self.equations.layout.cycles
-        self._parameters[self._levels : self._levels + len(cycles)] = [
-            is_at_high(cycle, self._coefficients, theta - 2.0 * _SAME) for cycle in cycles
-        ]
-
     def change_level(self, theta: float, number: int, rises: bool) -> None:
-        """Change a level at its angle; transform the sensitivities to what moves that angle.
-
-        The angle does not depend on the state, so ``g_y`` is 0 and the transition matrix continues.
-        """
-        cycle, n = self.equations.layout.cycles[number], self.n
-        place = self._levels + number
-        directions = self._directions() if self._columns else np.zeros((0, 0))
-        moves = directions[:, cycle.up if rises else cycle.down] if len(directions) else np.zeros(0)
-        if moves.any():
-            q, v = self._state[:n], self._state[n : 2 * n]
-            levels = [bool(each) for each in self._parameters[self._levels : self._levels + self.cycle_count]]
-            sides = []
-            for level in (not rises, rises):
-                levels[number] = level
-                sides.append(
-                    accelerations(
-                        self.equations.layout, self._coefficients, theta, q, v, self._closed(), levels, self._unit
-                    )
-                )
-            columns = self._state[2 * n :].reshape(self._columns, 2 * n)
-            slip = float(self._coefficients[0]) * (sides[1] - sides[0])
-            columns[self._columns - len(moves) :, n:] -= np.outer(moves, slip)
-        self._parameters[place] = rises
+        """Change the level of a cycle at its angle."""
+        columns = self._state[2 * self.n :][: self._columns * 2 * self.n].reshape(self._columns, 2 * self.n)
+        self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed())
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""
@@ -510,101 +405,6 @@ class Switchboard:
             first = self.equations.first_component(index)
             directions[index, varying] = self._parameters[first : first + len(varying)]
         return directions
-
-
-def pass_event(
-    changes: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    state: NDArray[np.float64],
-    coefficients: NDArray[np.float64],
-    theta: float,
-    guard: Formula,
-    reset: Formula,
-    flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Return the changes of the state after an event by the general rule, shape (columns, 2n).
-
-    Parameters
-    ----------
-    changes : shape (columns, 2n)
-        Changes before the event.
-    directions : shape (columns, number of coefficients)
-        Change of the coefficients along each column; zero for a change of the initial state.
-    state, coefficients, theta
-        State and coefficients at the event, before the reset, and its angle.
-    guard, reset
-        The functions g and R.
-    flow
-        The right-hand sides F at a state, before (False) and after (True) the event.
-    """
-
-    def along(formula: Formula, change: NDArray, direction: NDArray | float, angle: float = 0.0) -> NDArray[np.float64]:
-        step = 1j * _STEP
-        found: NDArray[np.complex128] = formula(
-            state + step * change, coefficients + step * direction, theta + step * angle
-        )
-        return found.imag / _STEP
-
-    before, after = flow(state, False), flow(reset(state, coefficients, theta), True)
-    still = np.zeros_like(coefficients)
-    slip = after - along(reset, before, still, 1.0)
-    late = along(guard, changes, directions) / along(guard, before, still, 1.0)
-    return along(reset, changes, directions) + np.outer(late, slip)
-
-
-def _jump_of(layout: CoefficientLayout, contact: int, stage: int) -> Callable[[NDArray[np.float64]], _Quotient] | None:
-    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
-
-    The result is a function of the coefficients that returns a function of the rate and of theta.
-    """
-    slots = layout.contacts[contact]
-    products = closed_form_of(slots.form.law, slots.form.shapes)
-    if products is None or (slots.varies and any(term.power == 0 for term in products)):
-        return lambda coefficients: (
-            lambda rate, theta: _difference(layout, slots, stage, coefficients, rate, theta) / (rate or _AT_REST)
-        )
-    numbers = slots.stages[stage].numbers
-    terms = [
-        (term.factor, [*(slots.numbers[e] for e in term.numbers), *(numbers[e] for e in term.stage_numbers)], term.rate)
-        for term in products
-        if term.stage == stage and term.power == 0
-    ]
-
-    def quotients(coefficients: NDArray[np.float64]) -> _Quotient:
-        known = [(factor * math.prod(coefficients[places].tolist()), rate - 1) for factor, places, rate in terms]
-        if all(power == 0 for _, power in known):
-            total = sum(factor for factor, _ in known)
-            return lambda rate, theta: total
-        return lambda rate, theta: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
-
-    return quotients if terms else None
-
-
-def _difference(
-    layout: CoefficientLayout,
-    slots: ContactSlots,
-    stage: int,
-    coefficients: NDArray[np.float64],
-    rate: float,
-    theta: float,
-) -> float:
-    """Return the jump of a contact's force where a stage closes, with only the stages inside of it closed."""
-    here = slots.stages[stage]
-    clearance = coefficients[here.clearance]
-    inside = [each.sign == here.sign and coefficients[each.clearance] < clearance for each in slots.stages]
-    after = [closed or number == stage for number, closed in enumerate(inside)]
-    moves, angles = [(np.asarray(here.sign * clearance), np.asarray(rate))], Angles(layout, coefficients, theta)
-    forces = [contact_force(slots, angles, moves, closed) for closed in (after, inside)]
-    return float(forces[0] - forces[1])
-
-
-def _reach(series: NDArray) -> float:
-    """Return the time for which Taylor series hold: the step of Jorba and Zou (2005, Exp. Mathematics 14, 99-117)."""
-    order = series.shape[1] - 1
-    size, last = max(1.0, float(np.abs(series[:, 0]).max())), float(np.abs(series[:, -1]).max())
-    before = float(np.abs(series[:, -2]).max())
-    radii = [(size / tail) ** (1.0 / power) for tail, power in ((last, order), (before, order - 1)) if tail > 0.0]
-    return min([1.0, *(radius / math.e**2 for radius in radii)])
 
 
 def _beginning(series: NDArray, distance: float, longest: float) -> tuple[float, float]:

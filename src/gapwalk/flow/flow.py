@@ -268,7 +268,7 @@ class _Integrator:
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        if self.equations.layout.cycles and self._switchboard.jumps_between(float(thetas[0]), float(thetas[-1])):
+        if self.equations.layout.cycles and self._switchboard.modes.jumps_between(float(thetas[0]), float(thetas[-1])):
             return self._vary_piecewise(coefficients, state, thetas, direction)
         outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
         if outcome != hy.taylor_outcome.time_limit:
@@ -331,7 +331,7 @@ class _Integrator:
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         total, cycles = 0, self.equations.layout.cycles
-        changes = self._switchboard.jumps_between(start, stop) if cycles else []
+        changes = self._switchboard.modes.jumps_between(start, stop) if cycles else []
         for angle, *change in [*changes, (stop,)]:
             outcome, _, _, steps, *_ = self._taylor.propagate_until(
                 angle, max_steps=self._max_steps, max_delta_t=longest_step

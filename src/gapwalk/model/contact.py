@@ -270,6 +270,8 @@ def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[s
     for name, value in contact.numbers.items():
         if value is None:
             yield f"{name} is missing; the law {law.name!r} needs it"
+    if all(value is not None for value in contact.numbers.values()):
+        yield from law.problems(contact.numbers)
     for stage in contact.stages:
         known = {each.name for each in law.stage_parameters}
         for name in set(stage.numbers) - known:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
@@ -49,8 +49,9 @@ class Law(ABC):
     of two parameters is a series like any other.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance, the batch integrator (basins, regime maps) and equilibria (``gapwalk modes``) refuse
-    it by name; the flow, shooting, special points, loci, verification and files do not.
+    it. Otherwise harmonic balance and the batch integrator (basins, regime maps) refuse it by name, and equilibria
+    (``gapwalk modes``) are searched from many positions; the flow, shooting, special points, loci, verification and
+    files carry it.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
     `gapwalk.flow.contact_events`; where it does not, nothing is computed.
@@ -92,6 +93,10 @@ class Law(ABC):
         numbers
             The parameters of the contact by name.
         """
+
+    def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
+        """List the errors of values of its parameters (those of the contact as a whole), one sentence each."""
+        return iter(())
 
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
         """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.

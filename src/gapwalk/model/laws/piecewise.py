@@ -15,7 +15,7 @@ class Piecewise(Law):
     """A polynomial beyond each clearance: ``scale * sum of (preload + stiffness xi + quadratic xi**2 + cubic xi**3)``.
 
     ``xi`` is the depth of a stage on its side, and its force is towards the gap. A preload is a force with which a
-    stage begins: the force jumps where it closes. ``offset`` is a constant force and ``bend`` a quadratic term that
+    stage begins: the force jumps where it closes. ``offset`` is a constant force and ``even_quadratic`` a quadratic term that
     does not change its sign, both while the innermost stage is closed: with them a stage without a clearance is the
     middle piece of a measured curve.
     """
@@ -31,7 +31,14 @@ class Piecewise(Law):
             optional=True,
         ),
         Parameter(
-            "bend", None, "it is a quadratic term of the same sign on both sides", 0.0, None, -2, 1, optional=True
+            "even_quadratic",
+            None,
+            "it is a quadratic term of the same sign on both sides",
+            0.0,
+            None,
+            -2,
+            1,
+            optional=True,
         ),
     )
     stage_parameters = (
@@ -51,5 +58,5 @@ class Piecewise(Law):
             even = stage["preload"] + stage["quadratic"] * (depth * depth)
             parts.append(closed * (odd + stage.sign * even))
             if stage.innermost:
-                parts.append(closed * (numbers["offset"] + numbers["bend"] * (depth * depth)))
+                parts.append(closed * (numbers["offset"] + numbers["even_quadratic"] * (depth * depth)))
         return numbers["scale"] * stages.total(parts)

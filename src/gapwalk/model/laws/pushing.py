@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gapwalk.model.laws.closed_form import Stages
@@ -20,12 +20,18 @@ class Pushing(Law):
     """
 
     name, words = "pushing", "springs and a viscous damper that push, and never pull"
-    parameters = (Parameter("viscous_damping", QuantityKind.DAMPING, "it is the coefficient of the damper", 0.0, 0.0),)
+    parameters = (Parameter("viscous_damping", QuantityKind.DAMPING, "it is the coefficient of the damper", None, 0.0),)
 
     @property
     def mode_count(self) -> int:
         """One mode for each side."""
         return 2
+
+    def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
+        """Refuse a damper of 0: each side would begin and cease to push at the breakpoint itself."""
+        if not numbers["viscous_damping"] > 0.0:
+            given = numbers["viscous_damping"]
+            yield f'viscous_damping is {given:g}; it must be > 0: without a damper write law = "elastic"'
 
     @property
     def is_damped(self) -> bool:

@@ -20,7 +20,18 @@ LAW = "piecewise"
 
 _TABLES = ("contact", "shaft", "gear")
 _OWN = ("curve", "interpolation", "error")
-_WITHOUT = ("law", "clearance", "stiffness", "cubic", "side", "stage", "preload", "quadratic", "offset", "bend")
+_WITHOUT = (
+    "law",
+    "clearance",
+    "stiffness",
+    "cubic",
+    "side",
+    "stage",
+    "preload",
+    "quadratic",
+    "offset",
+    "even_quadratic",
+)
 
 
 def measured_spring(
@@ -76,7 +87,7 @@ def stages_of_curve(curve: Curve) -> tuple[tuple[Stage, ...], dict[str, float]]:
         found += [_stage(each) for each in (Corner(0.0, 1, *total), left) if any(each.change)]
     elif any(curve.base):
         found.append(Stage(0.0, slope, cubic))
-        numbers = {"offset": value, "bend": quadratic}
+        numbers = {"offset": value, "even_quadratic": quadratic}
     outer = [_stage(corner) for corner in corners]
     mirrored = {(stage.clearance, *_numbers(stage)): stage for stage in outer if stage.side is Side.NEGATIVE}
     for stage in sorted(outer, key=lambda stage: (stage.clearance, stage.side is Side.NEGATIVE)):
