@@ -41,9 +41,7 @@ _MANY = 1_000  # combinations of stages whose polynomials are solved
 
 def balance_of(system: System) -> StaticBalance:
     """Return the static forces of a system under its mean load."""
-    return StaticBalance(
-        system.matrix("stiffness"), static_load(system), static_forces_of(system), springs_of(system)
-    )
+    return StaticBalance(system.matrix("stiffness"), static_load(system), static_forces_of(system), springs_of(system))
 
 
 class Unbalanced(NamedTuple):

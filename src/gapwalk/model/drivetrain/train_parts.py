@@ -26,6 +26,7 @@ _LARGEST_PART = 500  # of a ratio that is taken for a fraction without the numbe
 _EXACT = 1e-9  # relative error of a ratio that is meant to be a fraction
 _ROUNDED = 1e-4  # relative error of a ratio that is given beside numbers of teeth
 _OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
+_OF_FORCES = {*_OF_LINKS, "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
 _OF_STAGES = ("clearance", "stiffness", "cubic")
 
 
@@ -326,7 +327,7 @@ class Force(Link):
         numbers: Mapping[str, float | str] | None = None,
         **more: float | str,
     ) -> None:
-        given: Any = {**(numbers or {}), **more}
+        given: Any = {**(numbers or {}), **{name: value for name, value in more.items() if name not in _OF_FORCES}}
         super().__init__(name, between, law=law, numbers=given)
 
     @property
@@ -371,7 +372,9 @@ class Force(Link):
             yield f"has no formula as its law: {str(error).splitlines()[0]}"
             return
         for name in known:
-            if name not in self.numbers:
+            if name in _OF_FORCES:
+                yield f"has a parameter {name!r}, which means something else in a shaft; rename it in the formula"
+            elif name not in self.numbers:
                 yield f"has no {name}, which its formula needs; write {name} = ..."
         for name, value in self.numbers.items():
             if name not in known:
