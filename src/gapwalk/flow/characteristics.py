@@ -143,15 +143,10 @@ def characteristics_of(system: System) -> Characteristics:
     for slots, linear in zip(layout.contacts, _linear_parts(system), strict=True):
         curve = None if slots.form.law.arguments[1:] else _force_curve(system, slots, coefficients, linear, size)
         if curve is None:
-            others.append((slots.form.name, law_words(slots.form.law)))
+            others.append((slots.form.name, slots.form.law.title))
         else:
             forces.append(curve)
     return Characteristics(system, tuple(_merged(forces)), tuple(_variations(system)), loads, tuple(others))
-
-
-def law_words(law: Law) -> str:
-    """Write a law as it stands in a model file: its formula, or its name."""
-    return law.text if isinstance(law, Expression) else law.name
 
 
 # --------------------------------------------------------------------------------------------------------- forces
@@ -203,7 +198,7 @@ def _force_curve(
             each = np.array([along(x, angle, moving) for angle in theta])
             band = np.nanmin(each, axis=0), np.nanmax(each, axis=0)
         shape = (over_rate, x, values, band, tuple(levels), is_at_zero)
-        return ForceCurve((form.name,), law_words(form.law), *shape)
+        return ForceCurve((form.name,), form.law.title, *shape)
     return None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,6 @@ from scipy.sparse import issparse
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units
@@ -217,8 +217,8 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
-    def turns(self) -> int | None:
-        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+    def turns(self) -> int | Fraction | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter; a fraction for some.
 
         Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
         excitation: there they are multiples of it.
@@ -292,22 +292,19 @@ class System(Shown):
     @property
     def contents(self) -> Iterator[str]:
         """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
-        forms = self.structure.contacts
         contacts = (
-            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
-            for form in forms
-            if not isinstance(form.law, Expression)
+            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.title})"
+            for form in self.structure.contacts
         )
-        formulas = [f"{form.name} = {form.law.text}" for form in forms if isinstance(form.law, Expression)]
-        orders = (
-            f"{form.name} of order {form.order * (self.turns or 1)}" + _varies_words(form)
-            for form in self.structure.harmonics
-        )
+        loads = [
+            (_load_words(form, self.turns or 1), [name for name, _ in form.varies]) for form in self.structure.harmonics
+        ]
+        varying = [f"{' and '.join(names)} by {load}" for load, names in loads if names]
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
-        if formulas:
-            yield f"forces: {'; '.join(formulas)}"
-        yield f"excitation: {', '.join(orders) or 'none'}"
+        yield f"excitation: {', '.join(load for load, names in loads if not names) or 'none'}"
+        if varying:
+            yield f"varying: {', '.join(varying)}"
         if self.units:
             yield f"units: {self.units.words}"
 
@@ -328,10 +325,12 @@ class System(Shown):
             object.__setattr__(self, name, value)
 
 
-def _varies_words(load: LoadForm) -> str:
-    """Say what a load varies, with factors; empty for a load that acts on coordinates."""
-    names = (name if factor == 1.0 else f"{factor:g} {name}" for name, factor in load.varies)
-    return f" (varies {', '.join(names)})" if load.varies else ""
+def _load_words(form: LoadForm, turns: int | Fraction) -> str:
+    """Describe a load by its name and its order, or by what its kind says of it."""
+    notes = [form.kind.notes(dict(form.constants)), form.factor.words if form.factor else ""]
+    order = f" of order {form.order * turns}" if form.kind.is_periodic and not notes[0] else ""
+    text = "; ".join(filter(None, notes))
+    return f"{form.name}{order}{f' ({text})' if text else ''}"
 
 
 def pace_number(system: System, digits: int = 8) -> str:
