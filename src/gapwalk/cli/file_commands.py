@@ -83,8 +83,11 @@ def draw_model(study: Study, curves: Sequence[MeasuredCurve], picture: Path) -> 
     from gapwalk.plot import save
 
     system = study.system
-    angle = system.units.angle if system.units else 1.0
-    points = {each.name: (each.deflection / angle, each.force) for each in curves}
+    unit = system.units.angle if system.units else 1.0
+    points = {
+        each.name: (each.deflection * ((each.angle.factor if each.angle else 1.0) / unit), each.force)
+        for each in curves
+    }
     save(system, picture, points=points, title=study.title)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,11 +89,13 @@ def _small(color: str = BLACK) -> dict[str, Any]:
 
 def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, columns: int) -> None:
     units, entries = system.units, []
+    own = [measured[name] for name in curve.names if name in measured]
+    if own:
+        curve = _within(curve, own[0][0])
     if curve.band is not None:
         ax.fill_between(curve.x, *curve.band, color=SHADE, linewidth=0.0, zorder=1)
         for edge in curve.band:
             ax.plot(curve.x, edge, **stroke(GREY, 0.6), zorder=2)
-    own = [measured[name] for name in curve.names if name in measured]
     for x, force in own[:1]:
         size = float(np.clip(40.0 / math.sqrt(len(x)), 1.2, 4.0))
         ax.plot(x, force, **symbols("o", size, VERMILLION, VERMILLION, 0.0, zorder=2.5))
@@ -121,6 +124,14 @@ def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, c
         entries.append(("beginning of a stage", corners))
     if entries:
         _legend(ax, entries)
+
+
+def _within(curve: ForceCurve, measured: NDArray[np.float64]) -> ForceCurve:
+    """Return the part of a curve that was measured, with a margin."""
+    margin = 0.04 * float(np.ptp(measured))
+    shown = (curve.x > measured.min() - margin) & (curve.x < measured.max() + margin)
+    band = None if curve.band is None else (curve.band[0][shown], curve.band[1][shown])
+    return replace(curve, x=curve.x[shown], force=curve.force[shown], band=band)
 
 
 def _legend(ax: Axes, entries: list[tuple[str, Any]]) -> None:

@@ -16,7 +16,7 @@ from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_
 from gapwalk.model.measured.spring_curve import ERROR, Corner, Curve, spring_curve
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Problem, given
-from gapwalk.model.units import QuantityKind
+from gapwalk.model.units import QuantityKind, Unit
 
 LAW = "piecewise"
 """The force law of a measured curve."""
@@ -36,13 +36,16 @@ class MeasuredCurve:
     curve
         The curve.
     deflection, force : shape (points,)
-        The points, as in the file, in the reference units.
+        The points: angles in the unit of the file, torques in N m.
+    angle
+        That unit; None for plain numbers.
     """
 
     name: str
     curve: Curve
     deflection: NDArray[np.float64]
     force: NDArray[np.float64]
+    angle: Unit | None = None
 
 
 _OWN = ("curve", "interpolation", "error")
@@ -162,15 +165,16 @@ def _read(
     error: Any,
     kinds: tuple[QuantityKind, QuantityKind] | None,
 ) -> MeasuredCurve:
-    """Read a curve from a CSV file, in the reference units of the kinds."""
+    """Read a curve from a CSV file, with angles in the unit of the file."""
     deflection, force = kinds or (None, None)
     wanted = [
         WantedColumn("deflection", deflection, ("angle", "twist", "displacement", "x")),
         WantedColumn("torque" if kinds else "force", force, ("torque", "force", "moment", "load", "f")),
     ]
     table = read_table(file, wanted)
-    columns = [table[each.role].values() for each in wanted]
-    return MeasuredCurve(name, spring_curve(columns[0], columns[1], interpolation, error), columns[0], columns[1])
+    angle = table[wanted[0].role].unit
+    x, f = table[wanted[0].role].values(angle), table[wanted[1].role].values()
+    return MeasuredCurve(name, spring_curve(x, f, interpolation, error), x, f, angle)
 
 
 def with_curves(source: Source, *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
@@ -212,10 +216,11 @@ def _with_stages(table: Mapping[str, Any], *, units: bool) -> dict[str, Any]:
     """Return the table of a contact with stages in place of its curve."""
     if both := [each for each in _WITHOUT if each in table]:
         raise ModelError(f"it is given together with {both[0]}; the curve has all of the force, leave {both[0]} out")
-    stages, numbers = stages_of_curve(measured_curve(table, units=units).curve)
+    measured = measured_curve(table, units=units)
+    stages, numbers = stages_of_curve(measured.curve)
     rest = {each: value for each, value in table.items() if each not in _OWN}
-    own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
-    return rest | own | {"law": LAW, "stage": [_stage_table(stage, units=units) for stage in stages]}
+    own = {name: _with_unit(name, value, measured.angle) for name, value in numbers.items() if value}
+    return rest | own | {"law": LAW, "stage": [_stage_table(stage, measured.angle) for stage in stages]}
 
 
 def measured_curve(table: Mapping[str, Any], *, units: bool) -> MeasuredCurve:
@@ -237,9 +242,9 @@ def measured_curve(table: Mapping[str, Any], *, units: bool) -> MeasuredCurve:
     return _read(str(table.get("name", "")), table["curve"], interpolation, error, kinds)
 
 
-def _stage_table(stage: Stage, *, units: bool) -> dict[str, Any]:
+def _stage_table(stage: Stage, angle: Unit | None) -> dict[str, Any]:
     numbers = {"clearance": stage.clearance, "stiffness": stage.stiffness, "cubic": stage.cubic, **stage.numbers}
-    found: dict[str, Any] = {name: _with_unit(name, value, units=units) for name, value in numbers.items()}
+    found: dict[str, Any] = {name: _with_unit(name, value, angle) for name, value in numbers.items()}
     found["side"] = stage.side.value
     return found | ({"name": stage.name} if stage.name else {})
 
@@ -248,6 +253,8 @@ def _given(value: object) -> str:
     return given(value.name if isinstance(value, NamedFile) else value)
 
 
-def _with_unit(name: str, value: float, *, units: bool) -> float | str:
-    kinds = {"clearance": "rad", "stiffness": "N m/rad", "cubic": "N m/rad^3", "preload": "N m", "offset": "N m"}
-    return f"{value!r} {kinds[name]}" if units and value and name in kinds else value
+def _with_unit(name: str, value: float, angle: Unit | None) -> float | str:
+    if angle is None or not value:
+        return value
+    kinds = {"clearance": angle.text, "stiffness": f"N m/{angle.text}", "preload": "N m", "offset": "N m"}
+    return f"{value!r} {kinds[name]}" if name in kinds else value
