@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields as dataclass_fields
 from functools import lru_cache, wraps
-from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -26,19 +25,17 @@ from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
-from gapwalk.model.loads import LOADS, Load
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.load_table import load_fields, loads_of
+from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
-    Angle,
     Direction,
     Matrix,
     Name,
     Names,
     NonNegative,
     Number,
-    Order,
     Part,
     Positive,
     RegularMatrix,
@@ -46,13 +43,12 @@ from gapwalk.model.schema import (
     Vector,
     by_shape,
     claim,
-    measured,
+    number_of,
     one_of,
     tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
@@ -87,14 +83,6 @@ def law_fields(which: str) -> dict[str, Any]:
     for name, each in law_parameters(which).items():
         found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
     return found
-
-
-def number_of(parameter: Parameter) -> Any:
-    """Make the type of a parameter's value in a table."""
-    number = Angle if parameter.kind is QuantityKind.PHASE else Number
-    if parameter.least is not None:
-        number = Annotated[number, Field(ge=parameter.least)]
-    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
 
 
 def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
@@ -277,80 +265,6 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
     return value
-
-
-class LoadBase(Part):
-    """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
-
-    kind: ClassVar[type[Load]]
-
-    order: Order = 1
-    name: Name | None = Field(default=None, validate_default=True)
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
-        if name is not None:
-            claim(name, info)
-        elif "order" in info.data:
-            name = f"{cls.kind.key}{info.data['order']}"
-            if name in info.context.taken:
-                raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
-            info.context.taken.add(name)
-        return name
-
-    @model_validator(mode="after")
-    def _makes_a_load(self) -> LoadBase:
-        try:
-            self.load()
-        except ModelError as error:
-            raise ValueError(f"is refused: {error}") from None
-        return self
-
-    def load(self) -> Load:
-        """Make the load."""
-        numbers = {name: value for name, value in dict(self).items() if value is not None}
-        return self.kind(**{**numbers, "name": numbers.get("name", "")})
-
-
-_Varied = Annotated[
-    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
-]
-_PLAIN = {int: Annotated[int, Field(strict=True)], float: Number, str: Text}
-"""Types of further fields of loads in model files."""
-
-
-@lru_cache
-def _load_part(kind: type[Load]) -> type[LoadBase]:
-    fields: dict[str, Any] = {
-        each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
-        for each in kind.parameters
-    }
-    named = {each.name: each for each in dataclass_fields(kind)}
-    if "varies" in named:
-        fields["varies"] = (_Varied | None, None)
-        if not kind.has_levels:
-            fields["acts_on"] = (Direction | None, None)
-        hints = get_type_hints(kind)
-        for name in named.keys() - {*fields, "acts_on", "order", "name"}:
-            fields[name] = (_PLAIN.get(hints[name], hints[name]), named[name].default)
-    else:
-        fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
-    part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
-    part.kind = kind
-    return part
-
-
-def load_fields() -> dict[str, Any]:
-    """Make the fields of the tables of all registered loads, one list for each kind."""
-    lists: dict[str, Any] = {key: list[_load_part(kind)] for key, kind in LOADS.items()}  # pyright: ignore
-    return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
-
-
-def loads_of(part: Part) -> list[Load]:
-    """Make the loads of a model file."""
-    return [each.load() for key in LOADS for each in getattr(part, key, ())]
 
 
 def study_tables(study: object) -> object:

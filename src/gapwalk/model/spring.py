@@ -1,7 +1,7 @@
 """The forces of contacts as polynomials of the penetration and the rate, and the static springs that follow from them.
 
-Equilibria, the search for orbits, harmonic balance and the batch integrator need the forces in this form. For any other
-law see `gapwalk.model.static_force`.
+Equilibria, the search for orbits and harmonic balance need the forces in this form. For any other law see
+`gapwalk.model.static_force`.
 """
 
 from __future__ import annotations

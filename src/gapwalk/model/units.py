@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 from functools import cached_property, lru_cache
 from threading import Lock
 from typing import Any
@@ -46,6 +47,10 @@ class Unit:
         """Raise a ValueError if its parts are inconsistent."""
         if not 0.0 < self.factor < math.inf or not self.text.isprintable():
             raise ValueError(f"{self.text!r} is no unit")
+
+
+PLAIN = Unit("", 1.0)
+"""The unit of plain numbers."""
 
 
 class QuantityKind(Enum):
@@ -267,6 +272,55 @@ def has_unit(value: object) -> bool:
     return isinstance(value, str) and re.match(rf"\s*{_NUMBER}\s*[^\s\d.,+-]", value) is not None
 
 
+def read_formula_number(value: object) -> tuple[float, Unit]:
+    """Read a parameter of a formula: a number, or a text with a unit made of angle, s and N m.
+
+    Returns
+    -------
+    number : float
+        The number as it was written.
+    unit : Unit
+        Its unit, with its size in rad, s and N m; an empty one of a plain number.
+
+    Raises
+    ------
+    ValueError
+        If it is neither. The message reads on after the name of what is wrong.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value), PLAIN
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*(\S.*?)\s*", value, re.DOTALL) if isinstance(value, str) else None
+    example = 'write a number, or one with a unit such as "0.01 N m s/rad"'
+    if not match:
+        raise ValueError(f"is {given(value)}; {example}")
+    try:
+        with _reading:
+            factor = _formula_factor(match[2])
+    except ValueError as error:
+        raise ValueError(f"is {given(value)}: {error}; {example}") from None
+    return float(match[1]), Unit(_normalised(match[2]), factor)
+
+
+def _formula_factor(unit: str) -> float:
+    registry, text = _registry(), _normalised(unit)
+    found = _parsed(text)
+    powers = dict(found.dimensionality)
+    torque = powers.pop("[mass]", 0)
+    if powers.pop("[length]", 0) != 2 * torque:
+        raise ValueError(f"{unit} is not made of an angle, s and N m")
+    reference = (
+        (registry.newton * registry.meter) ** torque
+        * registry.second ** (powers.pop("[time]", 0) + 2 * torque)
+        * registry.radian ** powers.pop("[angle]", 0)
+    )
+    return float(registry.Quantity(1.0, found).to(reference).magnitude)
+
+
+def _same_dimension(first: str, second: str) -> bool:
+    with _reading:
+        return _parsed(first).dimensionality == _parsed(second).dimensionality
+
+
 @lru_cache(maxsize=512)
 def _factor(unit: str, kind: QuantityKind) -> float:
     """Return the size of a unit in the reference unit of a kind; raise a ValueError with the reason if it has none."""
@@ -334,16 +388,20 @@ class Units:
     chosen
         A unit for each kind with a chosen unit; the others have the default ones.
     turns
-        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None if it is
-        the frequency of the excitation.
+        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
+        fraction. None if it is the frequency of the excitation.
+    own
+        Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies
+        a stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
     """
 
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
-    turns: int | None = None
+    turns: int | Fraction | None = None
+    own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
-        if self.turns is not None and self.turns < 1:
+        if self.turns is not None and not self.turns > 0:
             raise ValueError(f"{self.turns} is no number of periods in a turn")
 
     def of(self, kind: QuantityKind) -> Unit:
@@ -352,8 +410,12 @@ class Units:
 
     def parameter(self, name: str) -> str:
         """Return the unit of a parameter by its name; empty for a plain number."""
-        kind = kind_of(name)
-        return "" if kind is None else self.of(kind).text
+        kind = self.kind(name)
+        return self.unit(name).text if kind is None else self.of(kind).text
+
+    def kind(self, name: str) -> QuantityKind | None:
+        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
+        return self._own[name][0] if name in self._own else kind_of(name)
 
     @property
     def words(self) -> str:
@@ -375,7 +437,7 @@ class Units:
     @property
     def frequency(self) -> float:
         """The angular frequency W of the excitation, in rad/s, at the value 1 of the first parameter."""
-        return self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1)
+        return float(self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1))
 
     def factors(self, names: Iterable[str]) -> NDArray[np.float64]:
         """Return the size of one unit of each parameter in consistent units, shape (names,)."""
@@ -394,9 +456,15 @@ class Units:
         ValueError
             If it is no such text, or not of the parameter's kind.
         """
-        kind = kind_of(parameter)
+        kind = self.kind(parameter)
         if kind is None:
-            raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
+            unit = self.unit(parameter)
+            if unit is PLAIN or not unit.text:
+                raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
+            number, found = read_formula_number(value)
+            if not found.text or not _same_dimension(unit.text, found.text):
+                raise ValueError(f'is {given(value)}; it has the unit {unit.text}, as in "{number:g} {unit.text}"')
+            return number * (found.factor / unit.factor)
         return self.number(read_quantity(value, kind, self.of(kind).text), kind)
 
     def signal(self, name: str) -> tuple[float, str]:
@@ -416,16 +484,30 @@ class Units:
     def _units(self) -> dict[QuantityKind, Unit]:
         return dict(self.chosen)
 
+    @cached_property
+    def _own(self) -> dict[str, tuple[QuantityKind | None, Unit]]:
+        return {name: (kind, unit) for name, kind, unit in self.own}
+
+    def unit(self, name: str) -> Unit:
+        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
+        return self._own[name][1] if name in self._own else PLAIN
+
     def _factor(self, name: str) -> float:
-        kind = kind_of(name)
-        if kind is None or kind is QuantityKind.ANGLE:
+        kind = self.kind(name)
+        if kind is None:
+            return self.unit(name).factor
+        if kind is QuantityKind.ANGLE:
             return 1.0
         return self.frequency if kind is QuantityKind.FREQUENCY else self.of(kind).factor * self.angle**-kind.angle
 
 
-def units_of(quantities: Iterable[Quantity], turns: int | None = None) -> Units:
+def units_of(
+    quantities: Iterable[Quantity],
+    turns: int | Fraction | None = None,
+    own: Iterable[tuple[str, QuantityKind | None, Unit]] = (),
+) -> Units:
     """Choose the units of a train: for each kind, that of the first quantity."""
     chosen: dict[QuantityKind, Unit] = {}
     for quantity in quantities:
         chosen.setdefault(quantity.kind, Unit(quantity.unit, quantity.factor))
-    return Units(tuple((kind, chosen[kind]) for kind in QuantityKind if kind in chosen), turns)
+    return Units(tuple((kind, chosen[kind]) for kind in QuantityKind if kind in chosen), turns, tuple(own))

@@ -75,7 +75,7 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     except ValueError:
         raise ModelError(f"harmonic {order!r} is not an order; write h0, h1, h2, ... or h1/2") from None
     if line.denominator != 1 or line < 0:
-        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns, orbit.period)}"
+        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
     values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)

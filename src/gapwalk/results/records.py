@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -255,6 +256,7 @@ def _from_json(text: str) -> dict[str, Any]:
     return {name: tuples(value) for name, value in data.items()}
 
 
+register(Fraction, Converted(Fraction, str, str, Fraction))
 register(Law, Laws())
 register(LoadForm, Converted(LoadForm, PlainLoad, _plain_load, _load_of))
 register(type[Load], Registered(LOADS, lambda kind: kind.key))

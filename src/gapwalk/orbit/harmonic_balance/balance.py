@@ -74,7 +74,8 @@ class Balance(Method):
         """Pose the orbits of a system as a harmonic balance equation."""
         from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 
-        first = max(_FIRST, 2 * max((harmonic.order for harmonic in system.structure.harmonics), default=1))
+        orders = (order for load in system.structure.harmonics for order in load.orders)
+        first = max(_FIRST, 2 * max(orders, default=1))
         return BalanceEquation(system, parameter, period, self, self.harmonics or first)
 
     @classmethod

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.motion import integrate
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, period_of, varying
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
@@ -331,8 +331,8 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, if no parameter changes it."""
-        for name in self._varying:
-            _, change = self._linear(*ParameterLine(self.system, name).coefficients(self.system[name]))
+        for mask in varying(self.system, self._varying):
+            _, change = self._linear(coefficients_of(self.system), mask.astype(float))
             if change is not None and not change.is_zero:
                 return None
         return self._linear(coefficients_of(self.system))[0]
