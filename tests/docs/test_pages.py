@@ -30,7 +30,7 @@ LONG = {f"gallery/{name}.md" for name in ("collide", "stop", "clutch", "duffing"
 @pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))
 def test_a_page_does_what_it_says(name, tmp_path, monkeypatch) -> None:
     page = DOCS / name
-    for file in page.parent.glob("*.toml"):
+    for file in (*page.parent.glob("*.toml"), *page.parent.glob("*.csv")):
         shutil.copy(file, tmp_path)
     monkeypatch.chdir(tmp_path)
     try:

@@ -159,7 +159,7 @@ def _table(modes: Modes, system: System) -> Table:
 def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:
     """Return values of the first parameter at which each order of the excitation meets each mode, by headings."""
     structure, units = system.structure, system.units
-    orders = sorted({harmonic.order for harmonic in structure.harmonics})
+    orders = sorted({order for load in structure.harmonics for order in load.multiples})
     turns = 1 if units is None else units.turns or 1
     symbol = parameter_symbol(structure.pace, units)
     return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}

@@ -13,8 +13,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import formulas_of, static_forces_of
+from gapwalk.model.structure import PaceLimits
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.linear_part import linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import firsts_of, linear_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
@@ -43,12 +44,16 @@ class Range:
         frequency is no less rich, and half the frequency is equally far away everywhere.
     natural
         Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
+    tables
+        The limits beyond which a load is not known, and the tables over the speed that end there; see
+        `Structure.pace_limits`. None if there are none.
     """
 
     low: float
     high: float
     is_relative: bool = False
     natural: float = math.inf
+    tables: PaceLimits | None = None
 
     def __contains__(self, value: object) -> bool:
         return isinstance(value, float) and self.low <= value <= self.high
@@ -75,8 +80,26 @@ class Range:
         return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
-        """Return this range for a parameter of a system."""
-        return replace(self, is_relative=system.structure.place(parameter) == 0)
+        """Return this range for a parameter of a system; it ends where a table of a load over the speed does.
+
+        Raises
+        ------
+        ModelError
+            If nothing is left of it.
+        """
+        is_relative, tables = system.structure.place(parameter) == 0, system.structure.pace_limits
+        if not (is_relative and tables.tables):
+            return replace(self, is_relative=is_relative)
+        low, high = max(self.low, tables.low), min(self.high, tables.high)
+        if not low < high:
+            raise ModelError(f"{tables.words}, and the range from {self.low:.10g} to {self.high:.10g} is beyond it")
+        return replace(self, low=low, high=high, is_relative=True, tables=tables)
+
+    def table_at(self, bound: float) -> str:
+        """Say which table over the speed ends at a limit of the range; empty if none does."""
+        if self.tables is None or bound not in (self.tables.low, self.tables.high):
+            return ""
+        return self.tables.words
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:
@@ -167,7 +190,10 @@ def _typical_frequency(orbit: Orbit) -> float:
     """
     system = orbit.system
     linear = linear_of(layout_of(system.structure), coefficients_of(system))
-    closed = np.array([max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)])
+    closed = np.zeros(len(linear.deflections))
+    closed[firsts_of(system.structure)] = [
+        max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)
+    ]
     formulas = _mean_stiffness(orbit)
     for stiffness in (np.zeros(len(closed)), closed):
         square = float(np.trace(linear.shifted(stiffness) + formulas)) / system.size
@@ -247,7 +273,8 @@ def _amplitude(system: System) -> float:
     linear = linear_of(layout, coefficients)
     stiffness, damping, loads = linear.stiffness.copy(), linear.damping.copy(), linear.loads[:, 1:].copy()
     frequencies = np.array(layout.orders) * system.frequency
-    forces = zip(static_forces_of(system), springs_of(system), linear.contacts.T, strict=True)
+    pushes = linear.contacts.T[firsts_of(layout.structure)]
+    forces = zip(static_forces_of(system), springs_of(system), pushes, strict=True)
     for force, spring, push in forces:
         if force.is_formula:
             _, own_stiffness, own_damping = force.at(np.zeros(n))

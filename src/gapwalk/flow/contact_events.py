@@ -233,6 +233,8 @@ class Switchboard:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
+        if self.modes.mode_count:
+            self.modes.set_simultaneous(self._closed())
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -347,6 +349,8 @@ class Switchboard:
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
         self.modes.set_mode(mode, direction)
+        if self.modes.mode_count > 1:
+            self.modes.set_simultaneous(self._closed() if self.count else None, mode)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1

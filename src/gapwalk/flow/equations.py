@@ -25,7 +25,7 @@ EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
 FUNCTIONS = {
     **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
-    "pow": lambda base, power: hy.expression(0.0) + base**power,
+    "pow": lambda base, power: (hy.expression(0.0) + base) ** power,
 }
 """Functions of formulas, of expressions."""
 

@@ -31,7 +31,8 @@ class Angles:
     theta
         The angles, real or complex.
     levels
-        For each cycle of two levels, True at the high one; by default the angle decides.
+        For each cycle of two levels, True or 1 at the high one, 0 at the low one, or a share of the high one between
+        them; by default the angle decides.
     unit
         The unit of length of the coefficients and states, in units of the model.
     """
@@ -41,7 +42,7 @@ class Angles:
         layout: CoefficientLayout,
         coefficients: NDArray,
         theta: NDArray | float,
-        levels: Sequence[bool] | None = None,
+        levels: Sequence[Any] | None = None,
         unit: float = 1.0,
     ) -> None:
         self.unit = unit
@@ -62,8 +63,8 @@ class Angles:
         for number, factor in wave.cycles:
             cycle = self.layout.cycles[number]
             low, high = self.coefficients[..., cycle.low], self.coefficients[..., cycle.high]
-            is_high = is_at_high(cycle, self.coefficients, self.theta) if self._levels is None else self._levels[number]
-            total = total + factor * np.where(is_high, high, low) * (derivative == 0)
+            share = is_at_high(cycle, self.coefficients, self.theta) if self._levels is None else self._levels[number]
+            total = total + factor * (low + (high - low) * share) * (derivative == 0)
         return total
 
     def sway(self, slots: ContactSlots, argument: int = 0, derivative: int = 0) -> NDArray | float:

@@ -18,6 +18,8 @@ from gapwalk.flow.forces import Angles, accelerations, is_at_high, stages_of
 _ON = 1e-13  # share of the size of a guard within which a motion begins on it
 _NEAR = 1e-9  # the same for its end
 _SAME = 1e-12  # radians within which an angle at which a level changes is the start or the end of an interval
+_TOGETHER = 1e-9  # radians within which two guards vanish together
+_STEP = 1e-150  # of the complex step
 _AHEAD = 1e-3  # share of the reach of the Taylor series at which guards decide that vanish at the start
 
 
@@ -28,6 +30,11 @@ class ModeSwitches:
     ----------
     equations
         Its equations.
+
+    Attributes
+    ----------
+    kinks
+        The angles and states at which guards vanished since the start.
     """
 
     def __init__(self, equations: Equations) -> None:
@@ -42,6 +49,7 @@ class ModeSwitches:
     def start(self, coefficients: NDArray[np.float64], theta: float, unit: float) -> None:
         """Set all modes and levels for the state in the integrator, with lengths in multiples of `unit`."""
         self._coefficients, self._unit = coefficients, unit
+        self.kinks: list[tuple[float, NDArray[np.float64]]] = []
         if self.cycle_count:
             self._set_levels(theta)
         if self.mode_count:
@@ -56,9 +64,9 @@ class ModeSwitches:
                 self._parameters[self._modes + place] = mode
 
     def _contact_modes(
-        self, theta: float, state: NDArray[np.float64], closed: list[list[bool]] | None = None
-    ) -> list[tuple[bool, float]]:
-        """Return the modes of all laws at a state by their guards, and the values of these."""
+        self, theta: Any, state: NDArray[Any], closed: list[list[bool]] | None = None
+    ) -> list[tuple[bool, Any]]:
+        """Return the modes of all laws at a state by their guards, and the values of these, real or complex."""
         n, layout, found = self.n, self.equations.layout, []
         angles = Angles(layout, self._coefficients, theta, unit=self._unit)
         for index, slots in enumerate(layout.contacts):
@@ -76,7 +84,7 @@ class ModeSwitches:
             edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
             stages = stages_of(slots, angles, moves, None if closed is None else closed[index], edge)
             guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
-            found += [(bool(mode), float(guard)) for mode, guard in zip(stages.modes, guards, strict=True)]
+            found += [(bool(mode), guard) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found
 
     def _set_modes(self, theta: float) -> None:
@@ -109,6 +117,23 @@ class ModeSwitches:
     def set_mode(self, mode: int, direction: int) -> None:
         """Set a mode whose guard changes its sign in a direction."""
         self._parameters[self._modes + mode] = direction > 0
+        self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
+
+    def set_simultaneous(self, closed: list[list[bool]] | None, mode: int = -1) -> None:
+        """Set the modes, other than one, whose guards vanish at the same time as an event: it alone was reported.
+
+        Two forces with ``abs(v)`` of the same coordinate have two guards that always vanish together. `closed` has for
+        each contact which of its stages are closed.
+        """
+        n, theta, levels = self.n, self._integrator.time, self._parameters[self._levels :][: self.cycle_count] > 0.5
+        state = self._state[: 2 * n]
+        q, v = state[:n], state[n:]
+        turning = accelerations(self.equations.layout, self._coefficients, theta, q, v, closed, levels, self._unit)
+        rates = self._coefficients[0] * np.concatenate((v, turning))
+        for other, (_, guard) in enumerate(self._contact_modes(theta + 1j * _STEP, state + 1j * _STEP * rates, closed)):
+            slope = float(np.imag(guard)) / _STEP
+            if other != mode and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
+                self._parameters[self._modes + other] = slope > 0.0
 
     def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
         """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""

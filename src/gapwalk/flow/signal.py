@@ -131,9 +131,9 @@ def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) ->
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 
     def rank(place: int) -> tuple[bool, bool, bool, float]:
-        name, size = system.structure.contacts[place].name, float(sizes[place])
-        own = base in coordinates and system.vector(f"{name}.deflection")[coordinates.index(base)] != 0.0
-        return base.partition(".")[0] == name, size > 0.0, bool(own), size
+        form, size = system.structure.contacts[place], float(sizes[place])
+        own = base in coordinates and any(system.vector(each)[coordinates.index(base)] for each in form.vectors)
+        return base.partition(".")[0] == form.name, size > 0.0, own, size
 
     return max(range(len(sizes)), key=rank)
 

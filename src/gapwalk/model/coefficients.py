@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import OutsideError
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
@@ -216,21 +217,12 @@ class CoefficientLayout:
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
         table, values, places = self.table(values), self.assembled.expand(values), self._contacts[1]
-        s, count = self.structure, len(self.orders)
-        first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
-        found = np.empty(len(self), values.dtype)
+        s, found = self.structure, np.empty(len(self), values.dtype)
         found[0] = 1.0 / values.item(0)
-        last = 1 + s.size * self._columns
-        accelerations = found[1:last].reshape(-1, self._columns)
-        accelerations[:, :first] = table[:, :first]
-        lines = self._load_lines(values)
-        accelerations[:, first:] = table[:, first:] @ lines[[True, *driving]]
+        first = table.shape[1] - 1 - len(s.driving)
+        found[1 : 1 + s.size * self._columns].reshape(-1, self._columns)[:, :first] = table[:, :first]
+        self._set_loads(found, table, self._load_lines(values))
         if s.variations:
-            waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
-            waves[:] = 0.0
-            for wave, variation in zip(waves, s.variations, strict=True):
-                for load, factor in variation.loads:
-                    wave += factor * lines[1 + load, 1:]
             jumps = [number for number, load in enumerate(s.harmonics) if load.kind.has_levels]
             for cycle, number in zip(self.cycles, jumps, strict=True):
                 numbers = map(values.item, self._load_places[number])
@@ -243,13 +235,44 @@ class CoefficientLayout:
         """True if the frequency enters the loads, and not through 1/W alone."""
         return any(load.depends_on_frequency for load in self.structure.harmonics)
 
-    def _load_lines(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders)."""
+    def moved_by_speed(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return a mask of the coefficients that loads with a factor over the speed change, at any speed.
+
+        The factor may vanish at one speed, or stay the same in a part of its table, so that its slope there does not
+        tell.
+        """
+        if not any(load.factor is not None for load in self.structure.harmonics):
+            return np.zeros(len(self), dtype=bool)
+        table, values, found = self.table(values), self.assembled.expand(values), np.zeros(len(self))
+        lines = self._load_lines(values, only_factors=True)
+        self._set_loads(found, table, lines)
+        return found != 0.0
+
+    def _set_loads(self, found: NDArray[Any], table: NDArray[Any], lines: NDArray[Any]) -> None:
+        """Set the accelerations by the loads, and the waves of what varies, from the lines of all loads."""
+        s, count = self.structure, len(self.orders)
+        first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
+        last = 1 + s.size * self._columns
+        found[1:last].reshape(-1, self._columns)[:, first:] = table[:, first:] @ lines[[True, *driving]]
+        waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
+        waves[:] = 0.0
+        for wave, variation in zip(waves, s.variations, strict=True):
+            for load, factor in variation.loads:
+                wave += factor * lines[1 + load, 1:]
+
+    def _load_lines(self, values: NDArray[Any], *, only_factors: bool = False) -> NDArray[Any]:
+        """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders).
+
+        With `only_factors`, only the loads with a factor over the speed have lines, and those are without the factor.
+        """
         harmonics, count = self.structure.harmonics, len(self.orders)
         lines = np.zeros((1 + len(harmonics), 1 + 2 * count), values.dtype)
-        lines[0, 0] = 1.0  # the constant load
+        lines[0, 0] = not only_factors  # the constant load
         for row, (load, places) in enumerate(zip(harmonics, self._load_places, strict=True), start=1):
-            for order, cosine, sine in load.lines(values.item(0), map(values.item, places)):
+            if only_factors and load.factor is None:
+                continue
+            give = load.plain_lines if only_factors else load.lines
+            for order, cosine, sine in give(values.item(0), map(values.item, places)):
                 column = 1 + self.orders.index(order) if order else 0
                 lines[row, column] += cosine
                 if order:
@@ -276,12 +299,42 @@ def layout_of(structure: Structure) -> CoefficientLayout:
 
 
 def coefficients_of(system: System) -> NDArray[np.float64]:
-    """Return the coefficients of the flow for the values of `system`."""
+    """Return the coefficients of the flow for the values of `system`.
+
+    Raises
+    ------
+    OutsideError
+        If its speed is beyond a table over the speed.
+    """
     known = getattr(system, "_coefficients", None)
     if known is None:
+        structure = system.structure
+        if not (limits := structure.pace_limits).covers(pace := system[structure.pace]):
+            raise OutsideError(
+                f"{limits.words}; it has no value at {structure.pace} = {pace:.6g}. Extend the table, or stay within it"
+            )
         known = layout_of(system.structure).compute(system.values)
         object.__setattr__(system, "_coefficients", known)
     return known
+
+
+def static_load(system: System) -> NDArray[np.float64]:
+    """Return the constant load of a system: its mean, and the constant parts of its other loads; shape (n,).
+
+    Raises
+    ------
+    OutsideError
+        As `coefficients_of`.
+    """
+    system = system.equations
+    total, structure = system.vector("mean"), system.structure
+    constant = [load for load in structure.driving if 0 in load.orders]
+    if constant:
+        coefficients_of(system)
+    for load in constant:
+        lines = load.lines(system.frequency, [system[name] for name in load.parameters])
+        total = total + sum(line.cosine for line in lines if not line.order) * system.vector(load.shape)
+    return total
 
 
 def period_of(system: System, value: float) -> tuple[float, float]:
@@ -326,6 +379,7 @@ class ParameterLine:
 
 def _with_slopes(system: System, changed: Mapping[int, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute the coefficients with other values at some places, and the derivatives by each of those, in rows."""
+    # beyond a table over the speed, for steps of Newton's method that pass its end, its last piece goes on
     layout, values, found = layout_of(system.structure), system.values.astype(complex), []
     values[[*changed]] = [*changed.values()]
     for place, value in changed.items():
@@ -349,6 +403,8 @@ def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
     for name in names:
         lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
         masks.append(np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0))
+        if system.structure.place(name) == 0:
+            masks[-1] |= layout_of(system.structure).moved_by_speed(system.values)
     return masks
 
 

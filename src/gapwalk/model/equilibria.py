@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
+from gapwalk.model.coefficients import static_load
 from gapwalk.model.spring import Range, Slope, Spring, springs_of
 from gapwalk.model.static_force import formula_matrices, formulas_of, static_forces_of
 from gapwalk.model.static_search import MOST, balance_of
@@ -163,7 +164,7 @@ def find_equilibria(system: System) -> Rest:
     for each in forces:
         if each.form.law.rebounds:
             each.form.closed_form("an equilibrium")  # raises the error
-    stiffness, load = system.matrix("stiffness"), system.vector("mean")
+    stiffness, load = system.matrix("stiffness"), static_load(system)
     formulas = [each for each in forces if each.is_formula]
     if any(slope.curved for spring in springs for slope in spring.slopes) or not all(
         each.is_linear_at_rest for each in formulas

@@ -10,6 +10,8 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 from pydantic import (
     Field,
     ModelWrapValidatorHandler,
+    PlainValidator,
+    PrivateAttr,
     ValidationInfo,
     WrapValidator,
     create_model,
@@ -18,7 +20,10 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.laws.grammar import FormulaError
 from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.loads.over_speed import OverSpeed, over_speed_data, read_factor
+from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
@@ -44,6 +49,8 @@ class LoadBase(Part):
     """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
 
     kind: ClassVar[type[Load]]
+    _units: bool = PrivateAttr(default=False)
+    _made: Any = PrivateAttr(default=None)
 
     order: Order = 1
     name: Name | None = Field(default=None, validate_default=True)
@@ -52,6 +59,8 @@ class LoadBase(Part):
     @classmethod
     def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Names]) -> Self:
         """Name a variation for what it varies, if the name of its order is taken."""
+        if not cls.kind.is_periodic and isinstance(table, Mapping) and "order" in table:
+            raise ValueError(f"has an order, but it is {cls.kind.words}; leave order out")
         if isinstance(table, Mapping) and "name" not in table:
             name = default_name(cls.kind.key, table, info.context.taken)
             if name != f"{cls.kind.key}{table.get('order', 1)}":
@@ -71,22 +80,34 @@ class LoadBase(Part):
         return name
 
     @model_validator(mode="after")
-    def _makes_a_load(self) -> LoadBase:
+    def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
+        self._units = info.context.units
         try:
-            self.load()
+            self._made = self.load()
         except ModelError as error:
             raise ValueError(f"is refused: {error}") from None
         return self
 
-    def load(self) -> Any:
-        """Make the load."""
-        numbers = {name: value for name, value in dict(self).items() if value is not None}
-        return self.kind(**{**numbers, "name": numbers.get("name", "")})
+    @property
+    def made(self) -> Any:
+        """The load of the table, which was made when it was checked."""
+        return self._made
+
+    def load(self, **changes: Any) -> Any:
+        """Make the load, with other values of some keys."""
+        counted = ("mesh", "turns_of")  # of loads of drive trains
+        numbers = {name: value for name, value in dict(self).items() if value is not None and name not in counted}
+        numbers |= changes
+        if not self.kind.is_periodic:
+            del numbers["order"]
+        return self.kind.from_table({**numbers, "name": numbers.get("name", "")}, units=self._units)
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
     """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2`` if that is taken."""
     order, varied = table.get("order", 1), table.get("varies")
+    if not LOADS[key].is_periodic:
+        return key
     name = f"{key}{order}" if isinstance(order, int) else f"{key}{order}".replace(".", "_")
     if name in taken and isinstance(varied, str):
         return f"{varied.replace('.', '_')}_{name}"
@@ -97,8 +118,38 @@ _Varied = Annotated[
     Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
     by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
 ]
-_PLAIN = {int: Annotated[int, Field(strict=True)], float: Number, str: Text}
-"""Types of further fields of loads in model files."""
+_FILE = 'write the name of a CSV file, as in file = "gas.csv"'
+
+
+def _is_file(value: object) -> NamedFile:
+    """Refuse what is not the name of a file; the file has been read before."""
+    if not isinstance(value, NamedFile):
+        raise ValueError(f"is {given(value)}; {_FILE}")
+    return value
+
+
+def _over_speed(value: object, info: ValidationInfo[Names]) -> OverSpeed:
+    """Read a factor over the speed: a formula, or a table in a file."""
+    try:
+        if isinstance(value, NamedFile):
+            return read_factor(value, units=info.context.units)
+        if isinstance(value, str):
+            return over_speed_data(value)
+    except FormulaError as error:
+        raise ValueError(f"is {given(value)}, column {error.column}: {error.reason}") from None
+    except ModelError as error:
+        raise ValueError(str(error).removeprefix("over_speed ")) from None
+    raise ValueError(f'is {given(value)}; write a formula such as "1 + 0.1*W", or the name of a file such as "gas.csv"')
+
+
+_PLAIN = {
+    int: Annotated[int, Field(strict=True)],
+    float: Number,
+    str: Text,
+    OverSpeed: Annotated[Any, PlainValidator(_over_speed)],
+    NamedFile: Annotated[Any, PlainValidator(_is_file)],
+}
+"""Types of further keys of loads in model files."""
 
 
 def _size_of(parameter: Parameter) -> Any:
@@ -140,14 +191,17 @@ def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
     for each in kind.parameters:
         number = _size_of(each) if each.name == "amplitude" and "varies" in named else number_of(each)
         fields[each.name] = (number, Field(description=each.words) if each.default is None else each.default)
-    if "varies" in named:
-        hints = get_type_hints(kind)
-        for name in (name for name in named if name not in {*fields, "acts_on", "order", "name"}):
-            number = _PLAIN.get(hints[name], hints[name])
-            if name in kind.frequencies:
-                number = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
-            fields[name] = (number, named[name].default)
+    if kind.table_keys is None:
+        hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
+        keys: Mapping[str, tuple[Any, Any]] = {name: (hints[name], named[name].default) for name in own}
     else:
+        keys = kind.table_keys
+    for name, (type_, default) in keys.items():
+        number = _PLAIN.get(type_, type_)
+        if name in kind.frequencies:
+            number = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
+        fields[name] = (number, Field(description=_FILE) if default is ... else default)
+    if "varies" not in named:
         fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
     part = create_model(f"{kind.__name__}Part", __base__=base, **fields)
     part.kind = kind
@@ -168,4 +222,4 @@ def load_fields(base: type[LoadBase] = LoadBase) -> dict[str, Any]:
 
 def loads_of(part: Part) -> list[Any]:
     """Make the loads of a model file."""
-    return [each.load() for key in LOADS for each in getattr(part, key, ())]
+    return [each.made for key in LOADS for each in getattr(part, key, ())]

@@ -145,7 +145,8 @@ def dissipation_doubts(system: System) -> list[str]:
     doubts = []
     damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
     rates = np.linalg.eigvals(np.linalg.solve(system.matrix("mass"), damping)).real
-    if not damping.any():
+    dragging = any(not form.stages and form.law.is_damped for form in system.structure.contacts)
+    if not damping.any() and not dragging:
         doubts.append(
             "damping is zero: no motion settles, and at a resonance nothing limits it while the gaps are open; give "
             "the system a damping, however small"

@@ -63,6 +63,7 @@ _ALLOWED = {
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "list_type": "a list",
+    "literal_error": "{expected}",
     "dict_type": "a table, such as {{ q1 = 1.0 }}",
     "model_type": "a table",
     "too_short": "a list of at least {min_length}",

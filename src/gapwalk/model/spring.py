@@ -1,7 +1,7 @@
 """The forces of contacts as polynomials of the penetration and the rate, and the static springs that follow from them.
 
-Equilibria, the search for orbits, harmonic balance and the batch integrator need the forces in this form. For any other
-law see `gapwalk.model.static_force`.
+Equilibria, the search for orbits and harmonic balance need the forces in this form. For any other law see
+`gapwalk.model.static_force`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, coefficients_of, layout_of
 from gapwalk.model.laws import Stages, StageTerms, Term, closed_form_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
@@ -69,6 +69,11 @@ class ForcePolynomials:
         """The first term of each place."""
         return np.flatnonzero(np.diff(self._places, prepend=-1))
 
+    @property
+    def is_damped(self) -> bool:
+        """True if the rate occurs."""
+        return bool(np.unravel_index(self._places, self.shape)[1].any())
+
     def integrated(self) -> ForcePolynomials:
         """Integrate the factor of the rate over the deflection, and drop the terms of other rates.
 
@@ -92,7 +97,7 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
     """
     if varying := [slots.form.name for slots in layout.contacts if slots.varies]:
         raise ModelError(f"{backend} cannot include {varying[0]!r}: it varies over the angle")
-    terms: list[tuple[tuple[int, int, int], float, list[int]]] = []
+    terms: list[Product] = []
     switches = []
     for index, slots in enumerate(layout.contacts):
         first = len(switches)
@@ -101,9 +106,27 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
             stage = slots.stages[number]
             found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
             terms.append(((first + number, rate, power), factor * stage.sign**power, found))
-    terms.sort(key=itemgetter(0))
-    rates, powers = (1 + max([1, *(place[axis] for place, _, _ in terms)]) for axis in (1, 2))
-    shape = (len(switches), rates, powers)
+    return arranged(layout, switches, terms)
+
+
+Product = tuple[tuple[int, int, int], float, list[int]]
+"""A product of coefficients: its switch, rate and power, its factor, and the slots of the coefficients."""
+
+
+def arranged(
+    layout: CoefficientLayout,
+    switches: Sequence[tuple[int, StageSlots]],
+    products: Sequence[Product],
+    shape: tuple[int, int, int] | None = None,
+) -> ForcePolynomials:
+    """Arrange products of coefficients as polynomials of switches, each with the number of its contact.
+
+    The shape is the smallest one by default.
+    """
+    terms = sorted(products, key=itemgetter(0))
+    if shape is None:
+        rates, powers = (1 + max([1, *(place[axis] for place, _, _ in terms)]) for axis in (1, 2))
+        shape = (len(switches), rates, powers)
     most = max((len(found) for _, _, found in terms), default=0)
     padded = [[*found, *[len(layout)] * (most - len(found))] for _, _, found in terms]
     places = np.array([place for place, _, _ in terms], dtype=np.intp).reshape(-1, 3)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.coefficients import coefficients_of, layout_of, static_load
 from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.static_force import StaticForce, static_forces_of
 from gapwalk.model.system import System
@@ -41,9 +41,7 @@ _MANY = 1_000  # combinations of stages whose polynomials are solved
 
 def balance_of(system: System) -> StaticBalance:
     """Return the static forces of a system under its mean load."""
-    return StaticBalance(
-        system.matrix("stiffness"), system.vector("mean"), static_forces_of(system), springs_of(system)
-    )
+    return StaticBalance(system.matrix("stiffness"), static_load(system), static_forces_of(system), springs_of(system))
 
 
 class Unbalanced(NamedTuple):

@@ -23,6 +23,7 @@ from gapwalk.model.units import PACES, Units
 from gapwalk.model.variations import Variation, varied
 
 _LARGEST = 1e150  # its square is finite, too
+_ROUNDING = 1e-9  # of the range of a table: so close to its end, a value is within
 _SHOWN = 5  # names that are listed if none is similar to the unknown one
 _FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
 
@@ -199,6 +200,11 @@ class ContactForm:
         signs = [sign for _, sign in self.sides]
         return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
 
+    @property
+    def has_closed_form(self) -> bool:
+        """True if the force is a sum of products."""
+        return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
+
     def closed_form(self, backend: str) -> tuple[Term, ...]:
         """Return the force as a sum of products.
 
@@ -208,7 +214,7 @@ class ContactForm:
             If it is not a sum of products; the message names the backend that needs one.
         """
         terms = closed_form_of(self.law, self.shapes)
-        if terms is None or self.law.rebounds:
+        if terms is None or not self.has_closed_form:
             reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
             raise ModelError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
         return terms
@@ -216,6 +222,26 @@ class ContactForm:
     def stage_prefix(self, stage: StageForm) -> str:
         """Return the prefix of the names of a stage's parameters."""
         return f"{self.name}.{stage.name}" if stage.name else self.name
+
+
+class PaceLimits(NamedTuple):
+    """The range of the first parameter, frequency or speed, in which all loads are known, and the tables that end."""
+
+    low: float
+    high: float
+    tables: str
+
+    @property
+    def words(self) -> str:
+        """Say which table ends, and where."""
+        return f"{self.tables} covers {self.low:.6g} to {self.high:.6g}"
+
+    def covers(self, value: float) -> bool:
+        """Return True if a value is in the range, but for rounding."""
+        if not self.tables:
+            return True
+        slack = _ROUNDING * (self.high - self.low)
+        return self.low - slack <= value <= self.high + slack
 
 
 class Breakpoint(NamedTuple):
@@ -332,6 +358,17 @@ class Structure:
                 for variation, sign in varied(self.contacts, load, name):
                     found.setdefault(variation, []).append((number, sign * factor))
         return tuple(variation._replace(loads=tuple(loads)) for variation, loads in found.items())
+
+    @cached_property
+    def pace_limits(self) -> PaceLimits:
+        """The range of the first parameter in which all loads are known: that of their tables over the speed."""
+        low, high, names = 0.0, math.inf, []
+        for load in self.harmonics:
+            if load.factor is not None and load.factor.table is not None:
+                first, last = load.factor.limits
+                low, high = max(low, first / self.frequency), min(high, last / self.frequency)
+                names.append(load.factor.table.name)
+        return PaceLimits(low, high, " and ".join(dict.fromkeys(names)))
 
     @cached_property
     def equations(self) -> Structure:

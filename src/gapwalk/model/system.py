@@ -293,13 +293,18 @@ class System(Shown):
     def contents(self) -> Iterator[str]:
         """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
         contacts = (
-            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
+            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.title})"
             for form in self.structure.contacts
         )
-        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        loads = [
+            (_load_words(form, self.turns or 1), [name for name, _ in form.varies]) for form in self.structure.harmonics
+        ]
+        varying = [f"{' and '.join(names)} by {load}" for load, names in loads if names]
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
-        yield f"excitation: {', '.join(orders) or 'none'}"
+        yield f"excitation: {', '.join(load for load, names in loads if not names) or 'none'}"
+        if varying:
+            yield f"varying: {', '.join(varying)}"
         if self.units:
             yield f"units: {self.units.words}"
 
@@ -318,6 +323,14 @@ class System(Shown):
         values.flags.writeable = False
         for name, value in (("structure", structure), ("_shared", values), ("_own", own or {})):
             object.__setattr__(self, name, value)
+
+
+def _load_words(form: LoadForm, turns: int | Fraction) -> str:
+    """Describe a load by its name and its order, or by what its kind says of it."""
+    notes = [form.kind.notes(dict(form.constants)), form.factor.words if form.factor else ""]
+    order = f" of order {form.order * turns}" if form.kind.is_periodic and not notes[0] else ""
+    text = "; ".join(filter(None, notes))
+    return f"{form.name}{order}{f' ({text})' if text else ''}"
 
 
 def pace_number(system: System, digits: int = 8) -> str:

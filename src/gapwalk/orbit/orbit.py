@@ -259,6 +259,4 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 
 def repeats(system: System) -> int:
     """Return how often the excitation repeats within a forcing period: three times for the orders 3 and 6."""
-    loads = system.structure.harmonics
-    jumps = [load.order for load in loads if load.kind.has_levels]
-    return math.gcd(*jumps, *(order for load in loads for order in load.orders)) or 1
+    return math.gcd(*(order for load in system.structure.harmonics for order in load.multiples)) or 1

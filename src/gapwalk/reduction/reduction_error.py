@@ -25,6 +25,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import solve
 
@@ -281,7 +282,7 @@ class Pair:
             from_real_form,  # imported late: it loads numba, which takes long
         )
 
-        lines = np.abs(from_real_form(unknowns.reshape(len(self.system.structure.contacts), -1)))
+        lines = np.abs(from_real_form(unknowns.reshape(deflections_in(self.system.structure), -1)))
         return float(lines[:, 0 if mean else 1 :].sum(axis=1).max())
 
 

@@ -50,7 +50,7 @@ def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
     if contact and info.data.get("of", Kind.GRAZING) is not Kind.GRAZING:
         raise ValueError(f'is for of = "grazing"; leave it out for {given(info.data["of"].value)}')
     system = info.context.system
-    names = [form.name for form in system.structure.contacts] if system else []
+    names = [form.name for form in system.structure.contacts if form.stages] if system else []
     if contact and system and contact.split(" ", maxsplit=1)[0] not in names:
         raise ValueError(f"is {given(contact)}, which is no contact; {did_you_mean(contact, names)}")
     return contact

@@ -73,7 +73,9 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
     except (TypeError, ValueError):
         raise ModelError(f"the range of {name} is {given!r}; write two numbers (low, high)") from None
     for value in (low, high):
-        system.at({name: value})
+        there = system.at({name: value})
+        if (limits := system.structure.pace_limits).tables and not limits.covers(there[system.structure.pace]):
+            raise ModelError(f"the range of {name} is from {low:g} to {high:g}, but {limits.words}: stay within it")
     if not low < high:
         raise ModelError(f"the range of {name} is from {low:g} to {high:g}: it is empty; write (low, high)")
     return low, high

@@ -32,12 +32,12 @@ Kinks = tuple[tuple[float, int], ...]
 _PERIOD = 2.0 * math.pi
 _FINER = 5.0  # steps at the first attempt, per step of the flow's Taylor series, whose order is about 20
 _IN_PIECE = 2.0  # smallest number of such Taylor steps between two contact events
-_TRIES = 4  # number of attempts, each with twice as many steps
+_TRIES = 3  # number of further attempts, each with twice as many steps
 _EXACT = 5e-11  # error of the integration, relative to the motion, that is small enough
 _AGAIN = 1e-10  # closure above which the contact events are located again
 _PASSES = 6  # number of times that they are: where the force jumps, moving an event moves those after it
 _ASIDE = 1e-5  # largest angle by which an event may be moved: farther away there is another event
-_SETTLED = 1e-11  # change of the angle of a kink that is small enough: it costs that times the length of a step
+_SETTLED = 1e-9  # change of the angle of a kink that is small enough: it costs that times a thousandth
 _SOUGHT = 6  # number of integrations in which kinks are sought
 _HALVINGS = 50  # of a step, to find a kink in it
 _ONE_PLACE = 1e-9  # angle between two kinks within which a step ends at only one of them
@@ -99,9 +99,11 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
 
 
 def _carry(orbits: Sequence[Orbit]) -> list[Round]:
-    rounds = _around_kinks(orbits, _FINER, [()] * len(orbits))
-    finer = _FINER
-    for _ in range(_TRIES - 1):
+    # the Taylor series needs many short steps next to fractional powers
+    edged = any(form.law.has_edges for form in orbits[0].system.structure.contacts)
+    finer = _FINER / 5.0 if edged else _FINER
+    rounds = _around_kinks(orbits, finer, [()] * len(orbits))
+    for _ in range(_TRIES + edged):
         rough = [index for index, each in enumerate(rounds) if not each.error <= _EXACT]
         if not rough:
             break
@@ -148,9 +150,10 @@ def _around_kinks(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks])
 
 def _moved(a: Kinks, b: Kinks) -> float:
     """Return by how much kinks have moved, or inf if there are others."""
-    if [guard for _, guard in a] != [guard for _, guard in b]:
+    known, found = (sorted((guard, angle) for angle, guard in kinks) for kinks in (a, b))
+    if [guard for guard, _ in known] != [guard for guard, _ in found]:
         return math.inf
-    return max((abs(x - y) for (x, _), (y, _) in zip(a, b, strict=True)), default=0.0)
+    return max((abs(x - y) for (_, x), (_, y) in zip(known, found, strict=True)), default=0.0)
 
 
 def _around(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks]) -> list[Round]:

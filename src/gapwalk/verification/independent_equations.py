@@ -94,6 +94,9 @@ class Equations:
         self._free = -np.trace(self._damping, axis1=1, axis2=2)
         contact = np.repeat(np.arange(len(contacts)), [len(each) for each in self._of_contact])
         self._drag = np.sum(self._vectors * self._push[:, :, contact].transpose(0, 2, 1), axis=2)
+        self._damped = [form.law.is_damped for form in contacts]
+        switches = [np.flatnonzero(self.contact_of == index).tolist() for index in range(len(contacts))]
+        self._switches = [[*zip(own, form.shapes, strict=True)] for own, form in zip(switches, contacts, strict=True)]
         self.guard_count = sum(form.law.mode_count for form in contacts)
 
     @property
@@ -201,18 +204,20 @@ class Equations:
         forces, contraction = np.zeros((len(x), len(self._contacts))), np.zeros(len(x))
         drag = self._of(self._drag, lanes)
         for index, form in enumerate(self._contacts):
-            places = self._of_contact[index]
+            places, law = self._of_contact[index], form.law
             stages, numbers = self._arguments(index, loads, x, rate, closed, lanes)
             self._decided(form, stages, numbers, rate[:, places[0]])
-            for place, argument in zip(places, form.law.arguments, strict=True):
+            if not self._damped[index]:
+                forces[:, index] = law.force(rate[:, places[0]], stages, numbers)
+                continue
+            moves = stages.deflections
+            for place, argument in zip(places, law.arguments, strict=True):
                 # the derivative by one rate at a time
                 aside = rate[:, place] + 1j * _STEP
-                stages.deflections = {**stages.deflections, argument: (x[:, place], aside)}
-                first = aside if place == places[0] else rate[:, places[0]]
-                found = np.broadcast_to(form.law.force(first, stages, numbers), len(x))
-                stages.deflections = {**stages.deflections, argument: (x[:, place], rate[:, place])}
+                stages.deflections = {**moves, argument: (x[:, place], aside)}
+                found = law.force(aside if place == places[0] else rate[:, places[0]], stages, numbers)
                 forces[:, index] = np.real(found)
-                contraction += drag[:, place] * np.imag(found) / _STEP
+                contraction += drag[:, place] * (np.imag(found) / _STEP)
         return forces, contraction
 
     def _arguments(
@@ -220,7 +225,6 @@ class Equations:
     ) -> tuple[Stages, dict[str, Array]]:
         """Return the stages and numbers of the law of a contact, with no mode decided yet."""
         form, places = self._contacts[index], self._of_contact[index]
-        switches = np.flatnonzero(self.contact_of == index).tolist()
         stages = [
             StageTerms(
                 shape.sign,
@@ -229,7 +233,7 @@ class Equations:
                 shape.innermost,
                 self._named(self._prefixes[k], self._of_stages[k], loads, lanes),
             )
-            for k, shape in zip(switches, form.shapes, strict=True)
+            for k, shape in self._switches[index]
         ]
         moves = {name: (x[:, place], rate[:, place]) for name, place in zip(form.law.arguments, places, strict=True)}
         modes = [np.zeros(len(x))] * form.law.mode_count
@@ -240,7 +244,7 @@ class Equations:
     def _decided(form: ContactForm, stages: Stages, numbers: Mapping[str, Array], rate: Array) -> list[Array]:
         """Decide the modes of a law, which are set in `stages`, and return its guards."""
         guards: list[Array] = []
-        for _ in range(form.law.mode_count + 1):  # a guard may depend on modes before its own
+        for _ in range(form.law.mode_count and form.law.mode_count + 1):  # a guard may depend on modes before its own
             guards = list(form.law.guards(rate, stages, numbers))
             modes = [(np.real(each) > 0.0) * np.ones(len(rate)) for each in guards]
             if all(np.array_equal(a, b) for a, b in zip(modes, stages.modes, strict=True)):

@@ -126,9 +126,11 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
         yield f"{said}, but the branch ends at {point.value:.10g}"
         return
     match end.reason:
-        case EndReason.RANGE | EndReason.TURNED_BACK:
-            if within is not None and min(abs(end.value - bound) for bound in within) > same:
-                yield f"{said}, where the range is from {within[0]:.10g} to {within[1]:.10g}"
+        case EndReason.RANGE | EndReason.TURNED_BACK | EndReason.TABLE:
+            tables = point.orbit.system.structure.pace_limits
+            limits = (tables.low, tables.high) if end.reason is EndReason.TABLE else within
+            if limits is not None and min(abs(end.value - bound) for bound in limits) > same:
+                yield f"{said}, where the range is from {limits[0]:.10g} to {limits[1]:.10g}"
             origin = min(branch.points, key=lambda each: abs(each.arclength))
             way = -1.0 if place == 0 else 1.0
             ahead = (point.value - origin.value) * float(origin.tangent[-1]) * way

@@ -225,7 +225,7 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
             raise ModelError(
                 f"the locus starts at {name} = {system[name]:.10g}, outside the range from {low:.10g} to {high:.10g}"
             )
-        ranges.append(Range(low, high))
+        ranges.append(replace(Range(low, high).along(name, system), is_relative=False))
     for corner in product(*pairs):
         system.at(dict(zip((first, second), corner, strict=True)))
     return ranges[0], ranges[1]

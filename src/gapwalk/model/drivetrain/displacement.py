@@ -32,7 +32,7 @@ class Displacing:
 
     kind: type[Load]
 
-    has_levels = False
+    has_levels, is_periodic = False, True
     frequencies = ()
     words = "a displacement of a shaft or gear"
 
@@ -45,6 +45,10 @@ class Displacing:
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the displacement, then stiffness and damping of the link."""
         return (*self.kind.parameters, STIFFNESS, _DAMPING)
+
+    def notes(self, constants: Mapping[str, Any]) -> str:
+        """Return nothing: the displacement itself has said it."""
+        return ""
 
     def lines(self, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
         """Give the torque ``k u + c u'``; see `Load.lines`."""

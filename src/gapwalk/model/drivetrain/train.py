@@ -204,7 +204,9 @@ class Train:
         assert self.units is not None
         turns = common_orders(self)[0]
         loads = [
-            each if isinstance(each, Counted) else replace(each, order=int(each.order / turns))
+            each
+            if isinstance(each, Counted) or not each.is_periodic
+            else replace(each, order=int(each.turn_order / turns))
             for each in self.harmonics
         ]
         units = replace(self.units, turns=int(turns) if turns.denominator == 1 else turns)
@@ -277,6 +279,7 @@ class Train:
         frequency = self.units.frequency if self.units else 1.0
         for each, order in zip(self.harmonics, multiples_of(self, turns), strict=True):
             load = plain_load(each)
+            load = load.in_train(self.units) if self.units else load
             scaled = load.frequencies if getattr(load, "growth", True) else ()
             constants = tuple(
                 (name, value * frequency if name in scaled else value) for name, value in load.constants()

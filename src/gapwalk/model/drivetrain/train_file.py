@@ -149,12 +149,11 @@ class TrainLoadBase(LoadBase):
     mesh: Name | None = None
     turns_of: Name | None = None
 
-    def load(self) -> Load | Counted:
+    def load(self, **changes: Any) -> Load | Counted:
         """Make the load, with the way in which its order is counted."""
-        numbers = {name: value for name, value in dict(self).items() if value is not None}
-        mesh, turns_of, order = (numbers.pop(name, "") for name in ("mesh", "turns_of", "order"))
+        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
         is_whole = float(order).is_integer()
-        load = self.kind(**{**numbers, "order": int(order) if is_whole else 1, "name": numbers.get("name", "")})
+        load = super().load(order=int(order) if is_whole else 1, **changes)
         return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 

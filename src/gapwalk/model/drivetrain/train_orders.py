@@ -104,7 +104,8 @@ def real_orders(train: Train) -> list[Fraction]:
     found = []
     for load in train.harmonics:
         if not isinstance(load, Counted):
-            found.append(load.order * unit)
+            # until they are counted, the orders of a curve over a cycle of two turns are halves
+            found.append(load.turn_order if train.speed is not None else load.order * unit)
             continue
         order, at = load.exact_order, load.turns_of
         if load.mesh:
@@ -143,7 +144,7 @@ def common_orders(train: Train) -> tuple[Fraction, list[int]]:
     """
     orders = real_orders(train)
     turns = _common(orders)
-    periods = min(orders, default=turns) / turns
+    periods = min(filter(None, orders), default=turns) / turns
     if periods > train.longest:
         raise ModelError(_too_long(train, orders, turns, periods))
     return turns, [int(order / turns) for order in orders]
@@ -185,12 +186,12 @@ def _too_long(train: Train, orders: Sequence[Fraction], turns: Fraction, periods
         groups.setdefault((load.mesh or load.turns_of) if isinstance(load, Counted) else "", []).append(place)
     hints = []
     for name, places in groups.items():
-        left = [order for place, order in enumerate(orders) if place not in places]
+        left = [order for place, order in enumerate(orders) if place not in places and order]
         common = _common(left)
         if left and min(left) / common <= train.longest:
             what = f"the loads counted by {name}" if name else "the loads counted per turn of the reference shaft"
             hints.append(f"{what} ({_turns(1 / common)} remain)")
-    first = [load.name for load in train.harmonics][orders.index(min(orders))]
+    first = [load.name for load in train.harmonics][orders.index(min(filter(None, orders)))]
     return (
         f"{first} repeats {periods} times before all loads repeat together, after {_turns(1 / turns)} of the reference "
         "shaft (a hunting tooth): each computation of an orbit takes that long"

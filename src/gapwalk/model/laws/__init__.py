@@ -3,6 +3,7 @@
 `gapwalk.model.laws.law.Law` is the protocol, and says what a law must give.
 """
 
+from gapwalk.model.laws.arithmetic import KINKS
 from gapwalk.model.laws.closed_form import Stages, StageShape, StageTerms, Term, closed_form_of
 from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
 from gapwalk.model.laws.expression import Expression
@@ -31,6 +32,7 @@ __all__ = [
     "CLEARANCE",
     "CUBIC",
     "FORMULAS",
+    "KINKS",
     "LAWS",
     "STIFFNESS",
     "Expression",

@@ -20,6 +20,9 @@ FUNCTIONS = ("sin", "cos", "exp", "log", "sqrt", "tanh")
 EDGE = "_edge"
 """Key of the environment under which the width of the edge of fractional powers is given."""
 
+KINKS = "_kinks"
+"""Key of the environment under which a correction of each kink may be given: what ``max(u, 0)`` is too small by."""
+
 LARGEST_POWER = 100
 """The largest whole exponent; whole powers are products."""
 
@@ -58,6 +61,7 @@ class Values:
     functions: Mapping[str, Callable[..., Any]]
     modes: dict[str, Any]
     edges: Mapping[str, int] = field(default_factory=dict)
+    kinks: Mapping[str, Any] = field(default_factory=dict)
 
     def mode(self, guard: Guard) -> Any:
         """Return a mode; that of a guard without any name is known."""
@@ -283,8 +287,9 @@ class Absolute(Node):
 
     def evaluate(self, values: Values) -> Any:
         """See `Node.evaluate`."""
-        mode, value = values.mode(self.guard), self.parts[0].at(values)
-        return (2.0 * mode - 1.0) * value
+        mode, value, kink = values.mode(self.guard), self.parts[0].at(values), values.kinks.get(self.guard.key)
+        found = (2.0 * mode - 1.0) * value
+        return found if kink is None else found + 2.0 * kink
 
     def guards(self) -> Iterator[Guard]:
         """See `Node.guards`."""
@@ -313,7 +318,8 @@ class Extreme(Node):
         one, other = self.parts if self.function == "max" else self.parts[::-1]
         if isinstance(mode, float):  # of one state: the other part may be infinite
             return (one if mode else other).at(values)
-        return mode * one.at(values) + (1.0 - mode) * other.at(values)
+        kink, found = values.kinks.get(self.guard.key), mode * one.at(values) + (1.0 - mode) * other.at(values)
+        return found if kink is None else found + kink if self.function == "max" else found - kink
 
     def guards(self) -> Iterator[Guard]:
         """See `Node.guards`."""

@@ -1,7 +1,8 @@
 """The arguments of a formula of a force law, and its closed form: a sum of products, read from the formula.
 
-The closed form is what harmonic balance, the batch integrator and equilibria need: where the force is a polynomial of
-the depth of one stage at a time, its spectrum, its integral and the error that its kinks leave are known exactly.
+The closed form is what harmonic balance and equilibria need, and what makes the batch integrator fast: where the force
+is a polynomial of the depth of one stage at a time, its spectrum, its integral and the error that its kinks leave are
+known exactly.
 """
 
 from __future__ import annotations

@@ -86,6 +86,11 @@ class Expression(Law):
         return self.variables
 
     @property
+    def title(self) -> str:
+        """See `Law.title`."""
+        return self.formula.text
+
+    @property
     def mode_count(self) -> int:
         """See `Law.mode_count`."""
         return self.formula.mode_count
@@ -116,7 +121,7 @@ class Expression(Law):
         stages
             Its ``deflections`` give the deflection and its rate for each variable.
         numbers
-            The parameters by name, and under ``"_edge"`` the widths of the edges of fractional powers.
+            The parameters by name, and perhaps ``"_edge"`` and ``"_kinks"`` as in `Formula.value`.
         """
         found = dict(numbers)
         for name in self.variables:

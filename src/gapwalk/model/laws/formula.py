@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.model.laws.arithmetic import FUNCTIONS, Guard, Node, Values
+from gapwalk.model.laws.arithmetic import FUNCTIONS, KINKS, Guard, Node, Values
 
 NUMPY_FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
@@ -80,8 +80,8 @@ class Formula:
     variables: tuple[str, ...]
     parameters: tuple[str, ...]
     edges: tuple[Edge, ...] = field(compare=False)
-    tree: Node = field(compare=False, repr=False)
-    edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())
+    _tree: Node = field(compare=False, repr=False)
+    _edge_nodes: tuple[Node, ...] = field(compare=False, repr=False, default=())
 
     def value(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
@@ -93,13 +93,14 @@ class Formula:
         environment
             The variables and parameters by name: numbers, arrays, symbols, anything with ``+ - * /``. Under the key
             ``"_edge"`` the width of the edges of fractional powers, in the unit of what stands in ``max(..., 0)``:
-            one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth.
+            one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth. Under the
+            key ``"_kinks"`` what ``max(u, 0)`` is too small by at the kink of each mode, or None, as samples of it are.
         functions
             ``sin cos exp log sqrt tanh`` of one argument, and ``pow(base, exponent)``.
         modes
             One number 1 or 0, an array of them, or a symbol, for each mode.
         """
-        return self.tree.at(self._values(environment, functions, modes))
+        return self._tree.at(self._values(environment, functions, modes))
 
     def guards(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
@@ -125,7 +126,7 @@ class Formula:
     ) -> list[Any]:
         """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`."""
         values = self._values(environment, functions, modes)
-        return [node.at(values) for node in self.edge_nodes]
+        return [node.at(values) for node in self._edge_nodes]
 
     @property
     def mode_count(self) -> int:
@@ -143,13 +144,14 @@ class Formula:
         return tuple(self._edge_numbers)
 
     def _values(self, environment: Mapping[str, Any], functions: Any, modes: Sequence[Any]) -> Values:
-        return Values(environment, functions, dict(zip(self._guards, modes, strict=True)), self._edge_numbers)
+        kinks = dict(zip(self._guards, environment.get(KINKS, ()), strict=False))
+        return Values(environment, functions, dict(zip(self._guards, modes, strict=True)), self._edge_numbers, kinks)
 
     @cached_property
     def _guards(self) -> dict[str, Guard]:
         """The guards by key, in an order in which they can be decided."""
         found: dict[str, Guard] = {}
-        for guard in self.tree.guards():
+        for guard in self._tree.guards():
             if guard.node.number is None:
                 found.setdefault(guard.key, guard if guard.is_edge else Guard(guard.node, 1))
         return found

@@ -49,8 +49,8 @@ class Law(ABC):
     of two parameters is a series like any other.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance and the batch integrator (basins, regime maps) refuse it by name, and equilibria
-    (``gapwalk modes``) are searched from many positions; the flow, shooting, special points, loci, verification and
+    it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
+    positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
     files carry it.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
@@ -105,6 +105,11 @@ class Law(ABC):
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
         """
         return rate
+
+    @property
+    def title(self) -> str:
+        """Its name, or its formula, for a line of a summary."""
+        return self.name
 
     @property
     def arguments(self) -> tuple[str, ...]:

@@ -15,9 +15,9 @@ class Piecewise(Law):
     """A polynomial beyond each clearance: ``scale * sum of (preload + stiffness xi + quadratic xi**2 + cubic xi**3)``.
 
     ``xi`` is the depth of a stage on its side, and its force is towards the gap. A preload is a force with which a
-    stage begins: the force jumps where it closes. ``offset`` is a constant force and ``even_quadratic`` a quadratic term that
-    does not change its sign, both while the innermost stage is closed: with them a stage without a clearance is the
-    middle piece of a measured curve.
+    stage begins: the force jumps where it closes. ``offset`` is a constant force and ``even_quadratic`` a quadratic
+    term that does not change its sign, both while the innermost stage is closed: with them a stage without a clearance
+    is the middle piece of a measured curve.
     """
 
     name, words = "piecewise", "a polynomial beyond each clearance, with a preload"

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.errors import ModelError
 from gapwalk.model.loads.load import Line, Load
+from gapwalk.model.loads.over_speed import OverSpeed
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.units import QuantityKind
 
@@ -37,11 +37,15 @@ class Harmonic(Load):
         an unbalance and the torque of an accelerated inertia grow with the power 2.
     at
         The frequency W at which it has its amplitude.
+    over_speed
+        A factor that depends on the speed: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a
+        `SpeedTable`.
 
     Examples
     --------
     >>> Harmonic(0.1, {"x": 1.0}, growth=2)  # the force of an unbalance of 0.1
-    Harmonic(amplitude=0.1, acts_on={'x': 1.0}, order=1, phase=0.0, name='harmonic1', varies={}, growth=2, at=1.0)
+    Harmonic(amplitude=0.1, acts_on={'x': 1.0}, order=1, phase=0.0, name='harmonic1', varies={}, growth=2, at=1.0, \
+over_speed=())
     """
 
     key, words, frequencies = "harmonic", "a term of the excitation", ("at",)
@@ -58,18 +62,10 @@ class Harmonic(Load):
     varies: Mapping[str, float] = field(default_factory=dict, hash=False)
     growth: int = 0
     at: float = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.growth not in (0, 1, 2) or isinstance(self.growth, bool):
-            raise ModelError(f"growth is {self.growth!r}; it must be 0, 1 or 2, the power of the frequency")
-        if isinstance(self.at, int | float) and not self.at > 0.0:  # a text with a unit is read by the drive train
-            raise ModelError(f"at is {self.at!r}; it must be a frequency > 0, at which the load has its amplitude")
+    over_speed: OverSpeed = ()
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
         """See `Load.lines`."""
-        size, angle = numbers["amplitude"], numbers["phase"]
-        for _ in range(numbers["growth"]):
-            size = size * (frequency / numbers["at"])
+        size, angle = cls.grown(numbers["amplitude"], frequency, numbers), numbers["phase"]
         yield Line(order, size * np.cos(angle), size * -np.sin(angle))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage
-from gapwalk.model.measured.measured_table import WantedColumn, read_table
+from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
 from gapwalk.model.measured.spring_curve import ERROR, Corner, Curve, spring_curve
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Problem, given
@@ -18,7 +18,9 @@ from gapwalk.model.units import QuantityKind
 LAW = "piecewise"
 """The force law of a measured curve."""
 
-_TABLES = ("contact", "shaft", "gear")
+CURVED = ("contact", "shaft", "gear")
+"""The tables of model files that may have the key ``curve``."""
+
 _OWN = ("curve", "interpolation", "error")
 _WITHOUT = (
     "law",
@@ -69,7 +71,7 @@ def measured_spring(
     [(2.0, 5.0)]
     """
     if not isinstance(curve, Curve):
-        curve = _read(os.fspath(curve), "linear", ERROR, None)
+        curve = _read(curve, "linear", ERROR, None)
     stages, numbers = stages_of_curve(curve)
     return Contact(name, deflection, stages, force, LAW, numbers, scale=scale)
 
@@ -129,27 +131,30 @@ def _names(stages: Sequence[Stage]) -> Iterator[str]:
             yield f"corner{count}"
 
 
-def _read(path: str, interpolation: Any, error: Any, kinds: tuple[QuantityKind, QuantityKind] | None) -> Curve:
+def _read(
+    file: str | os.PathLike[str] | NamedFile,
+    interpolation: Any,
+    error: Any,
+    kinds: tuple[QuantityKind, QuantityKind] | None,
+) -> Curve:
     """Read a curve from a CSV file, in the reference units of the kinds."""
     deflection, force = kinds or (None, None)
     wanted = [
         WantedColumn("deflection", deflection, ("angle", "twist", "displacement", "x")),
         WantedColumn("torque" if kinds else "force", force, ("torque", "force", "moment", "load", "f")),
     ]
-    table = read_table(path, wanted)
+    table = read_table(file, wanted)
     columns = [table[each.role].values() for each in wanted]
     return spring_curve(columns[0], columns[1], interpolation, error)
 
 
-def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
+def with_curves(source: Source, *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
     """Replace the key ``curve`` of contacts, shafts and gears by the stages of the measured curve.
 
     Parameters
     ----------
     source
-        The model file.
-    path_of
-        Function that returns the path of a file that the model file names; a ValueError if it must not be read.
+        The model file, with the contents of the files in place of their names (`NamedFile`).
     units
         True if the quantities of the file have units.
 
@@ -161,7 +166,7 @@ def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -
         Curves that cannot be used.
     """
     data, problems = dict(source.data), []
-    for key in _TABLES:
+    for key in CURVED:
         tables = data.get(key)
         if not isinstance(tables, list):
             continue
@@ -170,19 +175,19 @@ def with_curves(source: Source, path_of: Callable[[str], str], *, units: bool) -
             if not isinstance(table, Mapping) or "curve" not in table:
                 continue
             try:
-                tables[number] = _with_stages(table, path_of, units=units)
+                tables[number] = _with_stages(table, units=units)
             except (ModelError, ValueError) as error:
                 tables[number] = {each: value for each, value in table.items() if each not in _OWN}
                 tables[number] |= {"clearance": 0.0, "stiffness": "1 N m/rad" if units else 1.0}
-                problems.append(source.problem(f"is {given(table['curve'])}: {error}", (key, number, "curve")))
+                problems.append(source.problem(f"is {_given(table['curve'])}: {error}", (key, number, "curve")))
     return data, problems
 
 
-def _with_stages(table: Mapping[str, Any], path_of: Callable[[str], str], *, units: bool) -> dict[str, Any]:
+def _with_stages(table: Mapping[str, Any], *, units: bool) -> dict[str, Any]:
     """Return the table of a contact with stages in place of its curve."""
     if both := [each for each in _WITHOUT if each in table]:
         raise ModelError(f"it is given together with {both[0]}; the curve has all of the force, leave {both[0]} out")
-    if not isinstance(table["curve"], str):
+    if not isinstance(table["curve"], NamedFile):
         raise ModelError('it must be the name of a CSV file, as in curve = "clutch.csv"')
     kinds = (QuantityKind.ANGLE, QuantityKind.TORQUE) if units else None
     interpolation, error = table.get("interpolation", "linear"), table.get("error", ERROR)
@@ -190,7 +195,7 @@ def _with_stages(table: Mapping[str, Any], path_of: Callable[[str], str], *, uni
         raise ModelError(f'interpolation is {given(interpolation)}; it is "linear" or "cubic"')
     if units and interpolation == "cubic":
         raise ModelError('interpolation is "cubic", which is not available with units; write interpolation = "linear"')
-    curve = _read(path_of(table["curve"]), interpolation, error, kinds)
+    curve = _read(table["curve"], interpolation, error, kinds)
     stages, numbers = stages_of_curve(curve)
     rest = {each: value for each, value in table.items() if each not in _OWN}
     own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
@@ -202,6 +207,10 @@ def _stage_table(stage: Stage, *, units: bool) -> dict[str, Any]:
     found: dict[str, Any] = {name: _with_unit(name, value, units=units) for name, value in numbers.items()}
     found["side"] = stage.side.value
     return found | ({"name": stage.name} if stage.name else {})
+
+
+def _given(value: object) -> str:
+    return given(value.name if isinstance(value, NamedFile) else value)
 
 
 def _with_unit(name: str, value: float, *, units: bool) -> float | str:

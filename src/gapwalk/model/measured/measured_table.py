@@ -30,6 +30,25 @@ _SHOWN = 20  # columns that a message lists
 
 
 @dataclass(frozen=True, slots=True)
+class NamedFile:
+    """A file that a model file names, with its content.
+
+    Parameters
+    ----------
+    name
+        Its name, as it stands in the model file.
+    content
+        Its bytes.
+    """
+
+    name: str
+    content: bytes
+
+    def __repr__(self) -> str:
+        return repr(self.name)
+
+
+@dataclass(frozen=True, slots=True)
 class WantedColumn:
     """A column that a table must have.
 
@@ -119,16 +138,16 @@ class MeasuredTable:
 
 
 def read_table(
-    source: str | os.PathLike[str] | io.StringIO, wanted: Sequence[WantedColumn], *, name: str = ""
+    source: str | os.PathLike[str] | io.StringIO | NamedFile, wanted: Sequence[WantedColumn], *, name: str = ""
 ) -> MeasuredTable:
     r"""Read a measured table from a CSV file.
 
     Parameters
     ----------
     source
-        A CSV file in UTF-8, or its text as ``io.StringIO``: a line of column names with units, then numbers, separated
-        by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not separate numbers,
-        they may be decimal ones.
+        A CSV file in UTF-8, its text as ``io.StringIO``, or its content: a line of column names with units, then
+        numbers, separated by commas, semicolons or tabs. Lines that begin with ``#`` are comments. Where commas do not
+        separate numbers, they may be decimal ones.
     wanted
         The columns to find. A column without a given name is found by its unit, if it is the only one with a unit of
         its kind, or by its role or one of its other names.
@@ -155,6 +174,8 @@ def read_table(
     """
     if isinstance(source, io.StringIO):
         name, content = name or "the table", source.getvalue().encode("utf-8", "replace")
+    elif isinstance(source, NamedFile):
+        name, content = name or source.name, source.content
     else:
         name = name or os.path.basename(os.fspath(source))
         content = _content(source, name)
@@ -167,6 +188,15 @@ def read_table(
         return MeasuredTable(name, _columns(text, wanted), tuple(number for number, _ in text.rows))
     except ModelError as error:
         raise ModelError(f"{name}: {_printable(str(error))}") from None
+
+
+def read_heads(source: NamedFile) -> list[ColumnHead]:
+    """Read the names of the columns of a file, each divided into a name and a unit; errors as of `read_table`."""
+    try:
+        text = parse_csv(source.content, "angle (deg), torque (N m)", MAX_ROWS, "leave out rows")
+    except ModelError as error:
+        raise ModelError(f"{source.name}: {_printable(str(error))}") from None
+    return [ColumnHead.of(head) for head in text.heads]
 
 
 def _content(path: str | os.PathLike[str], name: str) -> bytes:
@@ -186,7 +216,7 @@ def _printable(text: str) -> str:
 
 
 def _columns(text: CsvColumns, wanted: Sequence[WantedColumn]) -> dict[str, MeasuredColumn]:
-    heads = [_Head.of(head) for head in text.heads]
+    heads = [ColumnHead.of(head) for head in text.heads]
     places: dict[str, int] = {}
     for each in (*(each for each in wanted if each.name), *(each for each in wanted if not each.name)):
         places[each.role] = _place(heads, each, {*places.values()})
@@ -210,7 +240,7 @@ def _columns(text: CsvColumns, wanted: Sequence[WantedColumn]) -> dict[str, Meas
 
 
 @dataclass(frozen=True, slots=True)
-class _Head:
+class ColumnHead:
     """The name of a column, divided into its name and its unit; without a unit, `unit` is empty."""
 
     text: str
@@ -218,7 +248,7 @@ class _Head:
     unit: str
 
     @classmethod
-    def of(cls, text: str) -> _Head:
+    def of(cls, text: str) -> ColumnHead:
         """Divide a text at the last bracket that is not within others, as that of ``damping (N m/(rad s))``."""
         opening = {")": "(", "]": "["}.get(text[-1:])
         if opening:
@@ -238,7 +268,7 @@ class _Head:
             return False
 
 
-def _place(heads: Sequence[_Head], wanted: WantedColumn, taken: set[int]) -> int:
+def _place(heads: Sequence[ColumnHead], wanted: WantedColumn, taken: set[int]) -> int:
     """Return the index of a wanted column."""
     shown = [head.text for head in heads if head.text][:_SHOWN]
     write = f'. Name it: {wanted.key} = "..."' if wanted.key else f". Name it {wanted.head}"
@@ -264,7 +294,7 @@ def _place(heads: Sequence[_Head], wanted: WantedColumn, taken: set[int]) -> int
     return found[0]
 
 
-def _sought(heads: Sequence[_Head], wanted: WantedColumn, taken: set[int]) -> list[int]:
+def _sought(heads: Sequence[ColumnHead], wanted: WantedColumn, taken: set[int]) -> list[int]:
     """Return the indices of the columns that may be meant: those of the right name among those of the right unit."""
     names = (wanted.role, *wanted.others)
     free = [place for place in range(len(heads)) if place not in taken]
@@ -281,7 +311,7 @@ def _sought(heads: Sequence[_Head], wanted: WantedColumn, taken: set[int]) -> li
     return []
 
 
-def _named(heads: Sequence[_Head], names: Sequence[str]) -> list[int]:
+def _named(heads: Sequence[ColumnHead], names: Sequence[str]) -> list[int]:
     """Return the indices of the columns of a name: exactly as written, or else in other letters or without its unit."""
     for key in (lambda head: head.text, lambda head: head.name, lambda head: head.name.casefold()):
         found = [place for place, head in enumerate(heads) if key(head) in (*names, *(n.casefold() for n in names))]
@@ -290,7 +320,7 @@ def _named(heads: Sequence[_Head], names: Sequence[str]) -> list[int]:
     return []
 
 
-def _unit(head: _Head, wanted: WantedColumn) -> Unit | None:
+def _unit(head: ColumnHead, wanted: WantedColumn) -> Unit | None:
     if wanted.kind is None:
         if head.unit:
             raise ModelError(

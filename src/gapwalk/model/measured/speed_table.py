@@ -71,15 +71,22 @@ class SpeedTable:
         slack = _ROUNDING * (self.speeds[-1] - self.speeds[0])
         return bool(np.all((x >= self.speeds[0] - slack) & (x <= self.speeds[-1] + slack)))
 
-    def value(self, speed: ArrayLike) -> Any:
+    def value(self, speed: ArrayLike, *, continued: bool = False) -> Any:
         """Return the value at some speeds, of their shape; real, or complex for derivatives.
+
+        Parameters
+        ----------
+        speed
+            The speeds.
+        continued
+            True to continue the first and the last piece beyond the table.
 
         Raises
         ------
         ModelError
-            If a speed is outside of the table.
+            If a speed is outside of the table, unless it is continued.
         """
-        (cubic, quadratic, slope, value), d = self._piece(speed)
+        (cubic, quadratic, slope, value), d = self._piece(speed, continued)
         return (value + d * (slope + d * (quadratic + d * cubic)))[()]
 
     def slope(self, speed: ArrayLike) -> Any:
@@ -87,10 +94,10 @@ class SpeedTable:
         (cubic, quadratic, slope, _), d = self._piece(speed)
         return (slope + d * (2.0 * quadratic + d * (3.0 * cubic)))[()]
 
-    def _piece(self, speed: ArrayLike) -> tuple[NDArray[np.float64], Any]:
+    def _piece(self, speed: ArrayLike, continued: bool = False) -> tuple[NDArray[np.float64], Any]:
         """Return the coefficients of the cubic at each speed, and the distance from its beginning."""
         x = np.asarray(speed)
-        if not self.covers(x):
+        if not continued and not self.covers(x):
             low, high = np.min(np.real(x)), np.max(np.real(x))
             wrong = low if low < self.speeds[0] or np.isnan(low) else high
             unit = f" {self.unit}" if self.unit else ""
