@@ -82,6 +82,11 @@ class LoadBase(Part):
     @model_validator(mode="after")
     def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
         self._units = info.context.units
+        if not getattr(self, "acts_on", True) and not getattr(self, "varies", None):
+            raise ModelError(
+                "acts_on is missing; write on what it acts, as in { q1 = 1.0 }, or what it varies instead: "
+                'varies = "mesh.stiffness"'
+            )
         try:
             self._made = self.load()
         except ModelError as error:
