@@ -41,9 +41,8 @@ _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees o
 _MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
 _COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
 
-_MANY_ORDERS = (
-    16  # orders of loads, from which it does too: those of a measured torque took 2.9 s to compile, then 0.4 s
-)
+# number of orders of loads from which it does too: with 20 of them, 0.4 s to compile instead of 2.9 s
+_MANY_ORDERS = 16
 
 if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
