@@ -109,19 +109,27 @@ class LoadBase(Part):
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
-    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2`` if that is taken."""
+    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2``.
+
+    The longer name, or ``harmonic2_q1`` by the coordinate on which it acts, is for a name that is taken.
+    """
     order, varied = table.get("order", 1), table.get("varies")
     if not LOADS[key].is_periodic:
         return key
     name = f"{key}{order}" if isinstance(order, int) else f"{key}{order}".replace(".", "_")
     if name in taken and isinstance(varied, str):
         return f"{varied.replace('.', '_')}_{name}"
+    acts_on = table.get("acts_on")
+    if name in taken and isinstance(acts_on, Mapping) and len(acts_on) == 1:
+        return f"{name}_{next(iter(acts_on))}"
     return name
 
 
 _Varied = Annotated[
-    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
+    Annotated[Text, tagged("name")]
+    | Annotated[list[Text], Field(min_length=1, max_length=MAX_COORDINATES), tagged("names")]
+    | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
+    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "names" if isinstance(value, list) else "name"),
 ]
 _FILE = 'write the name of a CSV file, as in file = "gas.csv"'
 
@@ -177,7 +185,7 @@ def kind_of_size(varied: object) -> QuantityKind | None:
     """Return the kind of the amplitude of a load by what it varies: a torque, an angle, or None for a fraction."""
     if not varied:
         return QuantityKind.TORQUE
-    names = [varied] if isinstance(varied, str) else list(varied) if isinstance(varied, Mapping) else []
+    names = [varied] if isinstance(varied, str) else list(varied) if isinstance(varied, Mapping | list) else []
     displaced = any(str(name).rpartition(".")[2] in DISPLACED for name in names)
     return QuantityKind.ANGLE if displaced else None
 
