@@ -82,6 +82,11 @@ class LoadBase(Part):
     @model_validator(mode="after")
     def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
         self._units = info.context.units
+        if not getattr(self, "acts_on", True) and not getattr(self, "varies", None):
+            raise ModelError(
+                "acts_on is missing; write on what it acts, as in { q1 = 1.0 }, or what it varies instead: "
+                'varies = "mesh.stiffness"'
+            )
         try:
             self._made = self.load()
         except ModelError as error:
@@ -191,11 +196,8 @@ def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
     for each in kind.parameters:
         number = _size_of(each) if each.name == "amplitude" and "varies" in named else number_of(each)
         fields[each.name] = (number, Field(description=each.words) if each.default is None else each.default)
-    if kind.table_keys is None:
-        hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
-        keys: Mapping[str, tuple[Any, Any]] = {name: (hints[name], named[name].default) for name in own}
-    else:
-        keys = kind.table_keys
+    hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
+    keys = kind.table_keys or {name: (hints[name], named[name].default) for name in own}
     for name, (type_, default) in keys.items():
         number = _PLAIN.get(type_, type_)
         if name in kind.frequencies:

@@ -107,7 +107,7 @@ class Load(ABC):
     words: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     has_levels: ClassVar[bool] = False
-    table_keys: ClassVar[Mapping[str, tuple[Any, Any]] | None] = None
+    table_keys: ClassVar[Mapping[str, tuple[Any, Any]]] = MappingProxyType({})
     frequencies: ClassVar[tuple[str, ...]] = ()
     """Names of further fields that are frequencies W; in a drive train with units they are texts."""
     is_periodic: ClassVar[bool] = True
