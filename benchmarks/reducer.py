@@ -127,4 +127,4 @@ class ScipyReducer:
         return Stage(lambda _, y: matrix @ y + constant, exits)
 
 
-_SIDES = [*product((0, 1, -1), repeat=2)]
+_SIDES: list[tuple[int, ...]] = [*product((0, 1, -1), repeat=2)]

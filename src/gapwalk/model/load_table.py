@@ -57,7 +57,7 @@ class LoadBase(Part):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Names]) -> Self:
+    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
         """Name a variation for what it varies, if the name of its order is taken."""
         if not cls.kind.is_periodic and isinstance(table, Mapping) and "order" in table:
             raise ValueError(f"has an order, but it is {cls.kind.words}; leave order out")

@@ -416,7 +416,8 @@ def test_a_walk_with_displacements_is_verified(prescribed: bool) -> None:
         [gw.train.Shaft("shaft", ("motor", "pinion"), stiffness="900 N m/rad", damping="0.4 N m s/rad")],
         [gw.train.Gear("mesh", ("pinion", "load"), teeth=[20, 40], stiffness="4000 N m/rad", damping="0.8 N m s/rad",
                        clearance="0.1 deg")],
-        forces=[gw.train.Force("oil", ("motor", "pinion"), "c*v*abs(v) + d*x**3", c="0.002 N m s^2/rad^2", d="50 N m/rad^3")],
+        forces=[gw.train.Force("oil", ("motor", "pinion"), "c*v*abs(v) + d*x**3", c="0.002 N m s^2/rad^2",
+                               d="50 N m/rad^3")],
         mean={"load": "-4 N m"} if prescribed else {"motor": "2 N m"},
         reaction=None if prescribed else "load",
         harmonics=[
