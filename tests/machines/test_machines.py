@@ -14,7 +14,13 @@ from tests.models import read_system
 
 HERE = Path(__file__).parent
 ORBITS = json.loads((HERE / "references.json").read_text(encoding="utf-8"))["orbits"]
-LONG = {"duffing": {"F": "harmonic1.amplitude", "c": "damping.x.x"}, "truss": {"G": "harmonic1.amplitude"}}
+_FORCE = {"F": "harmonic1.amplitude"}
+LONG = {
+    "duffing": _FORCE | {"c": "damping.x.x"},
+    "truss": {"G": "harmonic1.amplitude"},
+    "geometric": _FORCE,
+    "mathieu_stop": _FORCE,
+}
 CASES = [(name, number) for name, orbits in ORBITS.items() for number in range(len(orbits))]
 
 
