@@ -16,7 +16,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
 from gapwalk.model.loads import LOADS
 from gapwalk.model.matrix_file import read_matrix
-from gapwalk.model.measured.curve_contact import CURVED, with_curves
+from gapwalk.model.measured.curve_contact import CURVED, MeasuredCurve, measured_curve, with_curves
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import SystemBase, system_part
 from gapwalk.model.named_file import NamedFile, path_of, read_named
@@ -75,6 +75,17 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
         return Model(part.system(), part.title, _digest(files)), []
     except ModelError as error:
         return None, [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+
+
+def curves_of(source: Source) -> tuple[MeasuredCurve, ...]:
+    """Return the measured curves of a model file without problems, with their points."""
+    units = describes_train(source.data) and Names.of_train(source.data).units
+    files, _ = read_files(source)
+    return tuple(
+        measured_curve({**source.data[path[0]][path[1]], path[2]: content}, units=bool(units))
+        for path, content in files.items()
+        if path[-1] == "curve"
+    )
 
 
 def has_pace(source: Source) -> bool:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage
@@ -13,13 +16,37 @@ from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_
 from gapwalk.model.measured.spring_curve import ERROR, Corner, Curve, spring_curve
 from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Problem, given
-from gapwalk.model.units import QuantityKind
+from gapwalk.model.units import QuantityKind, Unit
 
 LAW = "piecewise"
 """The force law of a measured curve."""
 
 CURVED = ("contact", "shaft", "gear")
 """The tables of model files that may have the key ``curve``."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCurve:
+    """The measured points of a contact, and the curve through them.
+
+    Parameters
+    ----------
+    name
+        Name of the contact, shaft or gear.
+    curve
+        The curve.
+    deflection, force : shape (points,)
+        The points: angles in the unit of the file, torques in N m.
+    angle
+        That unit; None for plain numbers.
+    """
+
+    name: str
+    curve: Curve
+    deflection: NDArray[np.float64]
+    force: NDArray[np.float64]
+    angle: Unit | None = None
+
 
 _OWN = ("curve", "interpolation", "error")
 _WITHOUT = (
@@ -71,7 +98,7 @@ def measured_spring(
     [(2.0, 5.0)]
     """
     if not isinstance(curve, Curve):
-        curve = _read(curve, "linear", ERROR, None)
+        curve = _read("", curve, "linear", ERROR, None).curve
     stages, numbers = stages_of_curve(curve)
     return Contact(name, deflection, stages, force, LAW, numbers, scale=scale)
 
@@ -132,20 +159,22 @@ def _names(stages: Sequence[Stage]) -> Iterator[str]:
 
 
 def _read(
+    name: str,
     file: str | os.PathLike[str] | NamedFile,
     interpolation: Any,
     error: Any,
     kinds: tuple[QuantityKind, QuantityKind] | None,
-) -> Curve:
-    """Read a curve from a CSV file, in the reference units of the kinds."""
+) -> MeasuredCurve:
+    """Read a curve from a CSV file, with angles in the unit of the file."""
     deflection, force = kinds or (None, None)
     wanted = [
         WantedColumn("deflection", deflection, ("angle", "twist", "displacement", "x")),
         WantedColumn("torque" if kinds else "force", force, ("torque", "force", "moment", "load", "f")),
     ]
     table = read_table(file, wanted)
-    columns = [table[each.role].values() for each in wanted]
-    return spring_curve(columns[0], columns[1], interpolation, error)
+    angle = table[wanted[0].role].unit
+    x, f = table[wanted[0].role].values(angle), table[wanted[1].role].values()
+    return MeasuredCurve(name, spring_curve(x, f, interpolation, error), x, f, angle)
 
 
 def with_curves(source: Source, *, units: bool) -> tuple[dict[str, Any], list[Problem]]:
@@ -187,6 +216,21 @@ def _with_stages(table: Mapping[str, Any], *, units: bool) -> dict[str, Any]:
     """Return the table of a contact with stages in place of its curve."""
     if both := [each for each in _WITHOUT if each in table]:
         raise ModelError(f"it is given together with {both[0]}; the curve has all of the force, leave {both[0]} out")
+    measured = measured_curve(table, units=units)
+    stages, numbers = stages_of_curve(measured.curve)
+    rest = {each: value for each, value in table.items() if each not in _OWN}
+    own = {name: _with_unit(name, value, measured.angle) for name, value in numbers.items() if value}
+    return rest | own | {"law": LAW, "stage": [_stage_table(stage, measured.angle) for stage in stages]}
+
+
+def measured_curve(table: Mapping[str, Any], *, units: bool) -> MeasuredCurve:
+    """Return the curve of the table of a contact, which has the content of its file (`NamedFile`).
+
+    Raises
+    ------
+    ModelError
+        If the file is no curve, or another key of the table is wrong.
+    """
     if not isinstance(table["curve"], NamedFile):
         raise ModelError('it must be the name of a CSV file, as in curve = "clutch.csv"')
     kinds = (QuantityKind.ANGLE, QuantityKind.TORQUE) if units else None
@@ -195,16 +239,12 @@ def _with_stages(table: Mapping[str, Any], *, units: bool) -> dict[str, Any]:
         raise ModelError(f'interpolation is {given(interpolation)}; it is "linear" or "cubic"')
     if units and interpolation == "cubic":
         raise ModelError('interpolation is "cubic", which is not available with units; write interpolation = "linear"')
-    curve = _read(table["curve"], interpolation, error, kinds)
-    stages, numbers = stages_of_curve(curve)
-    rest = {each: value for each, value in table.items() if each not in _OWN}
-    own = {name: _with_unit(name, value, units=units) for name, value in numbers.items() if value}
-    return rest | own | {"law": LAW, "stage": [_stage_table(stage, units=units) for stage in stages]}
+    return _read(str(table.get("name", "")), table["curve"], interpolation, error, kinds)
 
 
-def _stage_table(stage: Stage, *, units: bool) -> dict[str, Any]:
+def _stage_table(stage: Stage, angle: Unit | None) -> dict[str, Any]:
     numbers = {"clearance": stage.clearance, "stiffness": stage.stiffness, "cubic": stage.cubic, **stage.numbers}
-    found: dict[str, Any] = {name: _with_unit(name, value, units=units) for name, value in numbers.items()}
+    found: dict[str, Any] = {name: _with_unit(name, value, angle) for name, value in numbers.items()}
     found["side"] = stage.side.value
     return found | ({"name": stage.name} if stage.name else {})
 
@@ -213,6 +253,8 @@ def _given(value: object) -> str:
     return given(value.name if isinstance(value, NamedFile) else value)
 
 
-def _with_unit(name: str, value: float, *, units: bool) -> float | str:
-    kinds = {"clearance": "rad", "stiffness": "N m/rad", "cubic": "N m/rad^3", "preload": "N m", "offset": "N m"}
-    return f"{value!r} {kinds[name]}" if units and value and name in kinds else value
+def _with_unit(name: str, value: float, angle: Unit | None) -> float | str:
+    if angle is None or not value:
+        return value
+    kinds = {"clearance": angle.text, "stiffness": f"N m/{angle.text}", "preload": "N m", "offset": "N m"}
+    return f"{value!r} {kinds[name]}" if name in kinds else value
