@@ -58,7 +58,7 @@ class ModeSwitches:
             self._set_modes(theta)
 
     def refresh(self, theta: float, closed: list[list[bool]]) -> None:
-        """Set the modes anew after a stage closed or opened, for guards of laws with stages may jump there."""
+        """Set the modes again after a stage closed or opened, for guards of laws with stages may jump there."""
         found = self._contact_modes(theta, self._state[: 2 * self.n], closed)
         largest = max(abs(guard) for _, guard in found)
         for place, (mode, guard) in enumerate(found):
