@@ -18,7 +18,7 @@ from gapwalk.model.coefficients import coefficients_of
 
 GROUP = "Two-stage reducer of ten degrees of freedom (examples/reducer.toml)"
 FILE = Path(__file__).resolve().parents[1] / "examples" / "reducer.toml"
-_STEPS = WalkOptions(largest_step=0.05)
+_STEPS = WalkOptions(largest_step=0.1)
 _POINTS = 7  # two folds, two Neimark-Sacker points, three grazing points
 _AGREE = 1e-6
 
@@ -127,4 +127,4 @@ class ScipyReducer:
         return Stage(lambda _, y: matrix @ y + constant, exits)
 
 
-_SIDES = [*product((0, 1, -1), repeat=2)]
+_SIDES: list[tuple[int, ...]] = [*product((0, 1, -1), repeat=2)]

@@ -6,7 +6,7 @@ breakpoint a deflection lies.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -163,8 +163,13 @@ def stages_of(
     moves: Sequence[tuple[Any, Any]],
     closed: Sequence[bool] | None = None,
     extra: Mapping[str, Any] | None = None,
+    decide: Callable[[int, Any], Any] | None = None,
 ) -> Stages:
-    """Return the arguments of the law of a contact; parameters as in `contact_force`, and `extra` numbers of guards."""
+    """Return the arguments of the law of a contact.
+
+    Parameters are as in `contact_force`, and ``extra`` numbers of guards; ``decide`` returns the value of a mode from
+    its number and its guard, by default from the sign of the guard.
+    """
     law, stages = slots.form.law, []
     for number, stage in enumerate(slots.stages):
         values = angles.named(stage.numbers, stage.waves)
@@ -176,7 +181,7 @@ def stages_of(
     found = Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
     for mode in range(law.mode_count):  # a guard may depend on earlier modes
         guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]
-        modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0)
+        modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0) if decide is None else decide(mode, guard)
     return found
 
 

@@ -7,6 +7,8 @@ the force jumps at an angle that does not depend on the state: only sensitivitie
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,7 +58,7 @@ class ModeSwitches:
             self._set_modes(theta)
 
     def refresh(self, theta: float, closed: list[list[bool]]) -> None:
-        """Set the modes anew after a stage closed or opened, for guards of laws with stages may jump there."""
+        """Set the modes again after a stage closed or opened, for guards of laws with stages may jump there."""
         found = self._contact_modes(theta, self._state[: 2 * self.n], closed)
         largest = max(abs(guard) for _, guard in found)
         for place, (mode, guard) in enumerate(found):
@@ -64,9 +66,16 @@ class ModeSwitches:
                 self._parameters[self._modes + place] = mode
 
     def _contact_modes(
-        self, theta: Any, state: NDArray[Any], closed: list[list[bool]] | None = None
+        self,
+        theta: Any,
+        state: NDArray[Any],
+        closed: list[list[bool]] | None = None,
+        decide: Callable[[int, Any], Any] | None = None,
     ) -> list[tuple[bool, Any]]:
-        """Return the modes of all laws at a state by their guards, and the values of these, real or complex."""
+        """Return the modes of all laws at a state by their guards, and the values of these, real or complex.
+
+        `decide` returns the value of a mode from its number and its guard; by default the sign of the guard decides.
+        """
         n, layout, found = self.n, self.equations.layout, []
         angles = Angles(layout, self._coefficients, theta, unit=self._unit)
         for index, slots in enumerate(layout.contacts):
@@ -82,7 +91,10 @@ class ModeSwitches:
                 for place, vector in enumerate(slots.deflections)
             ]
             edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
-            stages = stages_of(slots, angles, moves, None if closed is None else closed[index], edge)
+            first, own = len(found), None
+            if decide is not None:
+                own = partial(lambda first, mode, guard: decide(first + mode, guard), first)
+            stages = stages_of(slots, angles, moves, None if closed is None else closed[index], edge, own)
             guards = law.guards(moves[0][1], stages, angles.named(slots.numbers, slots.waves) | edge)
             found += [(bool(mode), guard) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found
@@ -115,25 +127,33 @@ class ModeSwitches:
         )
 
     def set_mode(self, mode: int, direction: int) -> None:
-        """Set a mode whose guard changes its sign in a direction."""
-        self._parameters[self._modes + mode] = direction > 0
+        """Set a mode whose guard changes its sign in a direction; a guard that only touches 0 changes nothing."""
+        if direction:
+            self._parameters[self._modes + mode] = direction > 0
         self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
 
     def set_simultaneous(self, closed: list[list[bool]] | None, mode: int = -1) -> None:
         """Set the modes, other than one, whose guards vanish at the same time as an event: it alone was reported.
 
-        Two forces with ``abs(v)`` of the same coordinate have two guards that always vanish together. `closed` has for
-        each contact which of its stages are closed.
+        Two forces with ``abs(v)`` of the same coordinate have two guards that always vanish together, and a guard that
+        depends on a mode may vanish until that mode changes. `closed` has for each contact which of its stages are
+        closed.
         """
         n, theta, levels = self.n, self._integrator.time, self._parameters[self._levels :][: self.cycle_count] > 0.5
         state = self._state[: 2 * n]
         q, v = state[:n], state[n:]
         turning = accelerations(self.equations.layout, self._coefficients, theta, q, v, closed, levels, self._unit)
         rates = self._coefficients[0] * np.concatenate((v, turning))
-        for other, (_, guard) in enumerate(self._contact_modes(theta + 1j * _STEP, state + 1j * _STEP * rates, closed)):
+        modes = self._parameters[self._modes : self._modes + self.mode_count]
+
+        def decide(other: int, guard: Any) -> float:
             slope = float(np.imag(guard)) / _STEP
-            if other != mode and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
-                self._parameters[self._modes + other] = slope > 0.0
+            # a guard without a slope is left by a higher derivative, which decided at the start
+            if other != mode and slope and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
+                modes[other] = slope > 0.0
+            return float(modes[other])
+
+        self._contact_modes(theta + 1j * _STEP, state + 1j * _STEP * rates, closed, decide)
 
     def jumps_between(self, start: float, stop: float) -> list[tuple[float, int, bool]]:
         """Return the angles at which cycles of two levels change, with their numbers, and True if to the high one."""

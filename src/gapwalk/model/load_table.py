@@ -57,7 +57,7 @@ class LoadBase(Part):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Names]) -> Self:
+    def _has_a_name(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
         """Name a variation for what it varies, if the name of its order is taken."""
         if not cls.kind.is_periodic and isinstance(table, Mapping) and "order" in table:
             raise ValueError(f"has an order, but it is {cls.kind.words}; leave order out")
@@ -82,6 +82,11 @@ class LoadBase(Part):
     @model_validator(mode="after")
     def _makes_a_load(self, info: ValidationInfo[Names]) -> LoadBase:
         self._units = info.context.units
+        if not getattr(self, "acts_on", True) and not getattr(self, "varies", None):
+            raise ModelError(
+                "acts_on is missing; write on what it acts, as in { q1 = 1.0 }, or what it varies instead: "
+                'varies = "mesh.stiffness"'
+            )
         try:
             self._made = self.load()
         except ModelError as error:
@@ -104,19 +109,27 @@ class LoadBase(Part):
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
-    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2`` if that is taken."""
+    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2``.
+
+    The longer name, or ``harmonic2_q1`` by the coordinate on which it acts, is for a name that is taken.
+    """
     order, varied = table.get("order", 1), table.get("varies")
     if not LOADS[key].is_periodic:
         return key
     name = f"{key}{order}" if isinstance(order, int) else f"{key}{order}".replace(".", "_")
     if name in taken and isinstance(varied, str):
         return f"{varied.replace('.', '_')}_{name}"
+    acts_on = table.get("acts_on")
+    if name in taken and isinstance(acts_on, Mapping) and len(acts_on) == 1:
+        return f"{name}_{next(iter(acts_on))}"
     return name
 
 
 _Varied = Annotated[
-    Annotated[Text, tagged("name")] | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
-    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "name"),
+    Annotated[Text, tagged("name")]
+    | Annotated[list[Text], Field(min_length=1, max_length=MAX_COORDINATES), tagged("names")]
+    | Annotated[dict[Text, Number], Field(min_length=1), tagged("factors")],
+    by_shape(lambda value: "factors" if isinstance(value, Mapping) else "names" if isinstance(value, list) else "name"),
 ]
 _FILE = 'write the name of a CSV file, as in file = "gas.csv"'
 
@@ -172,7 +185,7 @@ def kind_of_size(varied: object) -> QuantityKind | None:
     """Return the kind of the amplitude of a load by what it varies: a torque, an angle, or None for a fraction."""
     if not varied:
         return QuantityKind.TORQUE
-    names = [varied] if isinstance(varied, str) else list(varied) if isinstance(varied, Mapping) else []
+    names = [varied] if isinstance(varied, str) else list(varied) if isinstance(varied, Mapping | list) else []
     displaced = any(str(name).rpartition(".")[2] in DISPLACED for name in names)
     return QuantityKind.ANGLE if displaced else None
 
@@ -191,11 +204,8 @@ def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
     for each in kind.parameters:
         number = _size_of(each) if each.name == "amplitude" and "varies" in named else number_of(each)
         fields[each.name] = (number, Field(description=each.words) if each.default is None else each.default)
-    if kind.table_keys is None:
-        hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
-        keys: Mapping[str, tuple[Any, Any]] = {name: (hints[name], named[name].default) for name in own}
-    else:
-        keys = kind.table_keys
+    hints, own = get_type_hints(kind), [name for name in named if name not in {*fields, "acts_on", "order", "name"}]
+    keys = kind.table_keys or {name: (hints[name], named[name].default) for name in own}
     for name, (type_, default) in keys.items():
         number = _PLAIN.get(type_, type_)
         if name in kind.frequencies:

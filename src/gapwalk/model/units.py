@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.problems import given
+from gapwalk.model.unit_spellings import HINTS, READING, normalised, parsed, registry_of_units
 
 _DEGREE = math.pi / 180.0
 
@@ -131,59 +131,7 @@ def kind_of(parameter: str) -> QuantityKind | None:
     return None if "acts_on" in words[:-1] else _BY_WORD.get(words[-1])
 
 
-_reading = Lock()  # units of two registries do not go together, and pint does not say that threads may share one
-
-_DEFINITIONS = """
-nano- = 1e-9 = n-
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-meter = [length] = m = metre
-second = [time] = s = sec
-gram = [mass] = g
-radian = [angle] = rad
-minute = 60 second = min
-newton = kilogram * meter / second ** 2 = N
-degree = 0.017453292519943295 radian = deg
-arcminute = degree / 60 = arcmin
-revolution = 6.283185307179586 radian = rev = turn
-hertz = revolution / second = Hz
-revolutions_per_minute = revolution / minute = rpm
-inch = 0.0254 meter = in
-foot = 12 inch = ft
-pound = 453.59237 gram = lb
-pound_force = 4.4482216152605 newton = lbf
-"""
-
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_LONGEST = 60
-
-# Spellings of units, and their names in pint.
-_WRITTEN = (
-    (r"[·⋅×]", " "),
-    (r"°", " deg"),
-    (r"²", "^2"),
-    (r"³", "^3"),
-    (r"\b([kMm]?)Nms\b", r"\1N m s"),
-    (r"\b([kMm]?)Nm\b", r"\1N m"),
-    (r"\bkgm\b", "kg m"),
-    (r"\b([Nn])-m\b", r"\1 m"),
-    (r"\s*/\s*", "/"),
-    (r"\s*(\^|\*\*)\s*", "^"),
-)
-
-# Slips that are worth a word of their own.
-_HINTS = {
-    "J": "J is the unit of an energy; write a torque in N m",
-    "1/s": "write Hz (turns in a second) or rad/s",
-    "s^-1": "write Hz (turns in a second) or rad/s",
-    "1/min": "write rpm",
-    "min^-1": "write rpm",
-    "U/min": "write rpm",
-    "degC": "a temperature has no place here; an angle is written in deg",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,12 +193,12 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
     if not match[2]:
         raise ValueError(f'is {given(value)}, without a unit; write {kind.words} such as "{match[1]} {usual}"')
     try:
-        with _reading:
+        with READING:
             factor = _factor(match[2], kind)
     except ValueError as error:
         example = " or ".join(f'"{match[1]} {unit}"' for unit in ([written] if written else kind.usual))
         raise ValueError(f"is {given(value)}: {error}; {kind.words} is expected, as in {example}") from None
-    return Quantity(float(match[1]), _normalised(match[2]), factor, kind)
+    return Quantity(float(match[1]), normalised(match[2]), factor, kind)
 
 
 def read_unit(text: str, kind: QuantityKind) -> Unit:
@@ -261,8 +209,8 @@ def read_unit(text: str, kind: QuantityKind) -> Unit:
     ValueError
         If it is no unit, or one of another kind; the message says which.
     """
-    with _reading:
-        return Unit(_normalised(text), _factor(text, kind))
+    with READING:
+        return Unit(normalised(text), _factor(text, kind))
 
 
 def has_unit(value: object) -> bool:
@@ -294,16 +242,16 @@ def read_formula_number(value: object) -> tuple[float, Unit]:
     if not match:
         raise ValueError(f"is {given(value)}; {example}")
     try:
-        with _reading:
+        with READING:
             factor = _formula_factor(match[2])
     except ValueError as error:
         raise ValueError(f"is {given(value)}: {error}; {example}") from None
-    return float(match[1]), Unit(_normalised(match[2]), factor)
+    return float(match[1]), Unit(normalised(match[2]), factor)
 
 
 def _formula_factor(unit: str) -> float:
-    registry, text = _registry(), _normalised(unit)
-    found = _parsed(text)
+    registry, text = registry_of_units(), normalised(unit)
+    found = parsed(text)
     powers = dict(found.dimensionality)
     torque = powers.pop("[mass]", 0)
     if powers.pop("[length]", 0) != 2 * torque:
@@ -317,19 +265,19 @@ def _formula_factor(unit: str) -> float:
 
 
 def _same_dimension(first: str, second: str) -> bool:
-    with _reading:
-        return _parsed(first).dimensionality == _parsed(second).dimensionality
+    with READING:
+        return parsed(first).dimensionality == parsed(second).dimensionality
 
 
 @lru_cache(maxsize=512)
 def _factor(unit: str, kind: QuantityKind) -> float:
     """Return the size of a unit in the reference unit of a kind; raise a ValueError with the reason if it has none."""
-    text = _normalised(unit)
-    if text in _HINTS:
-        raise ValueError(_HINTS[text])
-    registry = _registry()
+    text = normalised(unit)
+    if text in HINTS:
+        raise ValueError(HINTS[text])
+    registry = registry_of_units()
     reference = registry.parse_units(kind.reference)
-    found = _parsed(text)
+    found = parsed(text)
     if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
         reference = reference / registry.radian  # N m s^2/rad
     if found.dimensionality != reference.dimensionality:
@@ -337,43 +285,13 @@ def _factor(unit: str, kind: QuantityKind) -> float:
     return float(registry.Quantity(1.0, found).to(reference).magnitude)
 
 
-def _normalised(unit: str) -> str:
-    for pattern, instead in _WRITTEN:
-        unit = re.sub(pattern, instead, unit)
-    return unit.strip()
-
-
-def _parsed(text: str) -> Any:
-    """Return the unit of a text."""
-    if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
-        raise ValueError("this is no unit")
-    if re.search(r"/[^()/*]*[ *][^()/]", text):
-        raise ValueError("a product after the stroke needs brackets, as in N m/(rad s)")
-    for word in re.findall(r"[A-Za-zµμ]+", text):
-        if word not in _registry():
-            raise ValueError(f"there is no unit {word!r} here" + (f"; {_HINTS[word]}" if word in _HINTS else ""))
-    try:
-        return _registry().parse_units(text)
-    except Exception:  # pint's parser raises errors of a dozen types, of its own and of Python's tokenizer
-        raise ValueError("this is no unit") from None
-
-
 def _other_kind(unit: str, found: Any) -> str:
-    registry = _registry()
+    registry = registry_of_units()
     for kind in QuantityKind:
         reference = registry.parse_units(kind.reference)
         if kind is not QuantityKind.PHASE and found.dimensionality == reference.dimensionality:
             return f"{unit} is the unit of {kind.words}"
     return f"{unit} is the unit of something else"
-
-
-@lru_cache(maxsize=1)
-def _registry() -> Any:
-    import pint  # only where units are used
-
-    registry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
-    return registry
 
 
 _TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance", "impact_damping")

@@ -405,3 +405,35 @@ def test_the_non_dimensional_form_is_exact(prescribed: bool) -> None:
             found.append(accelerations(layout_of(each.structure), coefficients_of(each), theta, q, v))
         np.testing.assert_allclose(found[0] * DEGREE, found[1] * 0.06 * DEGREE * 700.0**2, rtol=1e-10)
     assert form.physical_value("seal.a", form.value("seal.a", 0.3)) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("prescribed", [False, True])
+def test_a_walk_with_displacements_is_verified(prescribed: bool) -> None:
+    load = ("motor.angle", "1 deg") if prescribed else ("mesh.deflection", "0.03 deg")
+    train = gw.train.Train(
+        [gw.train.Inertia("motor", None if prescribed else "0.1 kg m^2"), gw.train.Inertia("pinion", "0.01 kg m^2"),
+         gw.train.Inertia("load", "0.2 kg m^2")],
+        [gw.train.Shaft("shaft", ("motor", "pinion"), stiffness="900 N m/rad", damping="0.4 N m s/rad")],
+        [gw.train.Gear("mesh", ("pinion", "load"), teeth=[20, 40], stiffness="4000 N m/rad", damping="0.8 N m s/rad",
+                       clearance="0.1 deg")],
+        forces=[gw.train.Force("oil", ("motor", "pinion"), "c*v*abs(v) + d*x**3", c="0.002 N m s^2/rad^2",
+                               d="50 N m/rad^3")],
+        mean={"load": "-4 N m"} if prescribed else {"motor": "2 N m"},
+        reaction=None if prescribed else "load",
+        harmonics=[
+            gw.Harmonic(load[1], varies=load[0], name="moved"),
+            gw.Harmonic(0.2, varies="mesh.stiffness", order=2, name="varied"),
+        ],
+        speed="3600 rpm",
+    )  # fmt: skip
+    orbit = gw.find_orbit(train.system())
+    branch = gw.follow(orbit, "speed", to=3000.0, walk=gw.WalkOptions(initial_step=0.1, largest_step=0.3))
+    assert gw.verify(branch).ok
+    down = 0.7 * orbit.system["moved.amplitude"]
+    other = gw.follow(orbit, "moved.amplitude", to=down, walk=gw.WalkOptions(initial_step=0.2, largest_step=0.5))
+    assert gw.verify(other).ok
+    motion = orbit.motion(64)
+    torques = [motion.signal(f"{name}.torque") for name in ("shaft", "oil", "mesh")]
+    np.testing.assert_allclose(
+        0.01 * motion.signal("pinion''"), torques[0] + torques[1] - torques[2], atol=1e-9 * np.abs(torques[0]).max()
+    )

@@ -185,7 +185,7 @@ def test_the_same_from_python() -> None:
         (ACTS.replace("cycle", "year"), ["'turn' or 'cycle'"]),
         (f"{ACTS}\nrelative = true", ["relative is only for what a curve varies"]),
         (f"{ACTS}\ngrowth = 3", ["growth is 3"]),
-        ("per = 'cycle'", ["neither acts_on nor varies"]),
+        ("per = 'cycle'", ["acts_on is missing", "varies ="]),
         ('varies = "stop.deflection"\nper = "cycle"', ["no column 'displacement'"]),
     ],
 )

@@ -189,9 +189,9 @@ class Train:
         def number(name: str, value: Any) -> Any:
             if name not in found:
                 return value
-            size, unit = found[name]
+            (size, unit), kind = found[name], kinds[name]
             # a parameter of a formula has its own unit, which the train remembers
-            wanted = units.unit(name) if kinds[name] is None else units.of(kinds[name])
+            wanted = units.unit(name) if kind is None else units.of(kind)
             return size if unit.factor == wanted.factor else size * (unit.factor / wanted.factor)
 
         changed = self._converted(number)

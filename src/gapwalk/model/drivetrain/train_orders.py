@@ -236,9 +236,9 @@ def _speeds(train: Train) -> _Paths:
                 continue
             waiting.append(other)
             if isinstance(link, Gear):
-                ratio = link.exact_ratio
-                known = speed is not None and ratio is not None
-                new = (speed / ratio if forward else speed * ratio) if known else None
+                ratio, new = link.exact_ratio, None
+                if speed is not None and ratio is not None:
+                    new = speed / ratio if forward else speed * ratio
                 found[other] = new, (*path, link.name)
             else:
                 found[other] = speed, path

@@ -280,7 +280,7 @@ class Gear(Link):
         yield from super().problems()
 
     def _teeth_problems(self) -> Iterator[str]:
-        pair = self.teeth if isinstance(self.teeth, tuple) else (self.teeth,)
+        pair: list[Any] = [*self.teeth] if isinstance(self.teeth, tuple) else [self.teeth]
         if self.teeth is None or not isinstance(self.ratio, int | float) or not 0 < abs(self.ratio) < math.inf:
             return
         if len(pair) > 2 or not all(isinstance(each, int) and not isinstance(each, bool) and each > 0 for each in pair):

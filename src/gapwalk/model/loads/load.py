@@ -54,15 +54,9 @@ class Load(ABC):
     name
         Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
     varies
-        Names of what it varies instead, each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection (or the clearance
-        of a contact with one side) varies by the load itself; any other number of a contact or a force becomes that
-        number times ``1 + load``.
-    over_speed
-        A factor that depends on the speed, of a kind that has this field: a formula such as ``"1 + 0.1*W"``, or a
-        table.
-    growth, at
-        Power 0, 1 or 2 of the frequency with which it grows, and the frequency at which it has its size, of a kind that
-        has these fields; its `lines` use `grown`.
+        Names of what it varies instead: one, several, or each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection
+        (or the clearance of a contact with one side) varies by the load itself; any other number of a contact or a
+        force becomes that number times ``1 + load``.
 
     Attributes
     ----------
@@ -107,7 +101,7 @@ class Load(ABC):
     words: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
     has_levels: ClassVar[bool] = False
-    table_keys: ClassVar[Mapping[str, tuple[Any, Any]] | None] = None
+    table_keys: ClassVar[Mapping[str, tuple[Any, Any]]] = MappingProxyType({})
     frequencies: ClassVar[tuple[str, ...]] = ()
     """Names of further fields that are frequencies W; in a drive train with units they are texts."""
     is_periodic: ClassVar[bool] = True
@@ -134,8 +128,9 @@ class Load(ABC):
             raise ModelError(f"growth is {self.growth!r}; it must be 0, 1 or 2, the power of the frequency")
         if isinstance(self.at, int | float) and not self.at > 0.0:  # a text with a unit is read by the drive train
             raise ModelError(f"at is {self.at!r}; it must be a frequency > 0, at which the load has its amplitude")
-        if isinstance(self.varies, str):
-            object.__setattr__(self, "varies", {self.varies: 1.0})
+        if not isinstance(self.varies, Mapping):
+            names = (self.varies,) if isinstance(self.varies, str) else self.varies
+            object.__setattr__(self, "varies", dict.fromkeys(names, 1.0))
         if bool(self.acts_on) is bool(self.varies):
             both = "both acts_on and varies" if self.varies else "neither acts_on nor varies"
             raise ModelError(

@@ -170,11 +170,6 @@ class Measured(Load):
     @classmethod
     def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
         """See `Load.from_table`."""
-        if not (given.get("acts_on") or given.get("varies")):
-            raise ModelError(
-                f"{given.get('name') or cls.key} has neither acts_on nor varies; write acts_on = {{ q1 = 1.0 }} for a "
-                'force, or varies = "mesh.deflection"'
-            )
         fields = {name: value for name, value in given.items() if name not in cls.table_keys or name in _SHARED}
         own = {name: value for name, value in given.items() if name not in fields}
         table, is_angle = read_curve(own["file"], own, is_load=bool(given.get("acts_on")), units=units)

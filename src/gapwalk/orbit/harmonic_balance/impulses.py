@@ -46,7 +46,8 @@ class Passage(NamedTuple):
 def passages(lines: NDArray[np.complex128], laws: Laws, period: int) -> list[Passage]:
     """Return all rows that have a gate, at the angles at which it opens or closes."""
     (angles, opens, gates), moves = laws.jumps.over(period), np.tile(laws.jumps.slopes, period) / period
-    orders, count, found = laws.orders * period, lines.shape[1] - 1, []
+    orders, count = laws.orders.astype(float) * period, lines.shape[1] - 1
+    found: list[Passage] = []
     for row in np.flatnonzero(laws.gate >= 0):
         here = gates == laws.gate[row]
         phi, turns = angles[here], waves(angles[here], count)
