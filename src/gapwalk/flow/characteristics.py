@@ -344,5 +344,6 @@ def _loads(system: System) -> AngleCurve | None:
     if not len(moved):
         return None
     values = values[moved] + np.asarray(mean)[moved, None]
+    values = np.asarray(values, dtype=float)
     means = values[:, :-1].mean(axis=1)
     return AngleCurve("load", tuple(names[place] for place in moved), repeats, theta, values, means)

@@ -177,7 +177,8 @@ def stages_of(
         inside = stage.sign * np.real(depth) > 0.0 if closed is None else np.asarray(closed[number])
         # the formula must not overflow far outside a stage
         stages.append(StageTerms(stage.sign, np.where(inside, depth, 0.0), inside * 1.0, stage.innermost, values))
-    deflections, modes = dict(zip(law.arguments, moves, strict=True)), [0.0] * law.mode_count
+    deflections = dict(zip(law.arguments, moves, strict=True))
+    modes: list[Any] = [0.0] * law.mode_count
     found = Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
     for mode in range(law.mode_count):  # a guard may depend on earlier modes
         guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]

@@ -109,19 +109,13 @@ class LoadBase(Part):
 
 
 def default_name(key: str, table: Mapping[str, Any], taken: Collection[str]) -> str:
-    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2``.
-
-    The longer name, or ``harmonic2_q1`` by the coordinate on which it acts, is for a name that is taken.
-    """
+    """Return the name of a load without one: ``harmonic2``, or ``mesh_stiffness_harmonic2`` if that is taken."""
     order, varied = table.get("order", 1), table.get("varies")
     if not LOADS[key].is_periodic:
         return key
     name = f"{key}{order}" if isinstance(order, int) else f"{key}{order}".replace(".", "_")
     if name in taken and isinstance(varied, str):
         return f"{varied.replace('.', '_')}_{name}"
-    acts_on = table.get("acts_on")
-    if name in taken and isinstance(acts_on, Mapping) and len(acts_on) == 1:
-        return f"{name}_{next(iter(acts_on))}"
     return name
 
 
@@ -197,10 +191,12 @@ DISPLACED = ("deflection", "clearance", "angle")
 @lru_cache
 def _load_part(kind: type[Load], base: type[LoadBase]) -> type[LoadBase]:
     fields, named = {}, {each.name: each for each in dataclass_fields(kind)}
+    varied: Any = _Varied
+    direction: Any = Direction
     if "varies" in named:
-        fields["varies"] = (_Varied | None, None)
+        fields["varies"] = (varied | None, None)
         if not kind.has_levels:
-            fields["acts_on"] = (Direction | None, None)
+            fields["acts_on"] = (direction | None, None)
     for each in kind.parameters:
         number = _size_of(each) if each.name == "amplitude" and "varies" in named else number_of(each)
         fields[each.name] = (number, Field(description=each.words) if each.default is None else each.default)

@@ -82,7 +82,7 @@ def curves_of(source: Source) -> tuple[MeasuredCurve, ...]:
     units = describes_train(source.data) and Names.of_train(source.data).units
     files, _ = read_files(source)
     return tuple(
-        measured_curve({**source.data[path[0]][path[1]], path[2]: content}, units=bool(units))
+        measured_curve({**source.data[str(path[0])][path[1]], str(path[2]): content}, units=bool(units))
         for path, content in files.items()
         if path[-1] == "curve"
     )

@@ -36,7 +36,7 @@ _RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbi
 
 Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
-_GROWS = 1e9  # factor from the smallest size of a transient beyond which it runs away
+_GROWS = 1e9  # factor from the smallest size of a transient beyond which it diverges
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
 

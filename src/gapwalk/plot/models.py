@@ -159,7 +159,7 @@ def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> No
         line = stroke(color, 1.3, dashes)
         ax.plot(angle, curve.values[place], **line)
         entries.append((curve.names[place], line))
-        ax.axhline(curve.means[place], **stroke(color, 0.6, (0, (4, 2)), zorder=1))
+        ax.axhline(float(curve.means[place]), **stroke(color, 0.6, (0, (4, 2)), zorder=1))
     ax.set_xlim(float(angle[0]), float(angle[-1]))
     if curve.repeats == 1 and factor in (1.0, 2.0):
         ax.xaxis.set_major_locator(MultipleLocator(90.0 / factor))

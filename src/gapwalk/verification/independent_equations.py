@@ -306,7 +306,7 @@ class _Loads:
     def levels(self, theta: Array, lanes: Lanes) -> Array:
         """See `Equations.levels`."""
         up, down = _lanes(self._up, lanes), _lanes(self._down, lanes)
-        return ((theta[:, None] - up) % np.array(self._cycles) < down - up) * 1.0
+        return np.asarray((theta[:, None] - up) % np.array(self._cycles) < down - up, dtype=float)
 
     def jumps(self, lane: int) -> Iterator[Array]:
         """See `Equations.jumps`."""

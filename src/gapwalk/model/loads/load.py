@@ -57,6 +57,12 @@ class Load(ABC):
         Names of what it varies instead: one, several, or each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection
         (or the clearance of a contact with one side) varies by the load itself; any other number of a contact or a
         force becomes that number times ``1 + load``.
+    over_speed
+        A factor that depends on the speed, of a kind that has this field: a formula such as ``"1 + 0.1*W"``, or a
+        table.
+    growth, at
+        Power 0, 1 or 2 of the frequency with which it grows, and the frequency at which it has its size, of a kind that
+        has these fields; its `lines` use `grown`.
 
     Attributes
     ----------
