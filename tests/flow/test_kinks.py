@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import gapwalk as gw
+from gapwalk.flow.flow import FlowError, flow_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage, force
 from gapwalk.model.loads import Harmonic
 
@@ -54,3 +56,13 @@ def test_extremes_are_found_where_the_rate_has_a_kink(count: int) -> None:
     for turns in orbit.turns:
         assert len(turns.thetas) == 2
         assert sorted(turns.values) == pytest.approx(sorted(largest[:2]), abs=1e-13)
+
+
+def test_a_motion_that_begins_where_a_formula_has_no_slope_is_refused_with_the_way_out():
+    radial = {"x": {"x": 1.0}, "y": {"y": 1.0}}
+    law = "k*max(sqrt(x**2 + y**2) - g, 0)*x/sqrt(x**2 + y**2)"
+    ring = force("ring", radial, law, acts_on={"x": 1.0}, k=10.0, g=1.0)
+    rotor = gw.System(["x", "y"], np.eye(2), 0.1 * np.eye(2), contacts=[ring], harmonics=[Harmonic(0.2, {"x": 1.0})])
+    with pytest.raises(FlowError, match=r"cannot begin in the state \(0, 0, 0, 0\).*no finite value or slope"):
+        flow_of(rotor).integrate(coefficients_of(rotor), np.zeros(4), 0.0, 1.0)
+    assert np.isfinite(flow_of(rotor).integrate(coefficients_of(rotor), np.full(4, 0.1), 0.0, 1.0).state).all()
