@@ -52,7 +52,7 @@ IDEAS = (
         'a stiffness that varies over the angle is a [[harmonic]] with varies = "mesh.stiffness", or a [[rectangle]]',
     ),
     Idea(
-        "transmission_?error|te|runout|base_?(motion|displacement|acceleration)|ground_?motion|kinematic|prescribed",
+        "transmission_?error|runout|base_?(motion|displacement|acceleration)|ground_?motion|kinematic|prescribed",
         'a prescribed displacement is a [[harmonic]] with varies = "mesh.deflection"',
     ),
     Idea(

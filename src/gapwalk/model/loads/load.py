@@ -201,6 +201,11 @@ class Load(ABC):
         """Say what a reader of the model should know of its constants; empty if nothing."""
         return ""
 
+    @classmethod
+    def problems(cls, numbers: Mapping[str, float]) -> Iterator[str]:
+        """List the errors of values of its parameters, one sentence each that begins with the name of one."""
+        return iter(())
+
     def values(self) -> Iterator[float]:
         """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)

@@ -286,7 +286,7 @@ def _ordinate(keys: Mapping[str, Any], is_load: bool, accelerates: bool, units: 
         kind, role, others = QuantityKind.ACCELERATION, "acceleration", ("a",)
     else:
         kind, role = QuantityKind.ANGLE, "displacement"
-        others = ("transmission error", "error", "te", "deflection", "clearance", "x")
+        others = ("transmission error", "error", "deflection", "clearance", "x")
     return WantedColumn(role, kind if units else None, others, name, key)
 
 

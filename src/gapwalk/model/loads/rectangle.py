@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,8 +61,14 @@ class Rectangle(Load):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0.0 < self.share < 1.0:
-            raise ModelError(f"share is {self.share!r}; it must be between 0 and 1, both excluded")
+        for problem in self.problems({"share": self.share}):
+            raise ModelError(problem)
+
+    @classmethod
+    def problems(cls, numbers: Mapping[str, float]) -> Iterator[str]:
+        """See `Load.problems`."""
+        if not 0.0 < numbers["share"] < 1.0:
+            yield f"share is {numbers['share']!r}; it must be between 0 and 1, both excluded"
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:

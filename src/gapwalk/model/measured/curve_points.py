@@ -197,11 +197,11 @@ def _runs(x: Array) -> list[slice]:
 
 
 def _check_branches(x: Array, y: Array, runs: list[slice], matter: float) -> None:
-    """Refuse a curve whose deflection goes to and fro, unless the forces of all its runs agree."""
+    """Refuse a curve whose deflection goes back and forth, unless the forces of all its runs agree."""
     if len(runs) > _RUNS:
         raise ModelError(
             f"the deflection changes its direction {len(runs) - 1} times; sort the lines by deflection, and if the "
-            "curve was measured to and fro, give the mean curve"
+            "curve was measured back and forth, give the mean curve"
         )
     worst, at = 0.0, 0.0
     for one in runs:
