@@ -235,7 +235,11 @@ def _require(known: list[str], wanted: Mapping[str, str]) -> None:
 
 
 def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
-    text = parse_csv(content, "time,acceleration", MAX_SAMPLES, "cut a few tens of periods out of it")
+    try:
+        text = parse_csv(content, "time,acceleration", MAX_SAMPLES, "cut a few tens of periods out of it")
+    except ModelError as error:
+        is_text = "UTF-8" not in str(error)
+        raise error if is_text else ModelError(f"{error}; a MAT file has the ending .mat") from None
     _require(list(text.heads), wanted)
     places = {field: text.heads.index(name) for field, name in wanted.items()}
     if "speed" not in places and "speed" in text.heads:
