@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, start
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, reducer, start
 
     return {
         "period": period.rows,
@@ -73,6 +73,7 @@ def _groups() -> dict[str, Callable]:
         "growth": growth.rows,
         "mass": mass.rows,
         "balance": balance.rows,
+        "reducer": reducer.rows,
         "jobs": jobs.rows,
         "paper": paper.rows,
     }

@@ -17,7 +17,7 @@ def contact_force_of(form, values):
     for stage in form.stages:
         b, k, c = (values[f"{form.stage_prefix(stage)}.{name}"] for name in ("clearance", "stiffness", "cubic"))
         sides += [(side, b, k, c) for side in stage.side.signs]
-    damping = values.get(f"{name}.viscous_damping" if law == "viscous" else f"{name}.impact_damping", 0.0)
+    damping = values.get(f"{name}.viscous_damping" if law in ("viscous", "pushing") else f"{name}.impact_damping", 0.0)
 
     def force(x, v):
         g, touching = 0.0, False
@@ -28,6 +28,9 @@ def contact_force_of(form, values):
                 touching = True
         if law == "viscous":
             return g + damping * v * touching
+        if law == "pushing":  # on the side that touches
+            pushed = g + damping * v * touching
+            return max(pushed, 0.0) if x > 0 else min(pushed, 0.0)
         if law == "hunt-crossley":
             return g + damping * abs(g) * v
         if law == "hunt-crossley-as-printed":

@@ -32,6 +32,7 @@ QUICK = (
     "faults/test_first_steps.py",
     "model/test_[!lt]*.py",
     "model/drivetrain/test_[!s]*.py",
+    "model/measured/*.py",
     "model/units/*.py",
     "flow/test_hysteresis.py",
     "flow/test_motion.py",

@@ -17,7 +17,6 @@ from . import train as train
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
-from .attractors.basins import BasinShares as BasinShares
 from .attractors.classify import ClassifyOptions as ClassifyOptions
 from .attractors.classify import classify as classify
 from .attractors.regimes import Regimes as Regimes
@@ -42,6 +41,7 @@ from .model.contact import Contact as Contact
 from .model.contact import Side as Side
 from .model.contact import Stage as Stage
 from .model.contact import backlash as backlash
+from .model.contact import force as force
 from .model.contact import stop as stop
 from .model.damping_matrix import ModalDamping as ModalDamping
 from .model.damping_matrix import ProportionalDamping as ProportionalDamping

@@ -27,6 +27,10 @@ class ConvergenceError(NumericalError):
     """Newton's method found no solution from the start it was given."""
 
 
+class OutsideError(ModelError, NumericalError):
+    """A value of a parameter at which the system is not known, as beyond a measured table over the speed."""
+
+
 class VerificationError(NumericalError):
     """A result that was checked by other means and found wrong.
 

@@ -1,9 +1,11 @@
 """Force laws of contacts, and what a law of your own needs.
 
-Functions: `register`.
+Functions: `register`, `register_formula`, `spring_curve`, `measured_spring`.
 
-Classes: `Elastic`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`, `Parameter`, `QuantityKind`, `StageTerms`,
-`Stages`, `Viscous`.
+Classes: `Corner`, `Curve`, `Edge`, `Elastic`, `Expression`, `Formula`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`,
+`Parameter`, `Piecewise`, `Pushing`, `QuantityKind`, `StageTerms`, `Stages`, `Viscous`.
+
+Exceptions: `FormulaError`.
 
 Values: `CLEARANCE`, `CUBIC`, `STIFFNESS`.
 """

@@ -1,8 +1,9 @@
 """Loads, and what a load of your own needs.
 
-Functions: `register`.
+Functions: `register`, `orders_of`, `displacement_orders`, `speed_table`.
 
-Classes: `Harmonic`, `Line`, `Load`, `Parameter`.
+Classes: `Harmonic`, `Measured`, `Rectangle`, `Steady`, `OrderTable`, `OrderLine`, `SpeedTable`, `FactorOverSpeed`,
+`Levels`, `Line`, `Load`, `Parameter`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -1,9 +1,9 @@
 """Records that are fields of other records or results of functions; users do not create them.
 
-Classes: `AttractorKind`, `Band`, `BasinCheck`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`, `BranchWalk`, `Cascade`,
-`Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`,
-`DiagramBranch`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`, `Lane`,
-`LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
+Classes: `AttractorKind`, `Band`, `BasinCheck`, `BasinShares`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`,
+`BranchWalk`, `Cascade`, `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`,
+`ContactRest`, `DiagramBranch`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`,
+`Lane`, `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
 `Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialCheck`,
 `SpecialPointPath`, `Spot`, `Summary`, `SummaryText`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
 """

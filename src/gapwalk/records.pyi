@@ -2,6 +2,7 @@
 
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
+from .attractors.basins import BasinShares as BasinShares
 from .attractors.basins import Share as Share
 from .attractors.box import Box as Box
 from .attractors.box import Window as Window
@@ -22,7 +23,7 @@ from .bifurcation.loci import Codim2Point as Codim2Point
 from .bifurcation.loci import LocusEnd as LocusEnd
 from .bifurcation.loci import LocusEndReason as LocusEndReason
 from .bifurcation.loci import LocusPoint as LocusPoint
-from .continuation.branch_point import BranchPoint as BranchPoint
+from .continuation.point_on_branch import BranchPoint as BranchPoint
 from .continuation.walk import End as End
 from .continuation.walk import EndReason as EndReason
 from .flow.contact_events import ContactEvent as ContactEvent

@@ -1,5 +1,7 @@
 """Public names of `gapwalk.train`; see `gapwalk.lazy_names`."""
 
+from .model.drivetrain import Counted as Counted
+from .model.drivetrain import Force as Force
 from .model.drivetrain import Gear as Gear
 from .model.drivetrain import Inertia as Inertia
 from .model.drivetrain import NonDimensional as NonDimensional

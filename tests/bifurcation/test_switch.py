@@ -12,6 +12,9 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.contact import backlash
+from gapwalk.model.loads import Harmonic
+from gapwalk.model.system import System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.orbit import is_same, true_period
 from gapwalk.paper import case
@@ -225,3 +228,24 @@ def test_identity_of_orbits_up_to_a_shift():
     twice = find_orbit(case("13"), 2, frequency=0.72, start=once.state)
     assert true_period(twice) == 1
     assert true_period(orbit) == 2
+
+
+def test_a_doubled_motion_of_any_size_has_no_folds_where_it_only_grows():
+    """While teeth stay in contact the mesh is linear: at the flip the doubled motion has any size, and no fold."""
+    pair = System(
+        ["x"],
+        [[0.0]],
+        [[0.03]],
+        contacts=[backlash("mesh", {"x": 1.0}, clearance=1.0, stiffness=1.0)],
+        mean={"x": 0.1},
+        harmonics=[Harmonic(0.2, varies="mesh.stiffness"), Harmonic(0.02, {"x": 1.0}, name="torque")],
+    )
+    branch = follow(find_orbit(pair, frequency=2.3), "frequency", to=1.8)
+    flips = branch.special(Kind.FLIP)
+    assert len(flips) == 2
+    doubled = follow(flips[0], "frequency", (0.5, 3.5))
+    straight = [abs(point.value - flips[0].value) < 1e-11 for point in doubled.points]
+    assert sum(straight) > 2  # it runs straight across the frequency, until the teeth part
+    assert not [
+        fold for fold in doubled.special(Kind.FOLD) if min(abs(fold.value - flip.value) for flip in flips) < 1e-6
+    ]

@@ -9,7 +9,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.studies.changes import parse_changes
+from gapwalk.studies.set_values import parse_changes
 from tests.cli.conftest import MODEL
 
 BALANCED = ("--set", "study.method=harmonic-balance", "--set", "study.balance.error=1e-3")

@@ -3,11 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.cli import main
+from gapwalk import Harmonic
+from gapwalk.cli import main, modes_command
 from gapwalk.cli.output import show
+from gapwalk.model.contact import force
 from gapwalk.summary import Table
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -88,3 +91,39 @@ def test_a_table_in_a_file_has_each_row_in_one_line(capsys) -> None:
     (row,) = [line for line in capsys.readouterr().out.splitlines() if "value" in line]
     assert row.count("value") == 12
     assert len(row) > 120
+
+
+def test_all_rests_of_a_double_well_are_listed(monkeypatch, capsys) -> None:
+    spring = force("spring", {"x": 1.0}, "k*x + b*x**3", k=-1.0, b=1.0)
+    loads = [Harmonic(0.1, {"x": 1.0}), Harmonic(0.2, varies={"spring.k": 1.0}, order=2, name="parametric")]
+    system = gw.System(["x"], [[0.0]], [[0.1]], contacts=[spring], harmonics=loads)
+    monkeypatch.setattr(modes_command, "_read", lambda file, changes: ("double well", system))
+    assert main(["modes", TRAIN]) == 0
+    text = capsys.readouterr().out
+    for words in ("spring at -1", "spring at 1", "spring at 0, unstable"):
+        assert f"static equilibrium with {words}: " in text
+        assert f"Natural vibrations about the static equilibrium ({words}):" in text
+    assert "what varies over the angle is left out: spring.k at the mean value" in text
+    assert "there may be more" not in text
+    assert text.count("1.41421") == 2
+    assert main(["modes", TRAIN, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [(each["position"]["x"], each["stable"]) for each in found["rest"]] == [
+        (-1.0, True),
+        (1.0, True),
+        (0.0, False),
+    ]
+
+
+def test_a_formula_without_a_value_at_zero_has_modes_about_its_rest(monkeypatch, capsys) -> None:
+    spring = force("spring", {"x": 1.0}, "k*log(x)", k=2.0)
+    system = gw.System(["x"], [[0.0]], [[0.1]], contacts=[spring], mean={"x": 1.0})
+    monkeypatch.setattr(modes_command, "_read", lambda file, changes: ("logarithm", system))
+    assert main(["modes", TRAIN]) == 0
+    text = capsys.readouterr().out
+    assert "static equilibrium with spring at 1.649" in text
+    assert "there may be more static equilibria" in text
+    assert "the force 'spring' has no finite value and slope at zero deflection" in text
+    assert f"{(2.0 / np.exp(0.5)) ** 0.5:.6g}" in text
+    assert main(["modes", TRAIN, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["closed"] is None

@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import StoreError
-from gapwalk.studies.changes import parse_changes
+from gapwalk.studies.set_values import parse_changes
 from tests.cli.conftest import MODEL
 from tests.studies.same import assert_same_result
 from tests.waiting import until

@@ -22,17 +22,22 @@ PAGES = [page for page in sorted(DOCS.rglob("*.md")) if any(blocks_of(page)) and
 
 NAMES = [page.relative_to(DOCS).as_posix() for page in PAGES]
 # `make docs` runs them too
-LONG = {f"gallery/{name}.md" for name in ("collide", "stop", "clutch", "duffing", "drivetrain", "rod")} | {
-    "howto/nothing-missing.md"
-}
+LONG = {
+    f"gallery/{name}.md"
+    for name in ("collide", "stop", "clutch", "duffing", "drivetrain", "rod", "bearing", "mesh", "engine")
+} | {"howto/nothing-missing.md"}
 
 
 @pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))
 def test_a_page_does_what_it_says(name, tmp_path, monkeypatch) -> None:
     page = DOCS / name
-    for file in page.parent.glob("*.toml"):
-        shutil.copy(file, tmp_path)
-    monkeypatch.chdir(tmp_path)
+    folder, examples = tmp_path / "docs" / Path(name).parent, tmp_path / "examples"
+    for there in (folder, examples):
+        there.mkdir(parents=True)
+    for source, there in ((page.parent, folder), (DOCS.parent / "examples", examples)):
+        for file in (*source.glob("*.toml"), *source.glob("*.csv")):
+            shutil.copy(file, there)
+    monkeypatch.chdir(folder)
     try:
         run_page(page)
     finally:

@@ -91,7 +91,7 @@ def test_nothing_that_needs_a_server_is_shown(page) -> None:
 def test_a_click_shows_the_nearest_motion_that_is_kept(page, branch) -> None:
     place = page.evaluate(
         """() => {
-            const { diagram, curves } = gapwalk, curve = curves.all.get("/0"), k = curve.node.indexOf(4);
+            const { diagram, curves } = gapwalk, curve = curves.all.get("/0"), k = curve.node.indexOf(6);
             const { xaxis, yaxis } = diagram.place._fullLayout, box = diagram.place.getBoundingClientRect();
             return [box.left + xaxis._offset + xaxis.l2p(curve.x[k]), box.top + yaxis._offset + yaxis.l2p(curve.y[k])];
         }"""
@@ -100,8 +100,8 @@ def test_a_click_shows_the_nearest_motion_that_is_kept(page, branch) -> None:
     until(page, "document.querySelectorAll('#history path.curve').length === 1")
     point = page.evaluate("gapwalk.page.chosen.start.point")
     motions = page.evaluate("Object.keys(gapwalk.page.about.branches[0].motions).map(Number)")
+    assert 6 not in motions
     assert point in motions
-    assert len(motions) < len(branch.points)
     orbit = branch.points[point].orbit
     theta, q = (np.array(page.evaluate(f"gapwalk.page.motion.motion.{each}")) for each in ("theta", "q.x"))
     size = np.ptp(q)
@@ -121,6 +121,7 @@ def test_arrow_keys_go_from_motion_to_motion(page, branch) -> None:
         met.append(page.evaluate("gapwalk.page.chosen.start.point ?? -1 - gapwalk.page.chosen.start.special"))
     assert met[0] == 0
     assert len(set(met)) == 4
+    assert set(met) <= set(page.evaluate("Object.keys(gapwalk.page.about.branches[0].motions).map(Number)"))
     page.keyboard.press("s")
     special = page.evaluate("gapwalk.page.chosen.start.special")
     if special is not None:
@@ -129,10 +130,16 @@ def test_arrow_keys_go_from_motion_to_motion(page, branch) -> None:
 
 
 def test_other_axes_show_the_same_points(page, branch) -> None:
+    page.focus("#diagram")
+    page.keyboard.press("Home")
     page.select_option("#y", "min.x")
     until(page, "gapwalk.diagram.names.y.startsWith('minimum')")
     y, node = (np.array(page.evaluate(f"[...gapwalk.curves.all.get('/0').{each}]")) for each in ("y", "node"))
     np.testing.assert_allclose(y[node >= 0], branch.measure("min.x"), rtol=1e-7)
+    until(page, "gapwalk.page.chosen.curve === gapwalk.curves.all.get('/0')")  # the chosen point stays chosen
+    index = page.evaluate("gapwalk.page.chosen.index")
+    assert node[index] == page.evaluate("gapwalk.page.chosen.start.point") == 0
+    assert page.evaluate("gapwalk.diagram.mark[1]") == y[index]
 
 
 def test_a_mean_load_is_not_the_mean_of_a_coordinate(tmp_path) -> None:

@@ -87,6 +87,10 @@ def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, 
     shown = np.array(page.evaluate("gapwalk.motion.motion.q.q1"))
     np.testing.assert_allclose(shown[0], result.points[number].orbit.state[0], rtol=1e-6)
     assert page.locator("#history path.curve").count() == 1
+    # the sliders show the values of that motion, which are not those of the file
+    frequency = result.points[number].value
+    assert page.evaluate("gapwalk.motion.motion.parameters.frequency") == frequency != result.points[0].value
+    until(page, f"document.querySelector(\".parameter[data-name='frequency'] input\").valueAsNumber === {frequency!r}")
     until(page, "document.querySelectorAll('#section .dot').length === 1")
     # on to the branch of twice the period
     choose_special(page, "flip")
@@ -112,6 +116,24 @@ def test_keys_walk_along_the_branch_and_say_where(page) -> None:
     # the second of two quick steps is the one that is shown
     until(page, "gapwalk.motion.place?.point === 11 && document.querySelectorAll('#spectrum .bar').length > 5")
     assert "Ω" in page.inner_text("#motion-title")
+
+
+def test_the_chosen_point_stays_chosen_over_other_axes(page) -> None:
+    name = computed(page)
+    before = page.input_value("#y")
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    page.keyboard.press("Shift+ArrowLeft")
+    title = page.inner_text("#chosen")
+    heights = []
+    for measure in ("min.q1", before):
+        page.select_option("#y", measure)
+        node = f"gapwalk.curves.all.get('{name}')"
+        until(page, f"document.getElementById('y').value === '{measure}' && !gapwalk.page.updating && Boolean({node})")
+        until(page, f"gapwalk.diagram.mark?.[1] === {node}.y[10] && gapwalk.page.chosen.curve === {node}")
+        heights.append(page.evaluate("gapwalk.diagram.mark[1]"))
+        assert page.inner_text("#chosen") == title
+    assert heights[0] != heights[1]
 
 
 def test_what_is_shown_can_be_saved(page) -> None:
@@ -263,6 +285,9 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     until(page, "gapwalk.motion.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
     page.click(f"#results li:nth-child({key + 1}) button:text-is('Show')")  # back to the diagram
     until(page, "!gapwalk.curves.hasLoci && gapwalk.curves.all.size >= 1")
+    until(page, "gapwalk.page.chosen === null && gapwalk.diagram.mark === null")  # the locus has no place there
+    assert page.is_disabled("#walk")
+    assert page.inner_text("#chosen").startswith("Choose a point")
 
 
 def test_a_search_is_begun_and_stopped(page) -> None:

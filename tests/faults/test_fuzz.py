@@ -29,7 +29,7 @@ from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
 from gapwalk.model.model_source import Source, parse_source
 from gapwalk.model.units import QuantityKind, read_quantity
-from gapwalk.studies.changes import parse_changes
+from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import check_studies
 from tests.explorer.conftest import ORIGIN, STOP
 from tests.faults.bad_input import MODELS

@@ -39,6 +39,17 @@ def test_a_csv_file_is_read_with_its_own_names_and_units(tmp_path) -> None:
     assert (found.name, len(found)) == ("r.csv", 20)
 
 
+def test_decimal_commas_are_read_where_commas_do_not_separate(tmp_path) -> None:
+    text = rows(count=20)
+    with_points = gw.measure.read_measurement(write(tmp_path, text))
+    with_commas = gw.measure.read_measurement(write(tmp_path, text.replace(",", ";").replace(".", ",")))
+    np.testing.assert_array_equal(with_commas.time, with_points.time)
+    np.testing.assert_array_equal(with_commas.acceleration, with_points.acceleration)
+    mixed = text.replace(",", ";").replace(".", ",").replace("0,3;", "0.3;")
+    with pytest.raises(ModelError, match=r"line 5: time is '0\.3', but line 2 has '0,0'; write all numbers with a"):
+        gw.measure.read_measurement(write(tmp_path, mixed))
+
+
 @pytest.mark.parametrize("shape", [(40,), (1, 40), (40, 1)])
 def test_a_mat_file_gives_the_same_record(tmp_path, shape) -> None:
     path = tmp_path / "r.mat"
@@ -64,7 +75,8 @@ def test_a_mat_file_gives_the_same_record(tmp_path, shape) -> None:
         (rows("3:0.1,1"), r"time does not increase from sample 3 \(0.2\) to sample 4 \(0.1\)"),
         (rows("3:0.34,1"), r"time is uneven: its steps are 0.1, but 0.14 from sample 3 to sample 4 \(2 such steps\)"),
         (rows(count=5), "it has 5 samples; a record has 16 to 200,000"),
-        (rows(count=20).replace(",", ";").replace(".", ","), "line 2: time is '0,0'.*decimal points, not commas"),
+        (rows("3:0.3,1,5"), "line 5: it has 3 entries, but the first line names 2 columns; with decimal commas"),
+        (rows("3:0.3,1_5"), "line 5: acceleration is '1_5'; it must be a number"),
         ('time,"acc\n1,2\n', "no column 'acceleration'"),
         ("\0time\n\0", "no column 'time'"),
     ],

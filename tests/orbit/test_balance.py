@@ -61,7 +61,7 @@ def test_the_lines_of_the_forces_are_those_of_finely_sampled_ones(law, coefficie
     x, v = (wave @ lines.T).real, (wave @ (1j * k * system.frequency * lines).T).real
     # positions whose deflections are x: q2 from the wall, q1 = stop + q2
     q, rates = np.column_stack((x.sum(axis=1), x[:, 1])), np.column_stack((v.sum(axis=1), v[:, 1]))
-    sampled = contact_forces(layout, numbers, q, rates)
+    sampled = contact_forces(layout, numbers, phi, q, rates)
     expected = 2.0 * (waves(-phi, 2 * count).T @ sampled) / samples
     expected[0] *= 0.5
     spring, damper = forces.parts[:, 0], forces.parts[:, 2]

@@ -15,7 +15,7 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
-from gapwalk.studies.derive import table_schema
+from gapwalk.studies.derived_schema import table_schema
 from gapwalk.studies.document import result_document
 from gapwalk.studies.options import SearchTable
 from tests.interruption import until_ctrl_c

@@ -176,7 +176,8 @@ def test_an_example_can_be_started(name: str) -> None:
             assert study.options.plan.startswith(study.options.kind)
             continue
         orbit = find_orbit(study.system, study.options.period, study.options.start)
-        assert orbit.measure(study.options.measure) > 0
+        if study.system.structure.driving:  # a motion that only a variation excites may begin at rest
+            assert orbit.measure(study.options.measure) > 0
 
 
 def test_the_diagrams_are_those_of_the_paper() -> None:

@@ -95,7 +95,7 @@ def test_the_second_equations_are_those_of_the_definition(system):
     n, equations = system.size, Equations([system])
     for _ in range(20):
         q, v, theta = random.normal(size=n), random.normal(size=n), random.uniform(0, 6)
-        depths = equations.depths(equations.deflections(q[None]))
+        depths = equations.depths(equations.deflections(np.array([theta]), q[None]))
         rates = equations.rates(np.array([theta]), np.array([[*q, *v, 0.0]]), (depths > 0).astype(float))[0]
         expected = acceleration(system, theta / system.frequency, q, v)
         assert rates[:n] * system.frequency == pytest.approx(v)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -186,7 +187,7 @@ def agreement(
     first: NDArray[np.float64],
     second: NDArray[np.float64],
     orders: NDArray[np.float64],
-    turns: int | None = None,
+    turns: int | Fraction | None = None,
 ) -> Agreement:
     """Compare two histories that are sampled at the same angles over whole periods.
 
@@ -206,7 +207,7 @@ def agreement(
     both = size * float(np.sqrt(np.mean(second**2)))
     lines = [lines_of(theta, values, orders) for values in (first, second)]
     shifts = np.angle(lines[1] * lines[0].conj())
-    counted = (turns or 1) * orders
+    counted = float(turns or 1) * orders
     pairs = zip(counted.tolist(), *(np.abs(values).tolist() for values in lines), shifts.tolist(), strict=True)
     correlation = float(np.mean(first * second)) / both if both else 0.0
     return Agreement(rms, rms / size if size else np.inf, correlation, tuple(LinePair(*pair) for pair in pairs))

@@ -1,11 +1,12 @@
 """Figures of a rattling motion: impacts, contact forces, energy loss and impulsiveness.
 
 An impact is a closing of a contact, with its approach velocity, peak force and energy loss. Integrals along the motion
-are accurate to rounding by Gauss's rule, since it is analytic between contact events.
+are accurate to rounding by Gauss's rule, since it is analytic between contact events, kinks of laws and jumps of loads.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,7 +20,7 @@ from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import check_count
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import contact_deflections, contact_forces
+from gapwalk.flow.forces import Angles, contact_deflections, contact_force
 from gapwalk.flow.motion import Motion, sample, signal_factor, switch_names
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -174,7 +175,7 @@ class ContactLoad:
     contact
         Name of the contact.
     closed
-        Fraction of the time for which it is closed.
+        Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
     peak, rms
         Largest magnitude and root mean square of its force.
     power
@@ -245,7 +246,8 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quad
     """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods."""
     end = PERIOD * periods
     events = sample(system, state, np.array([0.0, end])).events
-    edges = np.unique(np.concatenate(([0.0], [event.theta for event in events], [end])))
+    kinks = flow_of(system).kinks(coefficients_of(system), state, end)  # and jumps: it is not analytic there either
+    edges = np.unique(np.concatenate(([0.0], [event.theta for event in events], kinks, [end])))
     edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / _WIDEST)))[:-1] for a, b in pairwise(edges)]
     starts = np.concatenate(parts)
@@ -277,10 +279,24 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
 
 
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
-    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts)."""
+    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts).
+
+    It is the part of the force that vanishes with all rates, times the rate of the deflection; for a formula of several
+    deflections, or one that acts elsewhere, times the rate along the vector on which it acts.
+    """
     layout, coefficients, motion = layout_of(system.structure), coefficients_of(system), along.motion
-    springs = contact_forces(layout, coefficients, motion.q, np.zeros_like(motion.v))
-    rates = contact_deflections(layout, coefficients, motion.v)
+    angles = Angles(layout, coefficients, motion.theta)
+    rates = contact_deflections(layout, coefficients, motion.theta, motion.v, derivative=1)
+    springs = np.zeros_like(motion.forces)
+    for place, slots in enumerate(layout.contacts):
+        # at rest: a prescribed displacement has a rate of its own, which is none of the motion
+        moves = [
+            (motion.q @ coefficients[vector] + angles.sway(slots, argument), np.zeros(len(motion.theta)))
+            for argument, vector in enumerate(slots.deflections)
+        ]
+        springs[:, place] = contact_force(slots, angles, moves)
+        if not slots.stages and (slots.deflections[1:] or not slots.form.reciprocal):
+            rates[:, place] = motion.v @ system.vector(slots.form.push)  # of the point on which a formula acts
     return (motion.forces - springs) * rates
 
 
@@ -363,7 +379,8 @@ def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tupl
     for k, contact in enumerate(system.structure.contacts):
         peaks = [impact.peak for impact in found if impact.contact == contact.name]
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
-        rows.append(ContactLoad(contact.name, float(closed[k]), peak, float(rms[k]), unit * float(power[k])))
+        share_closed = float(closed[k]) if contact.stages else math.nan
+        rows.append(ContactLoad(contact.name, share_closed, peak, float(rms[k]), unit * float(power[k])))
     return tuple(rows)
 
 

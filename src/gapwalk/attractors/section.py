@@ -242,7 +242,12 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
     stages = [stage for stage in form.stages if side in stage.side.signs]
     if not stages:
         raise ModelError(f"no stage of {contact!r} acts on the side {side!r}; a side is +1 or -1")
-    vector = system.vector(f"{contact}.deflection").tolist()
+    if layout_of(system.structure).contacts[[*forms].index(contact)].sway is not None:
+        raise ModelError(
+            f"the deflection of {contact!r} contains a prescribed displacement, so that the plane on which it closes "
+            'moves; write a Plane of your own, as in gw.analysis.Plane({"q1": 1.0}, 0.0), or take strobes'
+        )
+    vector = system.vector(form.vectors[0]).tolist()
     level = side * system[f"{form.stage_prefix(stages[0])}.clearance"]
     upwards = (side > 0) is closes
     normal = {name: factor for name, factor in zip(system.coordinates, vector, strict=True) if factor}

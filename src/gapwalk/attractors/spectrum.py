@@ -169,7 +169,7 @@ class Waterfall:
     orders: NDArray[np.float64]
     amplitudes: NDArray[np.float64]
     stable: NDArray[np.bool_]
-    turns: int | None = None
+    turns: int | Fraction | None = None
 
     def plot(self, **options):
         """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
@@ -222,7 +222,7 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     values, folding = _refined(sampled, signal, length, window, options.tolerance)
     weights = window(len(values) * 2)
     bins = 0.0 if period else len(weights) * float((weights**2).sum() / weights.sum() ** 2)
-    turns = system.turns or 1
+    turns = float(system.turns or 1)
     orders = turns * np.arange(len(values)) / length
     return Spectrum(system, signal, orders, values, period, turns * bins / length, folding)
 
@@ -292,7 +292,7 @@ def waterfall(
     options = options or SpectrumOptions(tolerance=1e-4)
     spacing = lcm(*(orbit.period for orbit in orbits))
     turns = orbits[0].system.turns
-    orders = (turns or 1) * np.arange(round(top / (turns or 1) * spacing) + 1) / spacing
+    orders = float(turns or 1) * np.arange(round(top / float(turns or 1) * spacing) + 1) / spacing
     table = np.zeros((len(orbits), len(orders)))
     for row, orbit in zip(table, orbits, strict=True):
         step = spacing // orbit.period
@@ -303,7 +303,7 @@ def waterfall(
 
 
 def line_name(
-    order: float | Fraction, periods: Sequence[int] = (1,), within: float = 1e-9, turns: int | None = None
+    order: float | Fraction, periods: Sequence[int] = (1,), within: float = 1e-9, turns: int | Fraction | None = None
 ) -> str:
     """Return the name of a line at a multiple of W, or at an order per turn of a shaft.
 

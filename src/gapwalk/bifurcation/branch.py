@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol

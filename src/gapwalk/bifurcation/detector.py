@@ -23,8 +23,8 @@ from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border

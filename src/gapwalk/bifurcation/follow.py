@@ -12,7 +12,7 @@ from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import ModelError, NumericalError

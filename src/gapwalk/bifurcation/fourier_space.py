@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.orbit_on_branch import Knot, StateSpace
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.orbit import Orbit, repeats
 
 _ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
@@ -25,7 +26,7 @@ class LineSpace(StateSpace):
     """Space of the Fourier lines of the contact deflections, with as many lines as the finest orbit of the branch."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
-        self._branch, self._contacts = branch, len(branch.system.structure.contacts)
+        self._branch, self._width = branch, deflections_in(branch.system.structure)
         self._harmonics = max(point.orbit.harmonics for point in points)
         self._error = max(point.orbit.truncation for point in points)
         self._finest = self._equation(self._harmonics)
@@ -46,7 +47,7 @@ class LineSpace(StateSpace):
         """See `StateSpace.places`."""
         if self._branch.period % orbit.period:
             return []
-        lines = from_real_form(self._finest.unknowns(orbit).reshape(self._contacts, -1))
+        lines = from_real_form(self._finest.unknowns(orbit).reshape(self._width, -1))
         count = repeats(orbit.system)
         later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / (self._branch.period * count))
         return [real_form(lines * later**j).ravel() for j in range(orbit.period * count)]
@@ -87,9 +88,9 @@ class LineSpace(StateSpace):
 
     def _resized(self, unknowns: NDArray[np.float64], harmonics: int) -> NDArray[np.float64]:
         """Return the same lines, cut off or padded with zeros to a number of harmonics."""
-        known = from_real_form(unknowns.reshape(self._contacts, -1))
+        known = from_real_form(unknowns.reshape(self._width, -1))
         count = harmonics * self._branch.period
-        lines = np.zeros((self._contacts, count + 1), dtype=complex)
+        lines = np.zeros((self._width, count + 1), dtype=complex)
         kept = min(count + 1, known.shape[1])
         lines[:, :kept] = known[:, :kept]
         return real_form(lines).ravel()

@@ -17,8 +17,8 @@ from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError

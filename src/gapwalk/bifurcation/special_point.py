@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability

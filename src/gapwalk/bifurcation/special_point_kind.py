@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import location_error
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.registry import Registry
 

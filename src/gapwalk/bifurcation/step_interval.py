@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.kinds.branch_crossing import Crossing
+    from gapwalk.bifurcation.kinds.branch_point import Crossing
     from gapwalk.bifurcation.special_point_kind import Kind
 
 RESOLUTION = 1e-11

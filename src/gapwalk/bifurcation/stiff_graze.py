@@ -23,8 +23,8 @@ from gapwalk.bifurcation.error_estimate import ROUNDING
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches

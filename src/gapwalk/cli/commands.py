@@ -54,7 +54,15 @@ def new(file: Path, /, *, debug: Debug = False) -> int:
 
 
 @command(2)
-def check(file: Path, /, *, changes: Changes = None, json: Json = False, debug: Debug = False) -> int:
+def check(
+    file: Path,
+    /,
+    *,
+    changes: Changes = None,
+    picture: Path | None = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> int:
     """Check a model file; print a summary, or everything that is wrong with it.
 
     Parameters
@@ -63,10 +71,12 @@ def check(file: Path, /, *, changes: Changes = None, json: Json = False, debug: 
         The model file.
     changes
         A changed value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+    picture
+        Draw the forces of contacts, measured curves, and what varies over the angle, into this file, PNG, SVG or PDF.
     """
     from gapwalk.cli.file_commands import check_file
 
-    return check_file(file, changes or [], json=json)
+    return check_file(file, changes or [], picture, json=json)
 
 
 @command(3)

@@ -10,7 +10,11 @@ from gapwalk.cli.output import BROKEN, DONE, console, print_json, show, show_fil
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gapwalk.model.measured.curve_contact import MeasuredCurve
     from gapwalk.plot.style import SizeName
+    from gapwalk.studies.study_file import Study
 
 _PICTURES = ("png", "svg", "pdf")
 
@@ -24,15 +28,21 @@ def new_file(file: Path) -> int:
     return DONE
 
 
-def check_file(file: Path, changes: list[str], *, json: bool) -> int:
-    """Print a summary of a model file."""
+def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
+    """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
+    from gapwalk.model.model_file import curves_of
+    from gapwalk.model.model_source import read_source
     from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
-    from gapwalk.studies.changes import parse_changes
+    from gapwalk.studies.set_values import change_source, parse_changes
     from gapwalk.studies.study_file import read_studies
 
-    studies = read_studies(file, parse_changes(changes))
+    asked = parse_changes(changes)
+    studies = read_studies(file, asked)
+    curves = curves_of(change_source(read_source(file), asked)[0])
+    if picture is not None:
+        draw_model(studies[0], curves, picture)
     if json:
         documents = [
             {
@@ -55,6 +65,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         (len(studies) == 1 and studies[0].title) or str(file),
         *train_lines(system),
         *(f"  {text}" for text in system.contents),
+        *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
@@ -62,7 +73,22 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         "no errors apart from these warnings" if doubts else "no errors",
     ]
     show(lines)
+    if picture is not None:
+        show_files([picture])
     return DONE
+
+
+def draw_model(study: Study, curves: Sequence[MeasuredCurve], picture: Path) -> None:
+    """Draw the system of a study, with the measured points of its curves in the units of the system."""
+    from gapwalk.plot import save
+
+    system = study.system
+    unit = system.units.angle if system.units else 1.0
+    points = {
+        each.name: (each.deflection * ((each.angle.factor if each.angle else 1.0) / unit), each.force)
+        for each in curves
+    }
+    save(system, picture, points=points, title=study.title)
 
 
 def show_result(path: Path, *, points: bool, json: bool) -> int:

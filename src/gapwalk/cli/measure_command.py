@@ -8,9 +8,9 @@ from pathlib import Path
 
 from gapwalk.cli.output import DONE, FAILED, console, print_json, show, show_files, show_title
 from gapwalk.errors import ModelError
-from gapwalk.studies.changes import parse_changes
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.measure import measure, read_measured_model
+from gapwalk.studies.set_values import parse_changes
 from gapwalk.summary import printable
 
 _PICTURES = (".png", ".svg")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.cli.output import DONE, print_json, show, show_files
+from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_file import check_model, in_order
@@ -20,7 +21,7 @@ from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import parameter_symbol
 from gapwalk.results.plain import plain
-from gapwalk.studies.changes import change_source, change_system, parse_changes
+from gapwalk.studies.set_values import change_source, change_system, parse_changes
 from gapwalk.summary import Table
 
 _COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named
@@ -32,19 +33,22 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
     title, system = _read(file, changes)
     rest = find_equilibria(system)
-    found = {f"about the static equilibrium ({each})": find_modes(system, each) for each in rest.equilibria}
-    closed = find_modes(system, "closed")
-    if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
-        found["with the first stage of every contact closed"] = closed
+    found = [(f"about the static equilibrium ({each})", find_modes(system, each)) for each in rest.equilibria]
+    closed, reason = _closed(system)
+    if closed is not None and not any(np.array_equal(closed.frequencies, each.frequencies) for _, each in found):
+        found.append((_closed_words(system), closed))
+    if picture is not None and not found:
+        raise ModelError(f"there are no modes to draw: there is no static equilibrium, and {reason}")
     if picture is not None:
         from gapwalk.plot import save
 
-        save(next(iter(found.values())), picture, system=system, title=title)
+        save(found[0][1], picture, system=system, title=title)
     if json:
         print_json(_document(title, system, rest, closed, picture))
         return DONE
-    show([title or str(file), *train_lines(system), *_rest_lines(rest, system.units)])
-    for heading, modes in found.items():
+    lines = [*variation_lines(system), *_rest_lines(rest, system.units), *[f"  {reason}"] * bool(reason)]
+    show([title or str(file), *train_lines(system), *lines])
+    for heading, modes in found:
         show([f"\nNatural vibrations {heading}:", _table(modes, system)])
         if len(modes) > _ROWS:
             last = _number(modes.frequencies[-1])
@@ -52,6 +56,37 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     if picture is not None:
         show_files([picture])
     return DONE
+
+
+def _closed(system: System) -> tuple[Modes | None, str]:
+    """Return the modes with all contacts closed; or None and the reason why there are none."""
+    try:
+        return find_modes(system, "closed"), ""
+    except ModelError as error:
+        return None, str(error)
+
+
+def _closed_words(system: System) -> str:
+    """Describe the linearisation that does not depend on the load."""
+    contacts = system.structure.contacts
+    words = ["with the first stage of every contact closed"] * any(form.stages for form in contacts)
+    words += ["at zero deflection of the forces by formulas"] * any(not form.stages for form in contacts)
+    return ", and ".join(words) or "with the first stage of every contact closed"
+
+
+def variation_lines(system: System) -> list[str]:
+    """Say in a line how what varies over the angle enters static equilibria and modes; no line if nothing varies."""
+    names = {False: [], True: []}
+    for each in system.structure.variations:
+        form = system.structure.contacts[each.contact]
+        if each.is_deflection:
+            name = form.vectors[form.law.arguments.index(each.name)]
+        else:
+            name = f"{form.name if each.stage < 0 else form.stage_prefix(form.stages[each.stage])}.{each.name}"
+        names[each.is_deflection].append(name)
+    varied, moved = (", ".join(dict.fromkeys(names[which])) for which in (False, True))
+    words = [f"{varied} at the mean value"] * bool(varied) + [f"{moved} without prescribed displacement"] * bool(moved)
+    return [f"  what varies over the angle is left out: {', '.join(words)}"] if words else []
 
 
 def _read(file: Path, changes: list[str]) -> tuple[str, System]:
@@ -124,7 +159,7 @@ def _table(modes: Modes, system: System) -> Table:
 def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:
     """Return values of the first parameter at which each order of the excitation meets each mode, by headings."""
     structure, units = system.structure, system.units
-    orders = sorted({harmonic.order for harmonic in structure.harmonics})
+    orders = sorted({order for load in structure.harmonics for order in load.multiples})
     turns = 1 if units is None else units.turns or 1
     symbol = parameter_symbol(structure.pace, units)
     return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
@@ -134,15 +169,15 @@ def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Path | None) -> dict[str, Any]:
+def _document(title: str, system: System, rest: Rest, closed: Modes | None, picture: Path | None) -> dict[str, Any]:
     return {
         "title": title,
         "coordinates": list(system.coordinates),
-        "inertias": list(closed.inertias),
+        "inertias": list(closed.inertias) if closed else [],
         "complete": rest.complete,
         "rest": [_rest_document(system, each) for each in rest.equilibria],
-        "closed": _modes_document(closed),
-        "resonances": plain(resonance_values(system, closed)),
+        "closed": _modes_document(closed) if closed else None,
+        "resonances": plain(resonance_values(system, closed)) if closed else None,
         "picture": None if picture is None else str(picture),
     }
 

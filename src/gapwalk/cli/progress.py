@@ -17,7 +17,7 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.cli.output import console
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.work_chunks import Pace
 from gapwalk.studies.map import Map, MapSection

@@ -31,11 +31,11 @@ from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
-from gapwalk.studies.changes import parse_changes
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.result import Result
 from gapwalk.studies.runner import run
+from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies
 from gapwalk.studies.study_kind import found_by
 

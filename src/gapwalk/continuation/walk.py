@@ -16,8 +16,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions, next_step, shorter_step
 from gapwalk.continuation.walk_scales import Range
 
@@ -36,6 +36,7 @@ class EndReason(Enum):
 
     START = "the walk began here"
     RANGE = "the end of the range was reached"
+    TABLE = "a load is not known beyond the end of its table"
     TURNED_BACK = "the branch turned back and left the range on the side on which it had started"
     CLOSED = "the branch closed on itself"
     BRANCHED = "the branch begins here, at a special point of another branch"
@@ -292,7 +293,8 @@ class Walk(Iterator[BranchPoint]):
         if correction is None:  # there is a fold in between: approach the limit in a shorter step
             self.step = shorter_step(self.step)
             return self._advance()
-        self.end = End(reason, bound)
+        table = self.within.table_at(bound)
+        self.end = End(EndReason.TABLE if table else reason, bound, table)
         length = length_of(correction.x - self.point.x)
         if length == 0.0:
             return None

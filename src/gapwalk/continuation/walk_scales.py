@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
+from gapwalk.model.static_force import formulas_of, static_forces_of
+from gapwalk.model.structure import PaceLimits
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.linear_part import linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import firsts_of, linear_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
@@ -24,6 +26,7 @@ _SLOWEST, _FASTEST = 0.25, 16.0  # limits, in natural frequencies, of the freque
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the natural change of the parameter
 _EVEN, _BY_RATIO = 33, 65  # values at which the response is computed: evenly spaced, and with equal ratios
 _LOWEST = 1e-9  # share of the highest value at which the equal ratios begin in a range that begins at zero
+_SAMPLES = 32  # of an orbit, per forcing period, at which the tangents of formulas are taken
 _PEAKS = 3  # number of peaks that are refined
 _SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two values
 
@@ -41,12 +44,16 @@ class Range:
         frequency is no less rich, and half the frequency is equally far away everywhere.
     natural
         Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
+    tables
+        The limits beyond which a load is not known, and the tables over the speed that end there; see
+        `Structure.pace_limits`. None if there are none.
     """
 
     low: float
     high: float
     is_relative: bool = False
     natural: float = math.inf
+    tables: PaceLimits | None = None
 
     def __contains__(self, value: object) -> bool:
         return isinstance(value, float) and self.low <= value <= self.high
@@ -73,8 +80,26 @@ class Range:
         return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
-        """Return this range for a parameter of a system."""
-        return replace(self, is_relative=system.structure.place(parameter) == 0)
+        """Return this range for a parameter of a system; it ends where a table of a load over the speed does.
+
+        Raises
+        ------
+        ModelError
+            If nothing is left of it.
+        """
+        is_relative, tables = system.structure.place(parameter) == 0, system.structure.pace_limits
+        if not (is_relative and tables.tables):
+            return replace(self, is_relative=is_relative)
+        low, high = max(self.low, tables.low), min(self.high, tables.high)
+        if not low < high:
+            raise ModelError(f"{tables.words}, and the range from {self.low:.10g} to {self.high:.10g} is beyond it")
+        return replace(self, low=low, high=high, is_relative=True, tables=tables)
+
+    def table_at(self, bound: float) -> str:
+        """Say which table over the speed ends at a limit of the range; empty if none does."""
+        if self.tables is None or bound not in (self.tables.low, self.tables.high):
+            return ""
+        return self.tables.words
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:
@@ -98,7 +123,7 @@ def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[n
     """
     parameter = equation.parameter or ""
     length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))
-    frequency = _typical_frequency(orbit.system)
+    frequency = _typical_frequency(orbit)
     scale = frequency if within.is_relative else min(within.width, within.natural)
     return powers_of_two(np.append(equation.scales(_CLEARANCES * length, frequency), scale))
 
@@ -157,20 +182,39 @@ def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.exp2(np.round(np.log2(scales)))
 
 
-def _typical_frequency(system: System) -> float:
-    """Return the frequency of a system, limited to the neighbourhood of its natural frequency.
+def _typical_frequency(orbit: Orbit) -> float:
+    """Return the frequency of an orbit, limited to the neighbourhood of the natural frequency of its system.
 
     The natural frequency is the root mean square over the modes with all gaps open, or, for a system that only its
-    contacts support, with all gaps closed.
+    contacts support, with all gaps closed. Of a force by a formula it has the mean tangent over the orbit.
     """
+    system = orbit.system
     linear = linear_of(layout_of(system.structure), coefficients_of(system))
-    closed = np.array([max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)])
+    closed = np.zeros(len(linear.deflections))
+    closed[firsts_of(system.structure)] = [
+        max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)
+    ]
+    formulas = _mean_stiffness(orbit)
     for stiffness in (np.zeros(len(closed)), closed):
-        square = float(np.trace(linear.shifted(stiffness))) / system.size
+        square = float(np.trace(linear.shifted(stiffness) + formulas)) / system.size
         if square > 0.0:
             natural = math.sqrt(square)
             return min(max(system.frequency, _SLOWEST * natural), _FASTEST * natural)
     return system.frequency
+
+
+def _mean_stiffness(orbit: Orbit) -> NDArray[np.float64]:
+    """Return the mean over an orbit of what formulas add to the stiffness per unit of mass, shape (n, n)."""
+    system = orbit.system
+    formulas, total = formulas_of(system), np.zeros((system.size, system.size))
+    if not formulas:
+        return total
+    motion = orbit.motion(_SAMPLES)
+    for each in formulas:
+        tangents = each.at(motion.q, motion.v)
+        slopes = tangents.stiffness[tangents.is_finite]  # the slope may be infinite at single points
+        total += np.outer(each.direction, slopes.sum(axis=0) @ each.deflections)
+    return np.asarray(np.linalg.solve(system.matrix("mass"), total) / len(motion.q), dtype=np.float64)
 
 
 def linear_growth(system: System, parameter: str, within: Range) -> float:
@@ -205,12 +249,15 @@ def linear_growth(system: System, parameter: str, within: Range) -> float:
 
 
 def _is_linear_inside_its_gaps(system: System) -> bool:
-    """Return True if all stages without a clearance, if there are any, are linear springs."""
-    for spring in springs_of(system):
+    """Return True if all stages without a clearance, if there are any, and all formulas are linear and do not vary."""
+    formulas = formulas_of(system)
+    if any(not each.is_linear or {*each.slots.waves} - {*each.form.law.arguments} for each in formulas):
+        return False
+    for spring, slots in zip(springs_of(system), layout_of(system.structure).contacts, strict=True):
         tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
         if any(slope.bends or slope.pull[0] for slope in tight) or sum(slope.sign for slope in tight) != 0:
             return False
-        if tight and spring.form.law.is_damped:
+        if tight and (spring.form.law.is_damped or any(stage.waves for stage in slots.stages)):
             return False
     return True
 
@@ -218,17 +265,32 @@ def _is_linear_inside_its_gaps(system: System) -> bool:
 def _amplitude(system: System) -> float:
     """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open.
 
-    Stages that have no clearance belong to the stiffness.
+    Stages that have no clearance belong to the stiffness, and so do formulas. Displacements that are prescribed in
+    their deflections are loads.
     """
-    layout = layout_of(system.structure)
-    linear = linear_of(layout, coefficients_of(system))
-    tight = [[each for each in spring.slopes if each.clearance == 0.0 < each.sign] for spring in springs_of(system)]
-    stiffness = linear.shifted(np.array([sum(each.stiffness for each in stages) for stages in tight]))
-    n = system.size
+    layout, n = layout_of(system.structure), system.size
+    coefficients = coefficients_of(system)
+    linear = linear_of(layout, coefficients)
+    stiffness, damping, loads = linear.stiffness.copy(), linear.damping.copy(), linear.loads[:, 1:].copy()
+    frequencies = np.array(layout.orders) * system.frequency
+    pushes = linear.contacts.T[firsts_of(layout.structure)]
+    forces = zip(static_forces_of(system), springs_of(system), pushes, strict=True)
+    for force, spring, push in forces:
+        if force.is_formula:
+            _, own_stiffness, own_damping = force.at(np.zeros(n))
+        else:
+            own_stiffness = np.array([sum(each.stiffness for each in spring.slopes if each.clearance == 0 < each.sign)])
+            own_damping = np.zeros(1)
+        stiffness += np.outer(push, own_stiffness @ force.deflections)
+        damping += np.outer(push, own_damping @ force.deflections)
+        for place, name in enumerate(force.form.law.arguments):
+            if name in force.slots.waves:
+                cosines, sines = np.split(coefficients[force.slots.waves[name].lines], 2)
+                felt = own_stiffness[place] + 1j * frequencies * own_damping[place]
+                loads -= np.outer(push, felt * (cosines - 1j * sines))
     total = np.zeros(n)
-    for order, load in zip(layout.orders, linear.loads.T[1:], strict=True):
-        frequency = order * system.frequency
-        matrix = stiffness - frequency**2 * np.eye(n) + 1j * frequency * linear.damping
+    for frequency, load in zip(frequencies, loads.T, strict=True):
+        matrix = stiffness - frequency**2 * np.eye(n) + 1j * frequency * damping
         try:
             total += np.abs(np.linalg.solve(matrix, load))
         except np.linalg.LinAlgError:  # no damping, at resonance

@@ -24,11 +24,11 @@ from gapwalk.ensemble.batch import MOST_STEPS, Batch, BatchOptions, BatchRun, Ba
 from gapwalk.ensemble.force_source import LANES
 from gapwalk.ensemble.kernel import Kernel, kernel_of
 from gapwalk.ensemble.kernel_source import Form
-from gapwalk.ensemble.scheme import Linear, Scheme, history_of, scheme_of
+from gapwalk.ensemble.scheme import Linear, Scheme, deflections_of, scheme_of
+from gapwalk.ensemble.start import guards_of, history_of, lag, slopes_of
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.model.spring import polynomials_of
 from gapwalk.model.system import System
 
 LIMIT = 1e12
@@ -90,7 +90,7 @@ class BatchFlow:
         plan = _Plan(periods, every, survey)
         if self.options.steps is not None:
             return self._carry(batch, plan, self.options.steps)
-        steps = first_guess(batch.linear, self.options.error)
+        steps = first_guess(batch.linear, self.options.error, batch.states)
         if batch.count >= _PAYS:
             steps = self._pilot(batch, periods, steps)
         run = self._carry(batch, plan, steps)
@@ -271,11 +271,12 @@ class Blocks:
         number = len(self._lanes) // LANES
         height = max(block_plan.kernel(kind).source.height for kind in {False, survey})
         self._data = np.zeros((number, height, LANES))
-        basis = block_plan.linear.basis
-        modal = states if basis is None else np.linalg.solve(basis, states[:, :, None])[:, :, 0]
-        forces = history_of(block_plan.linear, states, block_plan.steps)
-        self._data[:, : self._size] = self._in_blocks(modal.T)
-        self._data[:, self._size : self._size + forces[:, :, 0].size] = self._in_blocks(forces.reshape(-1, self.count))
+        basis, jumps = block_plan.linear.basis, bool(block_plan.linear.layout.cycles)
+        begun = states - lag(block_plan.linear, states, block_plan.steps) if jumps else states
+        modal = begun if basis is None else np.linalg.solve(basis, begun[:, :, None])[:, :, 0]
+        forces = history_of(block_plan.linear, states, block_plan.steps).reshape(-1, self.count)
+        rows = np.concatenate((modal.T, forces, guards_of(block_plan.linear, states)))
+        self._data[:, : len(rows)] = self._in_blocks(rows)
         self._record = np.full((number, noted, self._size, LANES), np.nan)
         self._left = np.full((number, LANES), -1, dtype=np.int64)
         self._last = self._data[:, : self._size].copy()
@@ -325,7 +326,7 @@ class Blocks:
         """Advance all trajectories over some forcing periods."""
         kernel = self.block_plan.kernel(self._surveys)
         numbers = kernel.source.numbers(self.block_plan.scheme, self.block_plan.linear)
-        times = kernel.source.times(self.block_plan.scheme, self.block_plan.steps).ravel()
+        times = kernel.source.times(self.block_plan.scheme, self.block_plan.linear, self.block_plan.steps).ravel()
 
         def work(block: int) -> None:
             lanes = slice(None) if self.block_plan.shared else self._lanes[block * LANES : (block + 1) * LANES]
@@ -355,7 +356,10 @@ class Blocks:
         """Return the states in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
         states = blocks.transpose(0, 2, 1).reshape(-1, self._size)[: self.count]
         basis = self.block_plan.linear.basis
-        return states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]
+        states = states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]
+        if self.block_plan.linear.layout.cycles:
+            states += lag(self.block_plan.linear, states, self.block_plan.steps)
+        return states
 
 
 class Trial(NamedTuple):
@@ -442,24 +446,23 @@ def _scale(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(halves, least).ravel()
 
 
-def first_guess(linear: Linear, error: float) -> int:
-    """Estimate the steps from the fastest vibration with all stages closed, at the lowest frequency of all systems."""
-    turns = 2.0 * math.pi * float(np.max(linear.rate * _fastest(linear)))
+def first_guess(linear: Linear, error: float, states: NDArray[np.float64]) -> int:
+    """Estimate the steps from the fastest vibration with all stages closed, at the lowest frequency of all systems.
+
+    A force without stages has its slopes at the states.
+    """
+    turns = 2.0 * math.pi * float(np.max(linear.rate * _fastest(linear, states)))
     steps = turns / (_TURN * (error / _TURN_ERROR) ** (1.0 / _ORDER))
-    return _rounded(max(steps, _LEAST * max(linear.layout.orders, default=1)))
+    orders = [*linear.layout.orders, *(cycle.order for cycle in linear.layout.cycles)]
+    return _rounded(max(steps, _LEAST * max(orders, default=1)))
 
 
-def _fastest(linear: Linear) -> NDArray[np.float64]:
+def _fastest(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute the spectral radius with all stages of one side closed, in radians per unit of time, shape (lanes,)."""
-    n, matrix, polynomials = linear.n, linear.matrix.copy(), polynomials_of(linear.layout, "the batch integrator")
-    springs = np.maximum(polynomials.signs[:, None] * polynomials.table(linear.coefficients.T)[:, 0, 1], 0.0)
-    for k in range(len(linear.layout.contacts)):
-        slope = np.zeros((len(matrix), 1, 1))
-        for sign in (1.0, -1.0):
-            closed = springs[(polynomials.contacts == k) & (polynomials.signs == sign)].sum(axis=0)
-            slope = np.maximum(slope, closed[:, None, None])
-        row = linear.deflections[:, 0, k, None, :n]
-        matrix[:, n:, :n] += slope * linear.push[:, n:, k, None] * row
+    n, matrix, slopes = linear.n, linear.matrix.copy(), slopes_of(linear, states)
+    for place, (contact, _) in enumerate(deflections_of(linear.layout)):
+        row = linear.deflections[:, 0, place, None, :n]
+        matrix[:, n:, :n] += slopes[place][:, None, None] * linear.push[:, n:, contact, None] * row
     return np.abs(np.linalg.eigvals(matrix)).max(axis=1)
 
 

@@ -35,10 +35,10 @@ def advance(S, C, T, first, periods, steps, every, record, left, last, limit, st
         alive = 0
         for l in range({lanes}):
             if left[l] < 0:
-                size = 0.0
+                within = True
                 for j in range({size}):
-                    size = size if abs(S[j * {lanes} + l]) < size else abs(S[j * {lanes} + l])
-                if size <= limit:
+                    within = within and abs(S[j * {lanes} + l]) <= limit
+                if within:
                     alive += 1
                     for j in range({size}):
                         last[j, l] = S[j * {lanes} + l]
@@ -58,7 +58,7 @@ def advance(S, C, T, first, periods, steps, every, record, left, last, limit, st
 Atom = Sequence[str]
 
 _FULL = 64  # largest number of products in a loop
-_NAME = re.compile(r"\b(?:[zufy]\d+|h\d+_\d+|c\d+)\b")
+_NAME = re.compile(r"\b(?:[zufy]\d+|[hp]\d+_\d+|c\d+)\b")
 _TARGET = re.compile(r"^([zufy]\d+|h\d+_\d+) = ")
 
 

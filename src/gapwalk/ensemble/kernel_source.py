@@ -14,8 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.ensemble.excitation import Excitation
 from gapwalk.ensemble.force_source import FRAME, LANES, Chunk, ForceSource, chunks_of, total
-from gapwalk.ensemble.scheme import HISTORY, Linear, Scheme
+from gapwalk.ensemble.formula_source import FormulaSource
+from gapwalk.ensemble.scheme import HISTORY, Linear, Scheme, deflections_of
+from gapwalk.ensemble.source_text import Sheet, Term
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.structure import Structure
 
@@ -53,11 +56,18 @@ class Source:
         self.n, self.contacts = form.structure.size, len(form.structure.contacts)
         self._slots: dict[tuple[str, tuple[int, ...]], int] = {}
         self._patterns = patterns_of(form)
+        loaded = np.asarray(self._patterns["loads"].any(axis=1))
+        self._excitation = Excitation(self.layout, form.shared, loaded, self._coefficient, self._active)
+        deflections = deflections_of(self.layout)
+        self._moves = [
+            [place for place, (k, _) in enumerate(deflections) if k == each] for each in range(self.contacts)
+        ]
+        laws = [contact.form.law for contact in self.layout.contacts]
+        self._modes = [f"p{mode}_{k}" for k, law in enumerate(laws) for mode in range(law.mode_count)]
 
     @cached_property
     def text(self) -> str:
         """The text of the kernel, a function `advance`."""
-        times = [f"t{column} = T[i * {self.columns} + {column}]" for column in range(self.columns)]
         loops, outside = [], []
         for chunk in self._chunks:
             fetch = [f"{name} = C[{name[1:]}]" for name in chunk.numbers]
@@ -68,6 +78,8 @@ class Source:
                 fetch, outside = [], fetch
             lines = [*inside, *chunk.loads(self._rows), *chunk.lines, *chunk.stores(self._rows)]
             loops += [*fetch, f"for l in range({LANES}):", *_indented(lines, 1).splitlines()]
+        columns = self._excitation.columns
+        times = [f"t{column} = T[i * {columns} + {column}]" for column in range(columns)]
         return FRAME.format(
             lanes=LANES,
             size=2 * self.n,
@@ -82,27 +94,21 @@ class Source:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        """Row of each name that outlives a loop: states, force history, then (after the survey) stored values."""
+        """Row of each name that outlives a loop: states, forces, guards, then (after the survey) stored values."""
         names = [f"z{i}" for i in range(2 * self.n)]
         names += [f"h{j}_{k}" for j in range(HISTORY) for k in range(self.contacts)]
+        names += self._modes
         rows = {name: row for row, name in enumerate(names)}
         for name in (name for chunk in self._chunks for name in chunk.keeps):
             rows[name] = len(rows) + self._tallies
         return rows
 
     @cached_property
-    def columns(self) -> int:
-        """Numbers per step in the table of the excitation."""
-        if self.form.shared:
-            return int(self._patterns["loads"].any(axis=1).sum())
-        return 1 + 2 * len(self.layout.orders)
-
-    @cached_property
     def tally_rows(self) -> dict[str, int]:
         """First row of each quantity of a survey, after states and history, and the row after all of them."""
         if not self.form.survey:
             return {}
-        first, rows = 2 * self.n + HISTORY * self.contacts, {}
+        first, rows = 2 * self.n + HISTORY * self.contacts + len(self._modes), {}
         for kind, count in (
             ("low", self.n), ("high", self.n), ("peak", self.contacts), ("contacts", 2 * self.contacts),
         ):  # fmt: skip
@@ -134,15 +140,10 @@ class Source:
         numbers = [parts[kind][(slice(None), *place)] for kind, place in self._slots]
         return np.array(numbers).reshape(len(numbers), len(scheme.span))
 
-    def times(self, scheme: Scheme, steps: int) -> NDArray[np.float64]:
+    def times(self, scheme: Scheme, linear: Linear, steps: int) -> NDArray[np.float64]:
         """Return the table ``T`` of the excitation over one forcing period, shape (steps, columns)."""
-        theta = 2.0 * np.pi * np.arange(steps) / steps
-        angles = np.multiply.outer(theta, np.array(self.layout.orders, dtype=float))
-        basis = np.ones((steps, 1 + 2 * angles.shape[1]))
-        basis[:, 1::2], basis[:, 2::2] = np.cos(angles), np.sin(angles)
-        if not self.form.shared:
-            return basis
-        return basis @ scheme.loads[0, self._patterns["loads"].any(axis=1)].T
+        assert self._chunks
+        return self._excitation.table(linear.coefficients[0], scheme.loads[0], steps)
 
     def _atoms(self) -> Iterable[list[str]]:
         """Yield the lines of one step of one lane, in groups of dependent lines."""
@@ -168,7 +169,7 @@ class Source:
         terms = [f"{self._slot('transition', i, j)} * z{j}" for j in self._present("transition", i)]
         present = self._present("loads", i)
         if self.form.shared and present:
-            terms.append(f"t{int(self._patterns['loads'][:i].any(axis=1).sum())}")
+            terms.append(self._excitation.load(i))
         elif present:
             terms += [f"{self._slot('loads', i, b)} * t{b}" for b in present]
         return total(terms)
@@ -183,21 +184,54 @@ class Source:
         return total([f"{self._slot('rows', which, k, i)} * {symbol}{i}" for i in present])
 
     def _forecast(self, k: int) -> list[str]:
-        """Write the lines that predict deflection and rate of a contact at the end of the step."""
-        lines = []
-        for which, name in enumerate(("x", "r")):
-            known = [
-                f"{self._slot('forecast', j, which, k, m)} * h{j}_{m}"
-                for j in range(HISTORY)
-                for m in np.flatnonzero(self._patterns["forecast"][which, k]).tolist()
-            ]
-            lines.append(f"{name} = {total([self._row(which, k, 'u'), *known])}")
+        """Write the lines that predict the deflections and rates of a contact at the end of the step."""
+        sheet, lines = Sheet("s"), []
+        for argument, (move, names) in enumerate(zip(self._moves[k], self._names(k), strict=True)):
+            for which, name in enumerate(names):
+                known = [
+                    f"{self._slot('forecast', j, which, move, m)} * h{j}_{m}"
+                    for j in range(HISTORY)
+                    for m in np.flatnonzero(self._patterns["forecast"][which, move]).tolist()
+                ]
+                sway = self._excitation.sway(sheet, k, argument, which)
+                lines += [*sheet.lines(sway), f"{name} = {total([self._row(which, move, 'u'), *known, _text(sway)])}"]
         return lines
+
+    def _names(self, k: int) -> list[tuple[str, str]]:
+        """Return the names of the deflections and rates of a contact."""
+        return (
+            [(f"x{place}", f"r{place}") for place, _ in enumerate(self._moves[k])]
+            if self._moves[k][1:]
+            else [("x", "r")]
+        )
 
     def _force(self, k: int) -> list[str]:
         """Write the lines for the contact force at the end of the step."""
-        source = ForceSource(self.layout.contacts[k], lambda slot: self._slot("coefficient", slot), self._active)
-        return source.lines(self._slot("span"), f"f{k}")
+        slots, sheet, span, result = self.layout.contacts[k], Sheet(), self._slot("span"), f"f{k}"
+        waves = {stage.numbers[name]: wave for stage in slots.stages for name, wave in stage.waves.items()}
+        waves |= {slots.numbers[name]: wave for name, wave in slots.waves.items() if name in slots.numbers}
+
+        def number(slot: int) -> Term:
+            return (
+                self._excitation.varied(sheet, slot, waves[slot])
+                if slot in waves
+                else sheet.name(self._coefficient(slot))
+            )
+
+        if not slots.form.has_closed_form:
+            past = [f"p{mode}_{k}" for mode in range(slots.form.law.mode_count)]
+            lines, guards = FormulaSource(slots, number).lines(sheet, self._names(k), span, past, result)
+            first = 2 * self.n + HISTORY * self.contacts
+            rows = {name: first + self._modes.index(name) for name in guards}
+            return [*lines, *(f"S[{row * LANES} + l] = {guards[name]}" for name, row in rows.items())]
+        used: list[Term] = []
+
+        def name(slot: int) -> str:
+            used.append(number(slot))
+            return used[-1].text
+
+        lines = ForceSource(slots, name, self._active).lines(span, result)
+        return [*sheet.lines(*used), *lines]
 
     def _survey(self) -> Iterable[list[str]]:
         """Yield the lines for extremes of the coordinates, largest contact forces, and entries on each side."""
@@ -230,9 +264,11 @@ class Source:
                 "bend = (2.0 * middle - before - after) if over else 1.0",
                 "tip = (middle + (after - before) ** 2 / (8.0 * bend)) if over else after",
                 keep(rows["peak"] + k, "max(after, tip)", "max"),
-                f"xz = {self._row(0, k, 'z')}",
-                f"xy = {self._row(0, k, 'y')}",
             ]
+            sheet, move = Sheet("s"), self._moves[k][0]
+            for symbol, start in (("z", True), ("y", False)):
+                sway = self._excitation.sway(sheet, k, 0, start=start)
+                lines += [*sheet.lines(sway), f"x{symbol} = {total([self._row(0, move, symbol), _text(sway)])}"]
             for stage in (each for each in slots.stages if each.innermost):
                 sign = stage.sign
                 clearance = self._slot("coefficient", stage.clearance) if self._active(stage.clearance) else "0.0"
@@ -247,6 +283,9 @@ class Source:
         if not self.form.modal:
             return f"{symbol}{i}"
         return total([f"{self._slot('basis', i, j)} * {symbol}{j}" for j in range(2 * self.n)])
+
+    def _coefficient(self, slot: int) -> str:
+        return self._slot("coefficient", slot)
 
     def _slot(self, kind: str, *place: int) -> str:
         return f"c{self._slots.setdefault((kind, place), len(self._slots))}"
@@ -275,6 +314,10 @@ def patterns_of(form: Form) -> dict[str, NDArray[np.bool_]]:
         patterns["weights"] = np.broadcast_to(push.any(axis=0), push.shape)
         patterns["rows"] = np.broadcast_to(rows.any(axis=2, keepdims=True), rows.shape)
     return patterns
+
+
+def _text(part: Term | float) -> str:
+    return part.text if isinstance(part, Term) else repr(part)
 
 
 def _indented(lines: Iterable[str], depth: int) -> str:

@@ -3,8 +3,7 @@
 Over one step the linear part (stiffness, damping, mean load, harmonics) is propagated exactly by a matrix exponential.
 The contact forces enter by Duhamel's integral over a polynomial through their values at the end of the step and at
 three earlier times: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
-the polynomial through the three earlier values as its predictor, and one evaluation of each force per step. At the
-start of a motion the forces there and at the two steps before it are computed.
+the polynomial through the three earlier values as its predictor, and one evaluation of each force per step.
 
 Method: docs/numerics/batch-integrator.md
 """
@@ -20,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from gapwalk.flow.forces import contact_force
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
@@ -28,6 +26,11 @@ HISTORY = 3
 
 _MODAL_FROM = 3  # degrees of freedom from which the two numbers per mode are fewer than those of a full matrix
 _LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost; the others exceed the accuracy
+
+
+def deflections_of(layout: CoefficientLayout) -> list[tuple[int, int]]:
+    """Return the contact, and the argument of its law, of every deflection."""
+    return [(k, place) for k, slots in enumerate(layout.contacts) for place, _ in enumerate(slots.deflections)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +92,12 @@ class Linear:
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
-        """Rows that map a state to each contact's deflection, then to its rate, shape (lanes, 2, contacts, 2n)."""
-        n, count = self.n, len(self.layout.contacts)
-        rows = np.zeros((len(self.coefficients), 2, count, 2 * n))
-        for index, slots in enumerate(self.layout.contacts):
-            rows[:, 0, index, :n] = rows[:, 1, index, n:] = self.coefficients[:, slots.deflection]
+        """Rows that map a state to each deflection, then to its rate, shape (lanes, 2, deflections, 2n)."""
+        n, places = self.n, deflections_of(self.layout)
+        rows = np.zeros((len(self.coefficients), 2, len(places), 2 * n))
+        for index, (contact, argument) in enumerate(places):
+            vector = self.layout.contacts[contact].deflections[argument]
+            rows[:, 0, index, :n] = rows[:, 1, index, n:] = self.coefficients[:, vector]
         return rows
 
     @cached_property
@@ -131,9 +135,9 @@ class Scheme:
         Contribution of ``1, cos h theta, sin h theta, ...`` at the start of the step.
     weights : shape (lanes, 1 + HISTORY, 2n, contacts)
         Contribution of the contact forces: at the end of the step, at its start, and at earlier steps.
-    rows : shape (lanes, 2, contacts, 2n)
+    rows : shape (lanes, 2, deflections, 2n)
         Maps the state to deflections and their rates.
-    forecast : shape (lanes, HISTORY, 2, contacts, contacts)
+    forecast : shape (lanes, HISTORY, 2, deflections, contacts)
         Contribution of earlier contact forces to the deflections and rates at the end of the step.
     span : shape (lanes,)
         Length of the step, in time.
@@ -195,52 +199,3 @@ def _interpolating(moments: list[NDArray[np.float64]], nodes: NDArray[np.float64
     """Compute weights of values at nodes (in steps) from integrals of powers, shape (lanes, nodes, 2n, contacts)."""
     powers = np.linalg.inv(np.vander(nodes, increasing=True))
     return np.einsum("jlzk,ji->lizk", np.array(moments), powers)
-
-
-def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-    """Compute the contact forces at theta = 0 and at the steps before it, shape (HISTORY, contacts, lanes).
-
-    The motion is integrated backwards by the classical Runge-Kutta method, which is accurate enough for two steps.
-
-    Parameters
-    ----------
-    linear
-        The systems, one for each state or one for all.
-    states : shape (lanes, 2n)
-        Positions, then velocities, at theta = 0.
-    steps
-        Steps per forcing period.
-    """
-    turn = -2.0 * np.pi / steps
-    h = (turn * linear.rate)[:, None]
-    forces = [contact_forces(linear, states)]
-    for number in range(HISTORY - 1):
-        theta = number * turn
-        k1 = _slopes(linear, theta, states)
-        k2 = _slopes(linear, theta + turn / 2, states + h / 2 * k1)
-        k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2)
-        k4 = _slopes(linear, theta + turn, states + h * k3)
-        states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        forces.append(contact_forces(linear, states))
-    return np.array(forces).transpose(0, 2, 1)
-
-
-def contact_forces(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
-    deflections = np.einsum("lakz,lz->akl", linear.deflections, states)
-    forces = [
-        contact_force(slots, linear.coefficients, *deflections[:, k]) for k, slots in enumerate(linear.layout.contacts)
-    ]
-    return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
-
-
-def _slopes(linear: Linear, theta: float, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the time derivatives of the states, shape (lanes, 2n)."""
-    angles = theta * np.array(linear.layout.orders, dtype=float)
-    basis = np.ones(linear.loads.shape[2])
-    basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)
-    return (
-        np.einsum("lij,lj->li", linear.matrix, states)
-        + np.einsum("lik,lk->li", linear.push, contact_forces(linear, states))
-        + linear.loads @ basis
-    )

@@ -11,7 +11,7 @@ import numpy as np
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.explorer.exploration import Line
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_words, parameter_words

@@ -17,13 +17,13 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
-from gapwalk.model.model_file import matrix_paths
+from gapwalk.model.model_file import file_paths
 from gapwalk.model.model_source import read_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
@@ -351,8 +351,8 @@ class Exploration:
                 self.entries[""] = entry
             return (result.study,)
         source = read_source(self.file, str(self.workspace.root))
-        matrices = {path: _stamp(path) for path in matrix_paths(source)}
-        self._stamps = {os.fspath(self.file): self._stamps[os.fspath(self.file)], **matrices}
+        files = {path: _stamp(path) for path in file_paths(source)}
+        self._stamps = {os.fspath(self.file): self._stamps[os.fspath(self.file)], **files}
         return check_studies(source)
 
     def _read_exploration(self) -> None:

@@ -78,7 +78,7 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     base = signal.rstrip("'")
     base = base if base in motion.system.coordinates else motion.system.coordinates[0]
     states = strobe(motion.system, motion.state, orbit.period if orbit else _STROBES)
-    shown = lines.orders <= _ORDERS * (motion.system.turns or 1)
+    shown = lines.orders <= _ORDERS * float(motion.system.turns or 1)
     return {
         "signal": signal,
         "across": order_words(motion.system.turns),

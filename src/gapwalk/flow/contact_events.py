@@ -3,16 +3,8 @@
 At an event the switch follows the side to which the motion crosses the breakpoint; where the force law resets the rate,
 the switch stays open.
 
-Derivatives of the motion pass an event by a general rule. Over theta the motion is ``y' = F(y, theta)``, with ``F-``
-before the event and ``F+`` after it. The event is where a guard ``g(y)`` vanishes, and there the state may be reset to
-``R(y)``. With ``den = g_y F- + g_theta``
-
-    S  = R_y + (F+ - R_y F- - R_theta) (x) g_y / den                              state transition
-    s+ = R_y s- + R_p + (F+ - R_y F- - R_theta) (g_y s- + g_p) / den              sensitivity to a parameter
-
-(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). Here no guard and no reset depends on theta. All
-derivatives are taken by a complex step, so a force law provides its formulas only. Where the state is not reset and
-the force does not jump, the rule is the identity, and nothing is computed.
+Derivatives of the motion pass an event by the general rule (`gapwalk.flow.event_rule`). Where the state is not reset
+and the force does not jump, the rule is the identity, and nothing is computed.
 
 Method: docs/numerics/flow.md
 """
@@ -20,7 +12,7 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 from weakref import ref
 
@@ -28,21 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.forces import accelerations, contact_force, named
-from gapwalk.model.coefficients import ContactSlots
-from gapwalk.model.laws import closed_form_of
+from gapwalk.flow.event_rule import Quotient, jump_of, pass_event
+from gapwalk.flow.forces import Angles, accelerations, named
+from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
-_AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
-_STEP = 1e-150  # of the complex step
-
-Formula = Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]
-"""A function of states, shape (..., 2n), and of coefficients, shape (..., number of coefficients)."""
 
 
 class ContactEvent(NamedTuple):
@@ -93,6 +80,10 @@ class EventCall:
         """Report a terminal event to the owner; return whether the integrator continues."""
         return self.owner().at_event(self.index, integrator.time)
 
+    def mode(self, _integrator: Any, direction: int) -> bool:
+        """Report that a guard of a mode changes its sign; return whether the integrator continues."""
+        return self.owner().at_guard(self.index, direction)
+
     def turn(self, integrator: Any, theta: float, _direction: int) -> None:
         """Report an event that does not stop the integrator."""
         self.owner().at_event(self.index, theta)
@@ -118,13 +109,19 @@ class Switchboard:
         self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
         self._signs = self.signs.tolist()
-        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
+        self._sways = [contact.sway for contact in contacts]
+        self._swaying = [switch for switch, sway in enumerate(self._sways) if sway is not None]
+        moving = [sway for sway in self._sways if sway is not None]
+        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
+        self._orders = np.array(layout.orders, dtype=float)
+        self.modes = ModeSwitches(equations)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
-        self._jumps = [_jump_of(contacts[k], each) for k, (_, each) in enumerate(equations.switches)]
+        self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
         self._rebounds = [
             stage.innermost and contact.form.law.rebounds for contact, stage in zip(contacts, stages, strict=True)
         ]
+        self._inside: list[bool] = []
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
@@ -133,37 +130,44 @@ class Switchboard:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
-        if self.count:
+        self.modes.attach(integrator)
+        if self.count or self.modes.mode_count:
             answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
-        self._of_motion: dict[int, tuple[NDArray, Callable[[float], float], NDArray, NDArray]] = {}
-        if not self.count:
-            return
+        self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = coefficients
+        if not self.count:
+            self.modes.start(coefficients, theta, unit)
+            return
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
         self._speed = _SLOW * max(map(abs, state[self.n :]))
-        depths = self._depths(state)
+        depths = self._depths(state, theta)
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
+        self.modes.start(coefficients, theta, unit)
         self._changed = [theta] * self.count
         self._left = self._changed.copy()
         near = self._are_near(depths, state, _ON)
         if any(near):
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
+            if self.modes.mode_count:
+                self.modes.refresh(theta, self._closed())
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
+        if self.modes.mode_count and not self.modes.are_right():
+            return False
         if not self.count:
             return True
         state = self._state[: 2 * self.n].tolist()
-        depths = self._depths(state)
+        depths = self._depths(state, self._integrator.time)
         if [depth > 0.0 for depth in depths] == self._inside:
             return True
         near = self._are_near(depths, state, _NEAR)
@@ -185,6 +189,16 @@ class Switchboard:
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
         self._simultaneous = [self._possibly_simultaneous(switch) for switch in range(self.count)]
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
+        self._lines = [None if sway is None else coefficients[sway] for sway in self._sways]
+
+    def _sway(self, switch: int, theta: float, derivative: int = 0) -> float:
+        """Return the displacement that is added to the deflection of a switch, or a derivative of it by theta."""
+        lines, count = self._lines[switch], len(self._orders)
+        if lines is None:
+            return 0.0
+        angles = self._orders * theta + 0.5 * math.pi * derivative
+        powers = self._orders**derivative
+        return float(lines[:count] @ (powers * np.cos(angles)) + lines[count:] @ (powers * np.sin(angles)))
 
     def _possibly_simultaneous(self, switch: int) -> tuple[int, ...]:
         """Return the switches that may change simultaneously: of other contacts, and of breakpoints close by."""
@@ -196,12 +210,15 @@ class Switchboard:
             if other != switch and (k != contact or abs(place - offset) <= _CLOSE * self._scales[switch])
         )
 
-    def _depths(self, positions: list[float]) -> list[float]:
+    def _depths(self, positions: list[float], theta: float) -> list[float]:
         """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
-        return [
+        depths = [
             sign * (sum([factor * positions[i] for i, factor in row]) - offset)
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
         ]
+        for switch in self._swaying:
+            depths[switch] += self._signs[switch] * self._sway(switch, theta)
+        return depths
 
     def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
         """Return which breakpoints the motion is on, within a share of the size of the motion and the breakpoint."""
@@ -215,7 +232,9 @@ class Switchboard:
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self._settle(switch, theta) and self._simultaneous[switch]:
-            self._settle_simultaneous(switch, theta)
+            self._settle_simultaneous(self._simultaneous[switch], theta)
+        if self.modes.mode_count:
+            self.modes.set_simultaneous(self._closed())
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -229,6 +248,8 @@ class Switchboard:
         velocity = 0.0
         for i, factor in self._rate_rows[switch]:
             velocity += factor * self._state.item(i)
+        if self._lines[switch] is not None:
+            velocity += self._sway(switch, theta, 1) / float(self._coefficients[0])
         before = self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
@@ -244,19 +265,21 @@ class Switchboard:
             self._rebound(switch, theta)
             return True
         if self._columns and self._jumps[switch] is not None:
-            self._jump(switch, velocity, inside)
+            self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
+        if self.modes.mode_count:
+            self.modes.refresh(theta, self._closed())
         return True
 
-    def _settle_simultaneous(self, switch: int, theta: float) -> None:
-        """Set the other switches whose breakpoints are crossed at the same time.
+    def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
+        """Set those of some other switches whose breakpoints are crossed at the same time.
 
         If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
-        near = self._are_near(self._depths(state), state, _ON)
-        for other in self._simultaneous[switch]:
+        near = self._are_near(self._depths(state, theta), state, _ON)
+        for other in others:
             if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
 
@@ -272,9 +295,13 @@ class Switchboard:
         distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
         for _ in range(self.count):
             self._integrator.step(max_delta_t=0.0, write_tc=True)
-            series, longest = self._integrator.tc[: self.n, 1:], _reach(self._integrator.tc[: 2 * self.n])
+            series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])
             for switch, start in starts.items():
-                depths = self.signs[switch] * (self._vectors[switch] @ series)
+                depths = self._vectors[switch] @ series
+                if self._lines[switch] is not None:
+                    powers = range(1, series.shape[1] + 1)
+                    depths += [self._sway(switch, theta, power) / math.factorial(power) for power in powers]
+                depths *= self.signs[switch]
                 time, depth = _beginning(depths, distance, longest)
                 self._inside[switch], self._left[switch] = start + depth > 0.0, theta + time
             if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
@@ -284,14 +311,16 @@ class Switchboard:
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
         """Decide a slow crossing: the velocity decides, unless the motion turns back within the cooldown."""
         q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
-        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v)
+        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v, unit=self._unit)
         turning = float(self._vectors[switch] @ acceleration)
+        if self._lines[switch] is not None:
+            turning += self._sway(switch, theta, 2) / float(self._coefficients[0]) ** 2
         span = 4.0 * COOLDOWN * self._coefficients[0]
         turns_back = velocity * turning < 0 and 2.0 * abs(velocity) <= span * abs(turning)
         leading = turning if turns_back or velocity == 0.0 else velocity
         return bool(self.signs[switch] * leading > 0)
 
-    def _jump(self, switch: int, rate: float, inside: bool) -> None:
+    def _jump(self, switch: int, rate: float, inside: bool, theta: float) -> None:
         """Transform the sensitivities at a jump of the force, without a reset of the state.
 
         Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
@@ -310,33 +339,59 @@ class Switchboard:
         shifts = columns[:, :n] @ self._vectors[switch]
         if len(places):  # g_p, of each direction of the coefficients
             shifts[self._columns - len(places) :] += vectors @ self._state[:n] - places
-        columns[:, n:] -= np.outer(shifts, (quotient(rate) if inside else -quotient(rate)) * push)
+            if (sway := self._sways[switch]) is not None:
+                angles = self._orders * theta
+                waves = np.concatenate((np.cos(angles), np.sin(angles)))
+                shifts[self._columns - len(places) :] += self._directions()[:, sway] @ waves
+        jump = quotient(rate, theta)
+        columns[:, n:] -= np.outer(shifts, (jump if inside else -jump) * push)
+
+    def at_guard(self, mode: int, direction: int) -> bool:
+        """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
+        self.modes.set_mode(mode, direction)
+        if self.modes.mode_count > 1:
+            self.modes.set_simultaneous(self._closed() if self.count else None, mode)
+        if self.count:
+            self._settle_simultaneous(range(self.count), self._integrator.time)
+        self.event_limit -= 1
+        return self.event_limit > 0
+
+    def change_level(self, theta: float, number: int, rises: bool) -> None:
+        """Change the level of a cycle at its angle."""
+        columns = self._state[2 * self.n :][: self._columns * 2 * self.n].reshape(self._columns, 2 * self.n)
+        self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed())
+
+    def _closed(self) -> list[list[bool]]:
+        """Return for each contact which of its stages are closed."""
+        contacts = [index for index, _ in self.equations.switches]
+        return [
+            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
+            for contact in range(len(self.equations.layout.contacts))
+        ]
 
     def _rebound(self, switch: int, theta: float) -> None:
         """Reset the rate of the deflection, and transform the sensitivities accordingly."""
         n, layout = self.n, self.equations.layout
         slots = layout.contacts[self.equations.switches[switch][0]]
-        contacts = [index for index, _ in self.equations.switches]
-        closed = [
-            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
-            for contact in range(len(layout.contacts))
-        ]
+        closed = self._closed()
 
-        def reset(state: NDArray, coefficients: NDArray) -> NDArray:
+        def reset(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
             vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
-            rate = np.sum(vector * state[..., n:], axis=-1)
+            rate = np.sum(vector * state[..., n:], axis=-1) + Angles(layout, coefficients, theta).sway(slots, 0, 1)
             change = (slots.form.law.rebound(rate, named(slots.numbers, coefficients)) - rate) / np.sum(
                 vector * push, axis=-1
             )
             return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
 
-        def guard(state: NDArray, coefficients: NDArray) -> NDArray:
+        def guard(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
             vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
-            return np.sum(vector * state[..., :n], axis=-1) - self.signs[switch] * place
+            x = np.sum(vector * state[..., :n], axis=-1) + Angles(layout, coefficients, theta).sway(slots)
+            return x - self.signs[switch] * place
 
         def flow(state: NDArray[np.float64], _: bool) -> NDArray[np.float64]:
             q, v = state[:n], state[n:]
-            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed)))
+            unit = self._unit
+            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed, unit=unit)))
             return self._coefficients[0] * rates
 
         state = self._state[: 2 * n].copy()
@@ -344,8 +399,8 @@ class Switchboard:
             changes = self._state[2 * n :].reshape(self._columns, 2 * n)
             along, directions = np.zeros((self._columns, len(self._coefficients))), self._directions()
             along[self._columns - len(directions) :] = directions
-            changes[:] = pass_event(changes, along, state, self._coefficients, guard, reset, flow)
-        self._state[: 2 * n] = reset(state, self._coefficients)
+            changes[:] = pass_event(changes, along, state, self._coefficients, theta, guard, reset, flow)
+        self._state[: 2 * n] = reset(state, self._coefficients, theta)
 
     def _directions(self) -> NDArray[np.float64]:
         """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
@@ -354,86 +409,6 @@ class Switchboard:
             first = self.equations.first_component(index)
             directions[index, varying] = self._parameters[first : first + len(varying)]
         return directions
-
-
-def pass_event(
-    changes: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    state: NDArray[np.float64],
-    coefficients: NDArray[np.float64],
-    guard: Formula,
-    reset: Formula,
-    flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Return the changes of the state after an event by the general rule, shape (columns, 2n).
-
-    Parameters
-    ----------
-    changes : shape (columns, 2n)
-        Changes before the event.
-    directions : shape (columns, number of coefficients)
-        Change of the coefficients along each column; zero for a change of the initial state.
-    state, coefficients
-        State and coefficients at the event, before the reset.
-    guard, reset
-        The functions g and R.
-    flow
-        The right-hand sides F at a state, before (False) and after (True) the event.
-    """
-
-    def along(formula: Formula, change: NDArray, direction: NDArray | float) -> NDArray[np.float64]:
-        found: NDArray[np.complex128] = formula(state + 1j * _STEP * change, coefficients + 1j * _STEP * direction)
-        return found.imag / _STEP
-
-    before, after = flow(state, False), flow(reset(state, coefficients), True)
-    slip = after - along(reset, before, np.zeros_like(coefficients))
-    late = along(guard, changes, directions) / along(guard, before, np.zeros_like(coefficients))
-    return along(reset, changes, directions) + np.outer(late, slip)
-
-
-def _jump_of(slots: ContactSlots, stage: int) -> Callable[[NDArray[np.float64]], Callable[[float], float]] | None:
-    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
-
-    The result is a function of the coefficients that returns a function of the rate.
-    """
-    products = closed_form_of(slots.form.law, slots.form.shapes)
-    if products is None:
-        return lambda coefficients: lambda rate: _difference(slots, stage, coefficients, rate) / (rate or _AT_REST)
-    numbers = slots.stages[stage].numbers
-    terms = [
-        (term.factor, [*(slots.numbers[e] for e in term.numbers), *(numbers[e] for e in term.stage_numbers)], term.rate)
-        for term in products
-        if term.stage == stage and term.power == 0
-    ]
-
-    def quotients(coefficients: NDArray[np.float64]) -> Callable[[float], float]:
-        known = [(factor * math.prod(coefficients[places].tolist()), rate - 1) for factor, places, rate in terms]
-        if all(power == 0 for _, power in known):
-            total = sum(factor for factor, _ in known)
-            return lambda rate: total
-        return lambda rate: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
-
-    return quotients if terms else None
-
-
-def _difference(slots: ContactSlots, stage: int, coefficients: NDArray[np.float64], rate: float) -> float:
-    """Return the jump of a contact's force where a stage closes, with only the stages inside of it closed."""
-    here = slots.stages[stage]
-    clearance = coefficients[here.clearance]
-    inside = [each.sign == here.sign and coefficients[each.clearance] < clearance for each in slots.stages]
-    after = [closed or number == stage for number, closed in enumerate(inside)]
-    x, rates = np.asarray(here.sign * clearance), np.asarray(rate)
-    forces = [contact_force(slots, coefficients, x, rates, closed) for closed in (after, inside)]
-    return float(forces[0] - forces[1])
-
-
-def _reach(series: NDArray) -> float:
-    """Return the time for which Taylor series hold: the step of Jorba and Zou (2005, Exp. Mathematics 14, 99-117)."""
-    order = series.shape[1] - 1
-    size, last = max(1.0, float(np.abs(series[:, 0]).max())), float(np.abs(series[:, -1]).max())
-    before = float(np.abs(series[:, -2]).max())
-    radii = [(size / tail) ** (1.0 / power) for tail, power in ((last, order), (before, order - 1)) if tail > 0.0]
-    return min([1.0, *(radius / math.e**2 for radius in radii)])
 
 
 def _beginning(series: NDArray, distance: float, longest: float) -> tuple[float, float]:

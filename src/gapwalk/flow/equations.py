@@ -2,8 +2,9 @@
 
 Each coefficient that is not zero becomes a run-time parameter of the compiled flow, so that one compilation
 serves every value. Each stage on each side has a *switch*, 1 while it touches and 0 while it does not, that
-multiplies its force: the expressions are smooth, and events at the breakpoints flip the switches. The forces are the
-formulas of the force laws (`gapwalk.model.laws`), and all derivatives are taken of those expressions.
+multiplies its force: the expressions are smooth, and events at the breakpoints flip the switches. The modes of a law
+(`Law.guards`) are such switches too, and so are the levels of variations that jump, which flip at known angles. The
+forces are the formulas of the force laws (`gapwalk.model.laws`), and all derivatives are taken of those expressions.
 """
 
 from __future__ import annotations
@@ -11,14 +12,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave
 from gapwalk.model.laws import Stages, StageTerms
+
+EDGE = 1e-7
+"""Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
+FUNCTIONS = {
+    **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
+    "pow": lambda base, power: (hy.expression(0.0) + base) ** power,
+}
+"""Functions of formulas, of expressions."""
+
+
+class _ContactLaw(NamedTuple):
+    """Force of a contact; its derivatives by each deflection and its rate; and the guards of its modes."""
+
+    force: hy.expression
+    slopes: list[list[hy.expression]]
+    guards: list[hy.expression]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +52,8 @@ class Equations:
         For each sensitivity, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, then the coefficients. The last one, `1/W`, occurs in every equation, so
-    heyoka allocates room for all of them.
+    then the weights of the event functions, the modes, the levels of the cycles, the unit of length, then the
+    coefficients. The last one, `1/W`, occurs in every equation, so heyoka allocates room for all of them.
     """
 
     layout: CoefficientLayout
@@ -48,12 +65,12 @@ class Equations:
         """Text that identifies these equations, independent of the names of coordinates and contacts."""
         structure = self.layout.structure
         contacts = [
-            (form.law.name, form.reciprocal, *(stage.side.value for stage in form.stages))
+            (repr(form.law), form.reciprocal, *(stage.side.value for stage in form.stages))
             for form in structure.contacts
         ]
-        orders = [form.order for form in structure.harmonics]
+        variations = [(*variation[:4], [load for load, _ in variation.loads]) for variation in structure.variations]
         slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
-        return f"{structure.size} {contacts} {orders} {slots}"
+        return f"{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
@@ -85,9 +102,33 @@ class Equations:
         return self.first_switch + len(self.switches)
 
     @property
+    def first_mode(self) -> int:
+        """Run-time parameter of the first mode of a law."""
+        return self.first_weight + len(self.switches)
+
+    @property
+    def first_level(self) -> int:
+        """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
+        return self.first_mode + len(self.modes)
+
+    @property
+    def length(self) -> int:
+        """Run-time parameter of the unit of length, in units of the model."""
+        return self.first_level + len(self.layout.cycles)
+
+    @property
     def first_coefficient(self) -> int:
         """Run-time parameter of the first coefficient."""
-        return self.first_weight + len(self.switches)
+        return self.length + 1
+
+    @cached_property
+    def modes(self) -> tuple[tuple[int, int], ...]:
+        """(contact, mode of its law) of every mode."""
+        return tuple(
+            (index, mode)
+            for index, contact in enumerate(self.layout.contacts)
+            for mode in range(contact.form.law.mode_count)
+        )
 
     @cached_property
     def switches(self) -> tuple[tuple[int, int], ...]:
@@ -120,6 +161,10 @@ class Equations:
         slots = self.layout.contacts[contact]
         weight = hy.par[self.first_weight + self.switches.index((contact, stage))]
         return weight * self._depth(self._deflection(slots), slots.stages[stage])
+
+    def guard(self, contact: int, mode: int) -> hy.expression:
+        """Return the event function of a mode of a law."""
+        return self._contact_laws[contact].guards[mode]
 
     @cached_property
     def state(self) -> list:
@@ -163,8 +208,8 @@ class Equations:
         """
         events: list[tuple[NDArray[np.intp] | None, hy.expression]] = [(None, v) for v in self.velocities]
         for contact in self.layout.contacts:
-            if np.count_nonzero(self.pattern[contact.deflection]) > 1:
-                events.append((contact.deflection, self._dot(contact.deflection, self.velocities)))
+            if np.count_nonzero(self.pattern[contact.deflection]) > 1 or contact.sway is not None:
+                events.append((contact.deflection, self._deflection_rate(contact)))
         return events
 
     def _coefficient(self, slot: int):
@@ -182,34 +227,93 @@ class Equations:
     def _dot(self, slots, symbols) -> hy.expression:
         return hy.sum(self._terms(slots, symbols) or [hy.expression(0.0)])
 
-    def _deflection(self, slots: ContactSlots) -> hy.expression:
-        return self._dot(slots.deflection, self.positions)
+    def _deflection(self, slots: ContactSlots, argument: int = 0) -> hy.expression:
+        moved = self._dot(slots.deflections[argument], self.positions)
+        wave = slots.waves.get(slots.form.law.arguments[argument])
+        return moved if wave is None else moved + self._wave(wave)
+
+    def _deflection_rate(self, slots: ContactSlots, argument: int = 0) -> hy.expression:
+        moved = self._dot(slots.deflections[argument], self.velocities)
+        wave = slots.waves.get(slots.form.law.arguments[argument])
+        return moved if wave is None else moved + self._wave_rate(wave) / self.rate
 
     @cached_property
-    def _contact_laws(self) -> list[tuple]:
-        """Force of each contact, and its derivatives with respect to deflection and deflection rate."""
-        laws = []
+    def _waves(self) -> list[hy.expression]:
+        """Cosines, then sines, of all orders."""
+        return [wave(float(order) * hy.time) for wave in (hy.cos, hy.sin) for order in self.layout.orders]
+
+    def _wave(self, wave: Wave) -> hy.expression:
+        """Return what a number varies by."""
+        cycles = [
+            factor * (self._coefficient(low) + (self._coefficient(high) - self._coefficient(low)) * level)
+            for (_, low, high, *_), level, factor in (
+                (self.layout.cycles[number], hy.par[self.first_level + number], factor)
+                for number, factor in wave.cycles
+            )
+        ]
+        return hy.sum([*self._terms(wave.lines, self._waves), *cycles] or [hy.expression(0.0)])
+
+    def _wave_rate(self, wave: Wave) -> hy.expression:
+        """Return the derivative of a displacement by theta."""
+        count, orders = len(self.layout.orders), self.layout.orders
+        terms = [
+            *(
+                float(order) * self._coefficient(slot) * cosine
+                for order, slot, cosine in zip(orders, wave.lines[count:], self._waves[:count], strict=True)
+                if self.pattern[slot]
+            ),
+            *(
+                -float(order) * self._coefficient(slot) * sine
+                for order, slot, sine in zip(orders, wave.lines[:count], self._waves[count:], strict=True)
+                if self.pattern[slot]
+            ),
+        ]
+        return hy.sum(terms or [hy.expression(0.0)])
+
+    @cached_property
+    def _contact_laws(self) -> list[_ContactLaw]:
+        """Force of each contact with its derivatives."""
+        laws, length, switch = [], hy.par[self.length], self.first_switch
         for index, contact in enumerate(self.layout.contacts):
-            x, rate = hy.make_vars("deflection", "deflection_rate")
-            stages = [
-                StageTerms(
-                    stage.sign,
-                    self._depth(x, stage),
-                    hy.par[self.first_switch + self.switches.index((index, number))],
-                    stage.innermost,
-                    self._named(stage.numbers),
-                )
-                for number, stage in enumerate(contact.stages)
-            ]
-            force = contact.form.law.force(rate, Stages(stages, hy.sum), self._named(contact.numbers))
-            force = hy.expression(0.0) + force
-            motion = {x: self._deflection(contact), rate: self._dot(contact.deflection, self.velocities)}
-            laws.append(tuple(hy.subs(each, motion) for each in (force, hy.diff(force, x), hy.diff(force, rate))))
+            law = contact.form.law
+            # a law without stages may be any formula of lengths: it is evaluated in the unit of the model
+            scaled = not law.stage_parameters
+            names = law.arguments
+            moves = [hy.make_vars(f"deflection{place}", f"deflection_rate{place}") for place in range(len(names))]
+            given = [tuple(length * each for each in pair) if scaled else tuple(pair) for pair in moves]
+            stages = []
+            for stage in contact.stages:
+                own = self._named(stage.numbers, stage.waves)
+                depth = self._depth(moves[0][0], stage)
+                stages.append(StageTerms(stage.sign, depth, hy.par[switch], stage.innermost, own))
+                switch += 1
+            first = self.first_mode + sum(self.layout.contacts[k].form.law.mode_count for k in range(index))
+            arguments = Stages(
+                stages,
+                hy.sum,
+                dict(zip(names, given, strict=True)),
+                [hy.par[first + mode] for mode in range(law.mode_count)],
+                FUNCTIONS,
+            )
+            numbers = self._named(contact.numbers, contact.waves) | ({"_edge": EDGE * length} if scaled else {})
+            force = hy.expression(0.0) + law.force(given[0][1], arguments, numbers)
+            force = force / length if scaled else force
+            guards = [hy.expression(0.0) + each for each in law.guards(given[0][1], arguments, numbers)]
+            motion = {}
+            for place, (x, rate) in enumerate(moves):
+                motion[x], motion[rate] = self._deflection(contact, place), self._deflection_rate(contact, place)
+            slopes = [[hy.subs(hy.diff(force, each), motion) for each in pair] for pair in moves]
+            laws.append(_ContactLaw(hy.subs(force, motion), slopes, [hy.subs(each, motion) for each in guards]))
         return laws
 
-    def _named(self, slots: Mapping[str, int]) -> dict[str, Any]:
+    def _named(self, slots: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, Any]:
         """Return the symbols of some parameters by name."""
-        return {name: self._coefficient(slot) for name, slot in slots.items()}
+        return {
+            name: self._coefficient(slot) * (1.0 + self._wave(waves[name]))
+            if name in waves
+            else self._coefficient(slot)
+            for name, slot in slots.items()
+        }
 
     def _depth(self, x, stage: StageSlots):
         """Return the deflection past a breakpoint."""
@@ -218,13 +322,12 @@ class Equations:
 
     @cached_property
     def _accelerations(self) -> list:
-        orders, mean = self.layout.orders, 2 * self.layout.structure.size + len(self.layout.contacts)
-        waves = [wave(float(order) * hy.time) for wave in (hy.cos, hy.sin) for order in orders]
-        forces = [*self.positions, *self.velocities, *(force for force, _, _ in self._contact_laws)]
+        mean = 2 * self.layout.structure.size + len(self.layout.contacts)
+        forces = [*self.positions, *self.velocities, *(law.force for law in self._contact_laws)]
         return [
             self.rate
             * (
-                hy.sum([self._coefficient(row[mean]), *self._terms(row[mean + 1 :], waves)])
+                hy.sum([self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)])
                 - hy.sum(self._terms(row[:mean], forces))
             )
             for row in self.layout.accelerations
@@ -235,8 +338,14 @@ class Equations:
         n = self.layout.structure.size
         dq, dv = symbols[:n], symbols[n:]
         changes = [
-            slope * self._dot(contact.deflection, dq) + damping * self._dot(contact.deflection, dv)
-            for contact, (_, slope, damping) in zip(self.layout.contacts, self._contact_laws, strict=True)
+            hy.sum(
+                [
+                    part * self._dot(vector, change)
+                    for vector, pair in zip(contact.deflections, law.slopes, strict=True)
+                    for part, change in zip(pair, (dq, dv), strict=True)
+                ]
+            )
+            for contact, law in zip(self.layout.contacts, self._contact_laws, strict=True)
         ]
         forces = [*symbols, *changes]
         rows = self.layout.accelerations[:, : len(forces)]

@@ -14,7 +14,7 @@ from copy import copy
 from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, NoReturn, TypeVar
 
 import heyoka as hy
 import numpy as np
@@ -24,6 +24,7 @@ from gapwalk.errors import FlowError
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
+from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.length_unit import LengthUnit
 from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
@@ -37,9 +38,13 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
+_ONE_TURN = 1e-8  # radians within which two turning points of a deflection are the same
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
 _MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
 _COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
+
+# number of orders of loads from which it does too: with 20 of them, 0.4 s to compile instead of 2.9 s
+_MANY_ORDERS = 16
 
 if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
@@ -135,12 +140,16 @@ class Flow:
                 t_events=[
                     hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
                     for index, switch in enumerate(equations.switches)
+                ]
+                + [
+                    hy.t_event(equations.guard(*mode), callback=EventCall(index).mode, cooldown=COOLDOWN)
+                    for index, mode in enumerate(equations.modes)
                 ],
                 nt_events=[
                     hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
                 ],
                 tol=_TOLERANCE,
-                compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
+                compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
@@ -205,6 +214,15 @@ class Flow:
         """
         return self._lend(lambda each: each.survey(coefficients, state, stop))
 
+    def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
+        """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
+
+        Without such laws and loads nothing is integrated. Errors as in `integrate`.
+        """
+        if not self.equations.modes and not self.equations.layout.cycles:
+            return []
+        return self._lend(lambda each: each.find_kinks(coefficients, state, stop))
+
     def _lend(self, call: Callable[[_Integrator], T]) -> T:
         integrator = self._take()
         try:
@@ -264,9 +282,7 @@ class _Integrator:
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
-        if outcome != hy.taylor_outcome.time_limit:
-            self._refuse(outcome, float(thetas[0]))
+        rows = self._sampled(np.asarray(thetas, dtype=float))
         if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
         size, count, unit = self.size, len(rows), self._unit
@@ -275,8 +291,34 @@ class _Integrator:
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
         return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, self._switchboard.log)
 
+    def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
+        start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
+        changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
+        for angle, *change in [*changes, (stop,)]:
+            end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
+            own, done = thetas[done:end], end
+            grid = np.unique([self._taylor.time, *own, angle])
+            try:
+                outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+            except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
+                self._refuse(hy.taylor_outcome.err_nf_state, start)
+            if outcome != hy.taylor_outcome.time_limit:
+                self._refuse(outcome, start)
+            rows.append(found[np.searchsorted(grid, own)])
+            if change:
+                self._switchboard.change_level(angle, *change)
+        return np.concatenate(rows)
+
+    def find_kinks(self, coefficients, state, stop):
+        self.integrate(coefficients, state, 0.0, stop)
+        modes = self._switchboard.modes
+        jumps = [angle for angle, *_ in modes.jumps_between(0.0, stop)] if modes.cycle_count else []
+        return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
+
     def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
+        self._turn_at_kinks()
         units = np.array([[self._unit], [self._unit**2]])
         return self._state[self.size :].reshape(2, -1) * units, self._turns
 
@@ -284,6 +326,27 @@ class _Integrator:
         """Record where a coordinate or a deflection turns, at an event of a survey."""
         positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
+
+    def _turn_at_kinks(self) -> None:
+        """Add the turning points that are kinks, such as those of a coordinate whose rate is in ``abs(v)``.
+
+        Of two events at the same time, the integrator may report only the one that stops it.
+        """
+        n, coefficients, layout = self.size // 2, self._scaled, self.equations.layout
+        for theta, state in self._switchboard.modes.kinks:
+            turning = accelerations(layout, coefficients, theta, state[:n], state[n:], unit=self._unit)
+            angles = Angles(layout, coefficients, theta)
+            for event, (slots, _) in enumerate(self.equations.turning):
+                vector = np.eye(n)[event] if slots is None else coefficients[slots]
+                contact = next((each for each in layout.contacts if each.deflection is slots), None)
+                rate, change = (
+                    float(vector @ part + (0.0 if contact is None else angles.sway(contact, 0, order)))
+                    for order, part in ((1, state[n:]), (2, turning))
+                )
+                known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
+                if abs(rate) <= COOLDOWN * float(coefficients[0]) * abs(change) and not known:
+                    self._turns.append(Turn(event, theta, (state[:n] * self._unit).tolist()))
+        self._turns.sort(key=lambda turn: turn.theta)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
@@ -307,12 +370,13 @@ class _Integrator:
         self._turns = []
         Flow.calls += 1
         self._taylor.time = start
-        if self.equations.switches:
+        if self.equations.switches or self.equations.modes:
             self._taylor.reset_cooldowns()
         unit = self._unit = self._lengths.of_motion(coefficients, state)
         if unit != 1.0:
             coefficients, state = self._lengths.carried(coefficients, unit), state / unit
             direction = None if direction is None else self._lengths.carried(direction, unit)
+        self._parameters[self.equations.length] = unit
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
         self._coefficients[:] = coefficients[self.equations.active]
@@ -320,17 +384,30 @@ class _Integrator:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
+        self._scaled = coefficients
         self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
+        if not math.isfinite(self._taylor.time):  # the Taylor series of the first step is not finite
+            raise FlowError(
+                f"the motion cannot begin in the state {_short(state * unit)}: a formula has no finite value or slope "
+                "there. Begin in another state, or write the formula so that it has one: k*(1 - g/sqrt(max(x**2 + "
+                "y**2, g**2)))*x instead of k*max(r - g, 0)*x/r with r = sqrt(x**2 + y**2)"
+            )
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
-        outcome, _, _, steps, *_ = self._taylor.propagate_until(
-            stop, max_steps=self._max_steps, max_delta_t=longest_step
-        )
-        if outcome != hy.taylor_outcome.time_limit:
-            self._refuse(outcome, start)
-        return steps
+        total, cycles = 0, self.equations.layout.cycles
+        changes = self._switchboard.modes.jumps_between(start, stop) if cycles else []
+        for angle, *change in [*changes, (stop,)]:
+            outcome, _, _, steps, *_ = self._taylor.propagate_until(
+                angle, max_steps=self._max_steps, max_delta_t=longest_step
+            )
+            total += steps
+            if outcome != hy.taylor_outcome.time_limit:
+                self._refuse(outcome, start)
+            if change:
+                self._switchboard.change_level(angle, *change)
+        return total
 
-    def _refuse(self, outcome, start: float) -> None:
+    def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._switchboard.event_limit <= 0:

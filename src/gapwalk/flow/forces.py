@@ -6,75 +6,188 @@ breakpoint a deflection lies.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, CycleSlots, Wave
 from gapwalk.model.laws import Stages, StageTerms
 
+FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")} | {"pow": np.power}
+"""Functions of formulas, of arrays."""
 
-def contact_deflections(layout: CoefficientLayout, coefficients: NDArray, q: NDArray) -> NDArray:
-    """Return the deflections ``e_k . q``, shape (..., contacts), for positions or velocities of shape (..., n)."""
+
+class Angles:
+    """The angle of the excitation, one or many, with what varies over it.
+
+    Parameters
+    ----------
+    layout
+        The layout of the coefficients.
+    coefficients : shape (..., number of coefficients)
+        The coefficients.
+    theta
+        The angles, real or complex.
+    levels
+        For each cycle of two levels, True or 1 at the high one, 0 at the low one, or a share of the high one between
+        them; by default the angle decides.
+    unit
+        The unit of length of the coefficients and states, in units of the model.
+    """
+
+    def __init__(
+        self,
+        layout: CoefficientLayout,
+        coefficients: NDArray,
+        theta: NDArray | float,
+        levels: Sequence[Any] | None = None,
+        unit: float = 1.0,
+    ) -> None:
+        self.unit = unit
+        self.layout, self.coefficients, self.theta = layout, coefficients, np.asarray(theta)
+        self._orders = np.array(layout.orders, dtype=float)
+        angles = np.multiply.outer(self.theta, self._orders)
+        self.waves = np.concatenate((np.cos(angles), np.sin(angles)), axis=-1)
+        """Cosines, then sines, of all orders, shape (..., 2 orders)."""
+        self._levels = levels
+
+    def wave(self, wave: Wave, derivative: int = 0) -> NDArray:
+        """Return what a number varies by, or a derivative of it by theta, shape (...)."""
+        lines, count = self.coefficients[..., wave.lines], len(self._orders)
+        for _ in range(derivative):
+            cosines, sines = lines[..., :count], lines[..., count:]
+            lines = np.concatenate((sines * self._orders, -cosines * self._orders), axis=-1)
+        total = np.sum(lines * self.waves, axis=-1)
+        for number, factor in wave.cycles:
+            cycle = self.layout.cycles[number]
+            low, high = self.coefficients[..., cycle.low], self.coefficients[..., cycle.high]
+            share = is_at_high(cycle, self.coefficients, self.theta) if self._levels is None else self._levels[number]
+            total = total + factor * (low + (high - low) * share) * (derivative == 0)
+        return total
+
+    def sway(self, slots: ContactSlots, argument: int = 0, derivative: int = 0) -> NDArray | float:
+        """Return the displacement that is added to a deflection, or a derivative of it over time; else 0."""
+        wave = slots.waves.get(slots.form.law.arguments[argument])
+        if wave is None:
+            return 0.0
+        return self.wave(wave, derivative) / self.coefficients[..., 0] ** derivative
+
+    def named(self, numbers: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, NDArray]:
+        """Return the values of some parameters by name."""
+        values = {name: self.coefficients[..., slot] for name, slot in numbers.items()}
+        return values | {name: values[name] * (1.0 + self.wave(wave)) for name, wave in waves.items() if name in values}
+
+
+def is_at_high(cycle: CycleSlots, coefficients: NDArray, theta: NDArray | float) -> NDArray[np.bool_]:
+    """Return True where a cycle of two levels is at the high one."""
+    length = 2.0 * np.pi / cycle.order
+    up, down = np.real(coefficients[..., cycle.up]), np.real(coefficients[..., cycle.down])
+    return (np.real(theta) - up) % length < down - up
+
+
+def contact_deflections(
+    layout: CoefficientLayout, coefficients: NDArray, theta: NDArray | float, q: NDArray, derivative: int = 0
+) -> NDArray:
+    """Return the first deflection of each contact, shape (..., contacts), for positions of shape (..., n).
+
+    The derivative 1 is its rate over time, for velocities in place of positions.
+    """
     if not layout.contacts:
         return np.zeros((*q.shape[:-1], 0))
-    return np.stack([q @ coefficients[slots.deflection] for slots in layout.contacts], axis=-1)
+    angles = Angles(layout, coefficients, theta)
+    return np.stack(
+        [q @ coefficients[slots.deflection] + angles.sway(slots, 0, derivative) for slots in layout.contacts], axis=-1
+    )
 
 
 def contact_forces(
     layout: CoefficientLayout,
     coefficients: NDArray,
+    theta: NDArray | float,
     q: NDArray,
     v: NDArray,
     closed: Sequence[Sequence[bool] | None] | None = None,
+    angles: Angles | None = None,
 ) -> NDArray:
-    """Return the contact forces ``f_k``, shape (..., contacts), for positions and velocities of shape (..., n)."""
-    x, rate = contact_deflections(layout, coefficients, q), contact_deflections(layout, coefficients, v)
-    forces = [
-        contact_force(slots, coefficients, x[..., index], rate[..., index], None if closed is None else closed[index])
-        for index, slots in enumerate(layout.contacts)
-    ]
+    """Return the contact forces ``f_k``, shape (..., contacts), for positions and velocities of shape (..., n).
+
+    `closed` is as in `contact_force`; `angles` replaces `theta` if it is known already.
+    """
+    angles, forces = angles or Angles(layout, coefficients, theta), []
+    for index, slots in enumerate(layout.contacts):
+        moves = [
+            (
+                q @ coefficients[vector] + angles.sway(slots, place),
+                v @ coefficients[vector] + angles.sway(slots, place, 1),
+            )
+            for place, vector in enumerate(slots.deflections)
+        ]
+        forces.append(contact_force(slots, angles, moves, None if closed is None else closed[index]))
     # a law may leave all of its force out, as where a stop only rebounds
-    return np.stack([np.broadcast_to(force, x.shape[:-1]) for force in forces], axis=-1) if forces else np.zeros_like(x)
+    shape = q.shape[:-1]
+    return np.stack([np.broadcast_to(force, shape) for force in forces], axis=-1) if forces else np.zeros((*shape, 0))
 
 
 def contact_force(
-    slots: ContactSlots, coefficients: NDArray, x: NDArray, rate: NDArray, closed: Sequence[bool] | None = None
+    slots: ContactSlots,
+    angles: Angles,
+    moves: Sequence[tuple[NDArray, NDArray]],
+    closed: Sequence[bool] | None = None,
 ) -> NDArray:
-    """Compute the force ``f(x, x')`` of one contact at deflections `x` that change at `rate`, by its law.
+    """Compute the force of one contact by its law.
 
     Parameters
     ----------
     slots
         The contact.
-    coefficients : shape (..., number of coefficients)
-        Coefficients of one system, or of one system for each deflection.
-    x, rate
-        Deflections and their rates, of any equal shapes.
+    angles
+        The angles of the excitation, with the coefficients of one system, or of one system for each deflection.
+    moves
+        Its deflections with their rates, of any equal shapes.
     closed
         For each stage on each side whether it acts; by default the deflection decides.
     """
-    stages = stages_of(slots, coefficients, x, closed)
-    return slots.form.law.force(rate, stages, named(slots.numbers, coefficients))
+    law, unit = slots.form.law, angles.unit
+    if not law.stage_parameters and unit != 1.0:  # the law may be any formula of lengths
+        moves = [(x * unit, rate * unit) for x, rate in moves]
+    stages = stages_of(slots, angles, moves, closed)
+    force = law.force(moves[0][1], stages, angles.named(slots.numbers, slots.waves))
+    return force if law.stage_parameters else force / unit
 
 
 def stages_of(
-    slots: ContactSlots, coefficients: NDArray, x: NDArray | float, closed: Sequence[bool] | None = None
+    slots: ContactSlots,
+    angles: Angles,
+    moves: Sequence[tuple[Any, Any]],
+    closed: Sequence[bool] | None = None,
+    extra: Mapping[str, Any] | None = None,
+    decide: Callable[[int, Any], Any] | None = None,
 ) -> Stages:
-    """Return the stages of a contact at deflections, as used in formulas; parameters as in `contact_force`."""
-    stages = []
+    """Return the arguments of the law of a contact.
+
+    Parameters are as in `contact_force`, and ``extra`` numbers of guards; ``decide`` returns the value of a mode from
+    its number and its guard, by default from the sign of the guard.
+    """
+    law, stages = slots.form.law, []
     for number, stage in enumerate(slots.stages):
-        values = named(stage.numbers, coefficients)
-        depth = x - stage.sign * values["clearance"]
+        values = angles.named(stage.numbers, stage.waves)
+        depth = moves[0][0] - stage.sign * values["clearance"]
         inside = stage.sign * np.real(depth) > 0.0 if closed is None else np.asarray(closed[number])
         # the formula must not overflow far outside a stage
         stages.append(StageTerms(stage.sign, np.where(inside, depth, 0.0), inside * 1.0, stage.innermost, values))
-    return Stages(stages)
+    deflections = dict(zip(law.arguments, moves, strict=True))
+    modes: list[Any] = [0.0] * law.mode_count
+    found = Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
+    for mode in range(law.mode_count):  # a guard may depend on earlier modes
+        guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]
+        modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0) if decide is None else decide(mode, guard)
+    return found
 
 
 def named(slots: Mapping[str, int], coefficients: NDArray) -> dict[str, NDArray]:
-    """Return the values of some parameters by name."""
+    """Return the values of some parameters by name, without what they vary by."""
     return {name: coefficients[..., slot] for name, slot in slots.items()}
 
 
@@ -85,17 +198,20 @@ def accelerations(
     q: NDArray,
     v: NDArray,
     closed: Sequence[Sequence[bool] | None] | None = None,
+    levels: Sequence[bool] | None = None,
+    unit: float = 1.0,
 ) -> NDArray:
-    """Return accelerations ``q''`` over time (not theta), shape (..., n); `closed` as in `contact_forces`."""
-    n, n_contacts, orders = layout.structure.size, len(layout.contacts), np.array(layout.orders, dtype=float)
-    table = coefficients[layout.accelerations]
-    angles = np.multiply.outer(np.asarray(theta), orders)
-    forces = contact_forces(layout, coefficients, q, v, closed)
+    """Return accelerations ``q''`` over time (not theta), shape (..., n).
+
+    `closed` is as in `contact_force`, `levels` and `unit` as in `Angles`.
+    """
+    n, n_contacts = layout.structure.size, len(layout.contacts)
+    table, angles = coefficients[layout.accelerations], Angles(layout, coefficients, theta, levels, unit)
+    forces = contact_forces(layout, coefficients, theta, q, v, closed, angles)
     mean = 2 * n + n_contacts
     return (
         table[:, mean]
-        + np.cos(angles) @ table[:, mean + 1 : mean + 1 + len(orders)].T
-        + np.sin(angles) @ table[:, mean + 1 + len(orders) :].T
+        + angles.waves @ table[:, mean + 1 :].T
         - q @ table[:, :n].T
         - v @ table[:, n : 2 * n].T
         - forces @ table[:, 2 * n : mean].T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -13,14 +14,15 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.forces import contact_force
-from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
+from gapwalk.flow.forces import Angles, contact_force, stages_of
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
 from gapwalk.model.contact import Contact
 from gapwalk.model.laws import Law
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
 _NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the force is a trigonometric polynomial
+_GRID, _HALVINGS = 4096, 52  # phases at which the modes of a law are compared, and bisections between two of them
 _JUMP = 1e-9  # rad: distance from a breakpoint of the samples on both sides, which show a jump of the force
 
 
@@ -96,7 +98,12 @@ def hysteresis(
     Raises
     ------
     ModelError
-        If there is no such contact, or an amplitude or a frequency is not valid.
+        If there is no such contact, its force depends on several deflections, or an amplitude or a frequency is not
+        valid.
+
+    Notes
+    -----
+    Numbers that vary over the angle of the excitation have their mean values, and no displacement is added.
     """
     if isinstance(system, Contact):  # a system of one coordinate, its deflection
         alone = replace(system, deflection={"x": 1.0}, force=None)
@@ -108,15 +115,31 @@ def hysteresis(
             raise ModelError(f"{what} is {value!r}; it must be a number > 0")
     if not math.isfinite(mean):
         raise ModelError(f"mean is {mean!r}; it must be a finite number")
-    coefficients = coefficients_of(system)
+    if slots.deflections[1:]:
+        raise ModelError(
+            f"{name!r} depends on {len(slots.deflections)} deflections ({', '.join(form.law.arguments)}), so it has no "
+            "loop over one of them; plot the loop of a motion, as in gw.plot.draw(orbit.motion(), contact=...)"
+        )
+    layout = layout_of(system.structure)
+    coefficients = steady(layout, coefficients_of(system))
     levels = sorted({stage.sign * float(coefficients[stage.clearance]) for stage in slots.stages})
     met = [math.acos((level - mean) / amplitude) for level in levels if abs(level - mean) < amplitude]
-    edges = np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met)}))
+
+    def moved(theta: NDArray[np.float64]):
+        x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
+        return x, rate, Angles(layout, coefficients, np.zeros_like(theta))
 
     def cycle(theta: NDArray[np.float64]):
-        x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
-        return x, rate, contact_force(slots, coefficients, x, rate)
+        x, rate, angles = moved(theta)
+        return x, rate, contact_force(slots, angles, [(x, rate)])
 
+    def modes(theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+        x, rate, angles = moved(theta)
+        found = stages_of(slots, angles, [(x, rate)]).modes
+        return np.stack([np.broadcast_to(each, theta.shape) for each in found]) > 0.0
+
+    kinks = _changes(modes) if form.law.mode_count else []
+    edges = np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met), *kinks}))
     nodes, weights = _nodes(edges)
     _, rate, force = cycle(nodes)
     loss = float(weights @ (force * rate)) / frequency
@@ -124,6 +147,31 @@ def hysteresis(
     theta = np.unique(np.concatenate((np.linspace(0.0, PERIOD, samples + 1), inner - _JUMP, inner + _JUMP)))
     x, rate, force = cycle(theta)
     return Hysteresis(name, form.law, amplitude, mean, frequency, tuple(levels), theta, x, rate, force, loss)
+
+
+def _changes(modes: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> list[float]:
+    """Return the phases of a cycle at which the modes of a law change, by bisection."""
+    theta = np.linspace(0.0, PERIOD, _GRID + 1)
+    states = modes(theta)
+    which, places = np.nonzero(states[:, 1:] != states[:, :-1])
+    low, high, before = theta[places], theta[places + 1], states[which, places]
+    for _ in range(_HALVINGS if len(which) else 0):
+        middle = 0.5 * (low + high)
+        same = modes(middle)[which, np.arange(len(which))] == before
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return high.tolist()
+
+
+def steady(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coefficients of a system whose numbers do not vary over the angle: they have their mean values."""
+    found = coefficients.copy()
+    for slots in layout.contacts:
+        for waves in (slots.waves, *(stage.waves for stage in slots.stages)):
+            for wave in waves.values():
+                found[wave.lines] = 0.0
+    for cycle in layout.cycles:
+        found[[cycle.low, cycle.high]] = 0.0
+    return found
 
 
 def pick_contact(system: System, name: str | None) -> tuple[str, ContactForm, ContactSlots]:

@@ -7,13 +7,13 @@ integrated in a power of two of the model's own unit, so that scaling causes no 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
 from gapwalk.model.laws import CLEARANCE
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
@@ -32,6 +32,7 @@ class LengthUnit:
         self._contacts = layout.accelerations[:, 2 * n : 2 * n + len(forms)]
         numbers = [pair for contact in layout.contacts for pair in contact.parameters()]
         self._clearances = _slots(slot for parameter, slot in numbers if parameter == CLEARANCE)
+        self._sways = _slots(slot for contact in layout.contacts for slot in _displacements(contact))
         self._springs = _slots(slot for parameter, slot in numbers if parameter.kind is QuantityKind.STIFFNESS)
         powers = [(slot, parameter.growth) for parameter, slot in numbers if parameter != CLEARANCE]
         self._scaled = [
@@ -48,7 +49,7 @@ class LengthUnit:
         clearances, time = coefficients[self._clearances], coefficients[0]
         gap = float(clearances[clearances > 0.0].min(initial=np.inf))
         load = float(np.abs(coefficients[self._loads]).max(initial=0.0))
-        moved = load * time**2
+        moved = max(load * time**2, float(np.abs(coefficients[self._sways]).max(initial=0.0)))
         if gap < moved:  # then no smaller than the motion against springs, dampers and closed contacts
             damping, stiffness, contacts, springs = (
                 float(np.abs(coefficients[slots]).max(initial=0.0))
@@ -71,9 +72,17 @@ class LengthUnit:
         scaled = coefficients.copy()
         scaled[..., self._loads] /= unit
         scaled[..., self._clearances] /= unit
+        scaled[..., self._sways] /= unit
         for slots, power in self._scaled:
             scaled[..., slots] *= unit**power
         return scaled
+
+
+def _displacements(contact: ContactSlots) -> Iterator[int]:
+    """Iterate over the slots of the displacements that are added to the deflections of a contact."""
+    for argument in contact.form.law.arguments:
+        if argument in contact.waves:
+            yield from contact.waves[argument].lines.tolist()
 
 
 def _slots(slots: Iterable[int]) -> NDArray[np.intp]:

@@ -9,8 +9,10 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,9 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.displacement import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.loads import Line
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
@@ -61,12 +65,12 @@ class Motion:
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces ``f_k``, shape (samples, contacts)."""
-        return contact_forces(layout_of(self.system.structure), self._coefficients, self.q, self.v)
+        return contact_forces(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
         """Contact deflections ``e_k^T q``, shape (samples, contacts)."""
-        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
+        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.theta, self.q)
 
     @cached_property
     def contacts(self) -> tuple[ContactRecord, ...]:
@@ -264,13 +268,24 @@ def train_histories(
     form, train = assembly.form, assembly.numbers(system.values)
     rates, a = v + train.leaks * q, a + train.leaks * v  # of the angles, which include those of slipping links
     whole, angle = [np.ones(np.shape(theta))], np.asarray(theta)
+    displaced = np.zeros((*np.shape(theta), len(form.links)), dtype=train.values.dtype)
     for torque in form.torques:
-        lines = torque.harmonic.lines(train.values[0], form.numbers(torque.harmonic.parameters, train.values))
-        waves = [cosine * np.cos(h * angle) + sine * np.sin(h * angle) for h, cosine, sine in lines]
-        whole.append(np.sum(waves, axis=0))
+        numbers = form.numbers(torque.harmonic.parameters, train.values)
+        if torque.acts_on:
+            whole.append(_wave(torque.harmonic.lines(train.values[0], numbers), angle))
+        for link, factor in torque.displaces:  # k u + c u'
+            kind: Any = Displacing(torque.harmonic.kind)
+            spring = [*numbers, train.stiffness[link], train.damping[link]]
+            lines = replace(torque.harmonic, kind=kind).lines(train.values[0], spring)
+            displaced[..., link] += factor * _wave(lines, angle)
     moved = a @ train.angles.T + np.stack(whole, axis=-1) @ train.turning.T
     # the torque of each link: of its permanent spring and damper, and of its contact
-    torques = train.stiffness * (q @ train.deflections.T) + train.damping * (rates @ train.deflections.T)
+    torques = displaced + train.stiffness * (q @ train.deflections.T) + train.damping * (rates @ train.deflections.T)
     for place, (number, _) in enumerate(form.contacts):
         torques[..., number] += forces[..., place]
     return np.hstack((moved, torques[..., [number for number, link in enumerate(form.links) if not link.rigid]]))
+
+
+def _wave(lines: Iterable[Line], theta: NDArray) -> NDArray:
+    """Return the sum of some lines at some angles."""
+    return np.sum([cosine * np.cos(h * theta) + sine * np.sin(h * theta) for h, cosine, sine in lines], axis=0)

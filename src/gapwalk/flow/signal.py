@@ -77,7 +77,7 @@ class Signal:
         q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n:]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
-        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, q, v)
+        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, angles, q, v)
         columns = [q, v, a, forces]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):
@@ -131,9 +131,9 @@ def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) ->
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 
     def rank(place: int) -> tuple[bool, bool, bool, float]:
-        name, size = system.structure.contacts[place].name, float(sizes[place])
-        own = base in coordinates and system.vector(f"{name}.deflection")[coordinates.index(base)] != 0.0
-        return base.partition(".")[0] == name, size > 0.0, bool(own), size
+        form, size = system.structure.contacts[place], float(sizes[place])
+        own = base in coordinates and any(system.vector(each)[coordinates.index(base)] for each in form.vectors)
+        return base.partition(".")[0] == form.name, size > 0.0, own, size
 
     return max(range(len(sizes)), key=rank)
 

@@ -21,6 +21,7 @@ from gapwalk.model.system import System
 
 _ALL = 4  # coordinates up to which all exchanges and signs are tried; beyond, only common signs and reversals
 _SAMPLES, _SEED = 12, 1995  # random states at which the equations are compared
+_DECADES, _FARTHEST = (1e-4, 1e-3, 1e-2, 1e-1, 1e1, 1e2), 1e6  # sizes of motions at which formulas are compared
 _EQUAL = 1e-9  # difference of accelerations, relative to the largest, that counts as rounding
 
 
@@ -60,7 +61,7 @@ class Symmetry:
         switches = []
         for contact, side, clearance in system.breakpoints:
             form = system.structure.contacts[contact]
-            moved, given = np.zeros(system.size), side * system.vector(f"{form.name}.deflection")
+            moved, given = np.zeros(system.size), side * system.vector(form.vectors[0])
             for place, (source, sign) in enumerate(zip(self.order, self.signs, strict=True)):
                 moved[source] += sign * given[place]
             switches.append((moved, given, clearance))
@@ -89,7 +90,7 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     theta = generator.uniform(0.0, math.tau, _SAMPLES)
     # at size 0 only the loads act, which large forces would hide; then at size 1, and beyond each of the clearances
     clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
-    reaches = sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each))})
+    reaches = sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each)), *_formula_reaches(system)})
     states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in reaches]
     found = [Symmetry(order, signs, shift) for order, signs in _candidates(n) for shift in (0.0, 0.5)]
     identity = Symmetry(tuple(range(n)), (1,) * n, 0.0)
@@ -107,12 +108,26 @@ def _holds(
     """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise."""
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
     for q, v in states:
-        here = accelerations(layout, coefficients, theta, q, v)
-        moved = [each[:, order] * symmetry.signs for each in (q, v, here)]
-        there = accelerations(layout, coefficients, theta + math.tau * symmetry.shift, moved[0], moved[1])
-        if float(np.abs(there - moved[2]).max()) > _EQUAL * float(np.abs(here).max()):
+        with np.errstate(all="ignore"):  # a formula may have no value, or no finite one, at some states
+            here = accelerations(layout, coefficients, theta, q, v)
+            moved = [each[:, order] * symmetry.signs for each in (q, v, here)]
+            there = accelerations(layout, coefficients, theta + math.tau * symmetry.shift, moved[0], moved[1])
+        known = np.isfinite(here).all(axis=1)
+        if not np.array_equal(known, np.isfinite(there).all(axis=1)):
+            return False
+        if known.any() and float(np.abs(there - moved[2])[known].max()) > _EQUAL * float(np.abs(here[known]).max()):
             return False
     return True
+
+
+def _formula_reaches(system: System) -> set[float]:
+    """Return sizes of motions at which formulas are compared: a kink may be at any of their numbers, or any length."""
+    forms = [form for form in system.structure.contacts if not form.stages]
+    if not forms:
+        return set()
+    values = system.equations
+    numbers = {2.0 * abs(values[f"{form.name}.{each.name}"]) for form in forms for each in form.law.parameters}
+    return {each for each in numbers if 0.0 < each < _FARTHEST} | {*_DECADES}
 
 
 def _candidates(n: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

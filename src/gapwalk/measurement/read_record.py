@@ -8,7 +8,6 @@ compressed.
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import struct
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.files import open_file
 from gapwalk.measurement.measured_record import MAX_SAMPLES, Record
+from gapwalk.model.measured.csv_columns import parse_csv
 from gapwalk.model.problems import did_you_mean
 
 _HEADER = 128
@@ -40,7 +40,6 @@ NUMERIC = ("double", "single", *_INTEGERS)
 MAX_BYTES = 100_000_000
 """A larger file is refused."""
 
-_MAX_COLUMNS = 1000
 _PIECE = 1 << 20
 FIELDS = ("time", "acceleration", "speed")
 
@@ -93,7 +92,8 @@ def read_measurement(
     ----------
     path
         A CSV file (a line of column names, then numbers, separated by commas, semicolons or tabs; lines that begin with
-        ``#`` are comments), or a MAT file of MATLAB up to version 7 with a vector for each column.
+        ``#`` are comments; where commas do not separate numbers, they may be decimal ones), or a MAT file of MATLAB up
+        to version 7 with a vector for each column.
     columns
         Names of the columns in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
         ``acceleration`` and, if there is one, ``speed``.
@@ -236,56 +236,12 @@ def _require(known: list[str], wanted: Mapping[str, str]) -> None:
 
 def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
     try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ModelError("it is not UTF-8 text; write a CSV file, or a MAT file with the ending .mat") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _is_data(line)]
-    if not lines:
-        raise ModelError("it is empty; the first line names the columns, as in time,acceleration")
-    mark = max(",;\t", key=lines[0][1].count)
-    try:
-        heads = [head.strip() for head in next(csv.reader([lines[0][1]], delimiter=mark))]
-    except csv.Error as error:
-        raise ModelError(f"line {lines[0][0]}: it is not a line of column names: {error}") from None
-    places = _places(heads[:_MAX_COLUMNS], wanted)
-    if len(lines) - 1 > MAX_SAMPLES:
-        raise ModelError(f"it has {len(lines) - 1:,} samples; give at most {MAX_SAMPLES:,}, a few tens of periods")
-    table = np.empty((len(places), len(lines) - 1))
-    for sample, (number, line) in enumerate(lines[1:]):
-        row = line.split(mark)
-        for index, (field, place) in enumerate(places.items()):
-            try:
-                table[index, sample] = float(row[place])
-            except (IndexError, ValueError):
-                raise ModelError(f"line {number}: {_complaint(field, row[place : place + 1], mark)}") from None
-    return dict(zip(places, table, strict=True))
-
-
-def _is_data(line: str) -> bool:
-    return bool(line.strip()) and not line.lstrip().startswith("#")
-
-
-def _places(heads: list[str], wanted: Mapping[str, str]) -> dict[str, int]:
-    """Return the column index of each field."""
-    if all(_is_number(head) for head in heads):
-        raise ModelError("its first line holds numbers; it must name the columns, as in time,acceleration")
-    _require(heads, wanted)
-    found = {field: heads.index(name) for field, name in wanted.items()}
-    if "speed" not in found and "speed" in heads:
-        found["speed"] = heads.index("speed")
-    return found
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _complaint(field: str, cell: list[str], mark: str) -> str:
-    if not cell:
-        return f"{field} is missing; every line must have as many entries as the first"
-    hint = "; write decimal points, not commas" if mark != "," and "," in cell[0] else ""
-    return f"{field} is {cell[0].strip()[:40]!r}; it must be a number{hint}"
+        text = parse_csv(content, "time,acceleration", MAX_SAMPLES, "cut a few tens of periods out of it")
+    except ModelError as error:
+        is_text = "UTF-8" not in str(error)
+        raise error if is_text else ModelError(f"{error}; a MAT file has the ending .mat") from None
+    _require(list(text.heads), wanted)
+    places = {field: text.heads.index(name) for field, name in wanted.items()}
+    if "speed" not in places and "speed" in text.heads:
+        places["speed"] = text.heads.index("speed")
+    return text.numbers(places)

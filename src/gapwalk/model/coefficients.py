@@ -16,11 +16,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import OutsideError
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
@@ -30,12 +31,42 @@ _STEP = 1e-150  # complex step: its square must underflow relative to every coef
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Wave:
+    """Slots of what a number varies by over the angle: of its cosines and sines; and the cycles that are added.
+
+    Attributes
+    ----------
+    lines : shape (2 orders,)
+        Slots of the cosines, then of the sines, of all orders.
+    cycles
+        The cycles of two levels (`CycleSlots`) by their numbers, each with a factor.
+    """
+
+    lines: NDArray[np.intp]
+    cycles: tuple[tuple[int, float], ...]
+
+
+class CycleSlots(NamedTuple):
+    """Slots of a variation with two levels: of the low and the high one, and of the angles between them."""
+
+    order: int
+    low: int
+    high: int
+    up: int
+    down: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class StageSlots:
-    """Slots of the coefficients of one stage on one side, by the names of its parameters."""
+    """Slots of the coefficients of one stage on one side, by the names of its parameters.
+
+    `waves` has what those numbers vary by, of those that do.
+    """
 
     sign: int
     innermost: bool
     numbers: Mapping[str, int]
+    waves: Mapping[str, Wave]
 
     @property
     def clearance(self) -> int:
@@ -45,13 +76,34 @@ class StageSlots:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactSlots:
-    """Slots of the coefficients of one contact: arrays of shape (n,), its stages, its own parameters by name."""
+    """Slots of the coefficients of one contact: arrays of shape (n,), its stages, its own parameters by name.
+
+    It has one deflection vector for each argument of its law. `waves` has what its numbers vary by, of those that do;
+    those of the names of arguments are displacements, which are added to the deflections.
+    """
 
     form: ContactForm
-    deflection: NDArray[np.intp]
+    deflections: tuple[NDArray[np.intp], ...]
     force: NDArray[np.intp]
     stages: tuple[StageSlots, ...]
     numbers: Mapping[str, int]
+    waves: Mapping[str, Wave]
+
+    @property
+    def deflection(self) -> NDArray[np.intp]:
+        """The vector of its first deflection, which is the only one if it has stages."""
+        return self.deflections[0]
+
+    @property
+    def sway(self) -> NDArray[np.intp] | None:
+        """Slots of the displacement that is added to its first deflection: cosines, then sines; else None."""
+        wave = self.waves.get(self.form.law.arguments[0])
+        return None if wave is None else wave.lines
+
+    @property
+    def varies(self) -> bool:
+        """True if any of its numbers or deflections varies over the angle."""
+        return bool(self.waves) or any(stage.waves for stage in self.stages)
 
     def parameters(self) -> Iterator[tuple[Parameter, int]]:
         """Iterate over the parameters of its stages on each side, and its own, with their slots."""
@@ -80,6 +132,11 @@ class CoefficientLayout:
     def _columns(self) -> int:
         return 2 * self.structure.size + len(self.structure.contacts) + 1 + 2 * len(self.orders)
 
+    @property
+    def cycles(self) -> tuple[CycleSlots, ...]:
+        """Slots of each variation with two levels."""
+        return self._variations[2]
+
     @cached_property
     def accelerations(self) -> NDArray[np.intp]:
         """Slots of ``[A | B | D_1 ... | m | a_1 ... | b_1 ...]``, shape (n, columns)."""
@@ -95,48 +152,82 @@ class CoefficientLayout:
     def _contacts(self) -> tuple[tuple[ContactSlots, ...], NDArray[np.intp]]:
         """The slots of each contact, which follow those of the accelerations, and their places in the value vector."""
         s, n = self.structure, self.structure.size
-        first, places, contacts = 1 + n * self._columns, [], []
+        first, places, contacts = self._variations[0], [], []
 
         def slots_of(prefix: str, parameters: Sequence[Parameter]) -> dict[str, int]:
             start = first + len(places)
             places.extend(s.place(f"{prefix}.{each.name}") for each in parameters)
             return {each.name: start + offset for offset, each in enumerate(parameters)}
 
+        by_place: dict[tuple[int, int], dict[str, Wave]] = {}
+        for variation, wave in zip(s.variations, self._variations[1], strict=True):
+            by_place.setdefault((variation.contact, variation.stage), {})[variation.name] = wave
         for index, form in enumerate(s.contacts):
-            deflection = first + len(places) + np.arange(n)
-            places.extend(s.block(f"{form.name}.deflection", n))
+            deflections = []
+            for vector in form.vectors:
+                deflections.append(first + len(places) + np.arange(n))
+                places.extend(s.block(vector, n))
             prefixes = [form.stage_prefix(stage) for stage, _ in form.sides]
             stages = tuple(
-                StageSlots(*shape, slots_of(prefix, form.law.stage_parameters))
-                for prefix, shape in zip(prefixes, form.shapes, strict=True)
+                StageSlots(
+                    *shape,
+                    slots_of(prefix, form.law.stage_parameters),
+                    by_place.get((index, form.stages.index(stage)), {}),
+                )
+                for prefix, shape, (stage, _) in zip(prefixes, form.shapes, form.sides, strict=True)
             )
             numbers = slots_of(form.name, form.law.parameters)
-            contacts.append(ContactSlots(form, deflection, self.accelerations[:, 2 * n + index], stages, numbers))
+            push = self.accelerations[:, 2 * n + index]
+            contacts.append(
+                ContactSlots(form, tuple(deflections), push, stages, numbers, by_place.get((index, -1), {}))
+            )
         return tuple(contacts), np.array(places, dtype=np.intp)
+
+    @cached_property
+    def _variations(self) -> tuple[int, tuple[Wave, ...], tuple[CycleSlots, ...]]:
+        """The first slot after those of the variations, which follow the accelerations; waves, and cycles."""
+        s, lines = self.structure, 2 * len(self.orders)
+        first = 1 + s.size * self._columns
+        places = first + np.arange(len(s.variations) * lines).reshape(len(s.variations), lines)
+        first += places.size
+        jumps = [number for number, load in enumerate(s.harmonics) if load.kind.has_levels]
+        cycles = [
+            CycleSlots(s.harmonics[number].order, *range(first + 4 * place, first + 4 * place + 4))
+            for place, number in enumerate(jumps)
+        ]
+        waves = [
+            Wave(row, tuple((jumps.index(load), factor) for load, factor in variation.loads if load in jumps))
+            for variation, row in zip(s.variations, places, strict=True)
+        ]
+        return first + 4 * len(cycles), tuple(waves), tuple(cycles)
 
     def __len__(self) -> int:
         """Number of coefficients."""
-        return 1 + self.structure.size * self._columns + self._contacts[1].size
+        return self._variations[0] + self._contacts[1].size
 
     @cached_property
     def _column_places(self) -> NDArray[np.intp]:
         """Places, in the value vector, of ``[K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads."""
         s, n = self.structure, self.structure.size
-        columns = [f"{form.name}.{'deflection' if form.reciprocal else 'force'}" for form in s.contacts]
-        columns += ["mean", *(load.shape for load in s.harmonics)]
+        columns = [form.push for form in s.contacts]
+        columns += ["mean", *(load.shape for load in s.driving)]
         matrices = s.block("stiffness", n, n), s.block("damping", n, n)
         return np.hstack([*matrices, *(s.block(name, n, 1) for name in columns)])
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
         table, values, places = self.table(values), self.assembled.expand(values), self._contacts[1]
-        first = table.shape[1] - 1 - len(self.structure.harmonics)
-        found = np.empty(len(self), values.dtype)
+        s, found = self.structure, np.empty(len(self), values.dtype)
         found[0] = 1.0 / values.item(0)
-        accelerations = found[1 : -places.size or None].reshape(-1, self._columns)
-        accelerations[:, :first] = table[:, :first]
-        accelerations[:, first:] = table[:, first:] @ self._load_lines(values)
-        found[1 + accelerations.size :] = values[places]
+        first = table.shape[1] - 1 - len(s.driving)
+        found[1 : 1 + s.size * self._columns].reshape(-1, self._columns)[:, :first] = table[:, :first]
+        self._set_loads(found, table, self._load_lines(values))
+        if s.variations:
+            jumps = [number for number, load in enumerate(s.harmonics) if load.kind.has_levels]
+            for cycle, number in zip(self.cycles, jumps, strict=True):
+                numbers = map(values.item, self._load_places[number])
+                found[[*cycle[1:]]] = s.harmonics[number].levels(values.item(0), numbers)
+        found[self._variations[0] :] = values[places]
         return found
 
     @cached_property
@@ -144,13 +235,44 @@ class CoefficientLayout:
         """True if the frequency enters the loads, and not through 1/W alone."""
         return any(load.depends_on_frequency for load in self.structure.harmonics)
 
-    def _load_lines(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders)."""
+    def moved_by_speed(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return a mask of the coefficients that loads with a factor over the speed change, at any speed.
+
+        The factor may vanish at one speed, or stay the same in a part of its table, so that its slope there does not
+        tell.
+        """
+        if not any(load.factor is not None for load in self.structure.harmonics):
+            return np.zeros(len(self), dtype=bool)
+        table, values, found = self.table(values), self.assembled.expand(values), np.zeros(len(self))
+        lines = self._load_lines(values, only_factors=True)
+        self._set_loads(found, table, lines)
+        return found != 0.0
+
+    def _set_loads(self, found: NDArray[Any], table: NDArray[Any], lines: NDArray[Any]) -> None:
+        """Set the accelerations by the loads, and the waves of what varies, from the lines of all loads."""
+        s, count = self.structure, len(self.orders)
+        first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
+        last = 1 + s.size * self._columns
+        found[1:last].reshape(-1, self._columns)[:, first:] = table[:, first:] @ lines[[True, *driving]]
+        waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
+        waves[:] = 0.0
+        for wave, variation in zip(waves, s.variations, strict=True):
+            for load, factor in variation.loads:
+                wave += factor * lines[1 + load, 1:]
+
+    def _load_lines(self, values: NDArray[Any], *, only_factors: bool = False) -> NDArray[Any]:
+        """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders).
+
+        With `only_factors`, only the loads with a factor over the speed have lines, and those are without the factor.
+        """
         harmonics, count = self.structure.harmonics, len(self.orders)
         lines = np.zeros((1 + len(harmonics), 1 + 2 * count), values.dtype)
-        lines[0, 0] = 1.0  # the constant load
+        lines[0, 0] = not only_factors  # the constant load
         for row, (load, places) in enumerate(zip(harmonics, self._load_places, strict=True), start=1):
-            for order, cosine, sine in load.lines(values.item(0), map(values.item, places)):
+            if only_factors and load.factor is None:
+                continue
+            give = load.plain_lines if only_factors else load.lines
+            for order, cosine, sine in give(values.item(0), map(values.item, places)):
                 column = 1 + self.orders.index(order) if order else 0
                 lines[row, column] += cosine
                 if order:
@@ -177,12 +299,42 @@ def layout_of(structure: Structure) -> CoefficientLayout:
 
 
 def coefficients_of(system: System) -> NDArray[np.float64]:
-    """Return the coefficients of the flow for the values of `system`."""
+    """Return the coefficients of the flow for the values of `system`.
+
+    Raises
+    ------
+    OutsideError
+        If its speed is beyond a table over the speed.
+    """
     known = getattr(system, "_coefficients", None)
     if known is None:
+        structure = system.structure
+        if not (limits := structure.pace_limits).covers(pace := system[structure.pace]):
+            raise OutsideError(
+                f"{limits.words}; it has no value at {structure.pace} = {pace:.6g}. Extend the table, or stay within it"
+            )
         known = layout_of(system.structure).compute(system.values)
         object.__setattr__(system, "_coefficients", known)
     return known
+
+
+def static_load(system: System) -> NDArray[np.float64]:
+    """Return the constant load of a system: its mean, and the constant parts of its other loads; shape (n,).
+
+    Raises
+    ------
+    OutsideError
+        As `coefficients_of`.
+    """
+    system = system.equations
+    total, structure = system.vector("mean"), system.structure
+    constant = [load for load in structure.driving if 0 in load.orders]
+    if constant:
+        coefficients_of(system)
+    for load in constant:
+        lines = load.lines(system.frequency, [system[name] for name in load.parameters])
+        total = total + sum(line.cosine for line in lines if not line.order) * system.vector(load.shape)
+    return total
 
 
 def period_of(system: System, value: float) -> tuple[float, float]:
@@ -227,6 +379,7 @@ class ParameterLine:
 
 def _with_slopes(system: System, changed: Mapping[int, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute the coefficients with other values at some places, and the derivatives by each of those, in rows."""
+    # beyond a table over the speed, for steps of Newton's method that pass its end, its last piece goes on
     layout, values, found = layout_of(system.structure), system.values.astype(complex), []
     values[[*changed]] = [*changed.values()]
     for place, value in changed.items():
@@ -250,6 +403,8 @@ def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
     for name in names:
         lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
         masks.append(np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0))
+        if system.structure.place(name) == 0:
+            masks[-1] |= layout_of(system.structure).moved_by_speed(system.values)
     return masks
 
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 from itertools import accumulate, pairwise
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws import Law, law_of, law_with
+from gapwalk.model.laws import Expression, Law, law_of, law_with
 from gapwalk.model.parameter import Parameter
 
 
@@ -126,6 +126,13 @@ class Contact:
         if problems:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))
 
+    @property
+    def vectors(self) -> list[Mapping[str, float]]:
+        """The vectors of its deflections, in the order of the arguments of its law."""
+        if not any(isinstance(each, Mapping) for each in self.deflection.values()):
+            return [self.deflection]
+        return [self.deflection[each] for each in self.law.arguments]  # type: ignore
+
     def values(self) -> Iterator[float]:
         """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
         for stage in self.stages:
@@ -134,6 +141,56 @@ class Contact:
                 assert value is not None  # checked on construction
                 yield value
         yield from self.numbers.values()
+
+
+def force(
+    name: str,
+    deflection: Mapping[str, float] | Mapping[str, Mapping[str, float]],
+    law: str,
+    *,
+    acts_on: Mapping[str, float] | None = None,
+    numbers: Mapping[str, float] | None = None,
+    **more: float,
+) -> Contact:
+    """Make a force by a formula of one or several deflections.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    deflection
+        By coordinate name, for example ``{"q1": 1, "q2": -1}``: the formula calls it ``x``, and its rate ``v``. Or
+        several of them by their names in the formula, ``{"r": {"q1": 1}, "s": {"q2": 1}}``, with the rates ``r'``,
+        ``s'``.
+    law
+        The formula, with ``+ - * / **``, parentheses, ``sin cos exp log sqrt tanh abs min max`` and ``pi``; see
+        `gapwalk.model.laws.grammar`. All other names are parameters.
+    acts_on
+        The vector along which it acts, on the left-hand side of the equations of motion like a spring; by default its
+        deflection. Required if there are several.
+    numbers
+        The parameters by name; they may also be given as arguments.
+
+    Raises
+    ------
+    FormulaError
+        If the law is no formula; the message points to the column.
+    ModelError
+        If a parameter is missing, or a number is not allowed.
+
+    Examples
+    --------
+    >>> force("drag", {"x": 1.0}, "c*v*abs(v)", c=0.2).numbers
+    {'c': 0.2}
+    """
+    several = bool(deflection) and all(isinstance(each, Mapping) for each in deflection.values())
+    names = tuple(deflection) if several else ("x",)
+    if several and acts_on is None and len(names) > 1:
+        raise ModelError(
+            f"force {name!r} has {len(names)} deflections, so it must be said where it acts; write acts_on, as in "
+            '{"q1": 1.0}'
+        )
+    return Contact(name, deflection, (), acts_on, Expression(law, names), numbers, **more)  # type: ignore
 
 
 def backlash(
@@ -167,7 +224,9 @@ def stop(
 
 
 def _stage_problems(contact: Contact):
-    if not contact.stages:
+    if contact.stages and not contact.law.stage_parameters:
+        yield f"it has stages, but the law {contact.law.name!r} has none"
+    elif not contact.stages and contact.law.stage_parameters:
         yield "it has no stage; give it at least one, with a clearance and a stiffness"
     if len(contact.stages) > 1:
         names = [stage.name for stage in contact.stages]
@@ -211,6 +270,8 @@ def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[s
     for name, value in contact.numbers.items():
         if value is None:
             yield f"{name} is missing; the law {law.name!r} needs it"
+    if all(value is not None for value in contact.numbers.values()):
+        yield from law.problems(contact.numbers)
     for stage in contact.stages:
         known = {each.name for each in law.stage_parameters}
         for name in set(stage.numbers) - known:

@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
+from gapwalk.model.coefficients import static_load
 from gapwalk.model.spring import Range, Slope, Spring, springs_of
+from gapwalk.model.static_force import formula_matrices, formulas_of, static_forces_of
+from gapwalk.model.static_search import MOST, balance_of
 from gapwalk.model.system import System
 
 _NEGLIGIBLE = 1e-9  # share of a clearance, or of a force, that counts as none
@@ -42,6 +45,8 @@ class ContactRest:
         The side on which it touches: +1, -1, or 0 if it is open.
     closed
         The stages that are closed, from the inside out; the only stage of a contact may have no name.
+    is_formula
+        True for a force by a formula: it has no sides and stages. Of several deflections, `deflection` is the first.
     """
 
     name: str
@@ -49,13 +54,16 @@ class ContactRest:
     force: float
     side: int
     closed: tuple[str, ...]
+    is_formula: bool = False
 
     @property
     def is_open(self) -> bool:
-        """True if none of its stages is closed."""
-        return not self.side
+        """True if it has stages, and none of them is closed."""
+        return not self.side and not self.is_formula
 
     def __str__(self) -> str:
+        if self.is_formula:
+            return f"{self.name} at {self.deflection:.4g}"
         if self.is_open:
             return f"{self.name} open"
         return f"{self.name} closed{'+' if self.side > 0 else '-'}{f' ({self.closed[-1]})' if self.closed[-1] else ''}"
@@ -100,7 +108,8 @@ class Rest:
     Parameters
     ----------
     equilibria
-        The stable ones first. Empty if there is none: the mean load drives the system away.
+        The stable ones first, then those nearest to zero; nine at most of forces by formulas. Empty if there is none:
+        the mean load drives the system away.
     complete
         True if these are known to be all equilibria.
     """
@@ -112,20 +121,23 @@ class Rest:
         return bool(self.equilibria)
 
 
-def tangent(
-    system: System, closed: Sequence[tuple[Slope, ...]], x: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def tangent(system: System, closed: Sequence[tuple[Slope, ...]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute stiffness and damping matrices for small motions while these stages are closed, each shape (n, n).
 
-    About a position `x`, or, without one, just past the clearances of the stages, where no force has built up.
+    Just past the clearances of the stages, where no force has built up, and at zero deflection of forces by formulas.
+
+    Raises
+    ------
+    ModelError
+        If a formula has no finite value and slope there.
     """
-    stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
+    stiffness, damping = formula_matrices(system)
+    stiffness += system.matrix("stiffness")
+    damping += system.matrix("damping")
     for spring, slopes in zip(springs_of(system), closed, strict=True):
-        depth = None if x is None else float(spring.deflection @ x)
-        slope = sum(each.stiffness for each in slopes) if depth is None else spring.pull(depth, slopes)[1]
         along = np.outer(spring.force, spring.deflection)
-        stiffness += slope * along
-        damping += spring.drag(depth, slopes) * along
+        stiffness += sum(each.stiffness for each in slopes) * along
+        damping += spring.drag(None, slopes) * along
     return stiffness, damping
 
 
@@ -136,19 +148,37 @@ def find_equilibria(system: System) -> Rest:
     Newton's method. Otherwise there may be several: each combination of closed stages is tried; of too many, those to
     which one leads after another. With cubic terms that soften, further ones may lie within one combination.
 
+    Of forces by formulas (and by other laws that are no polynomials) there may be any number of equilibria. If there is
+    one coordinate, and all forces are polynomials, they are all real roots; otherwise those nearest to zero that a
+    search from many positions finds, and `Rest.complete` is False. Numbers that vary over the angle have their mean
+    value, and prescribed displacements are zero.
+
     Raises
     ------
     ConvergenceError
         If the least energy is not found.
     ModelError
-        If the force law of a contact is no polynomial of the penetration.
+        If the force law of a contact reverses the rate at an impact.
     """
-    springs = springs_of(system, exact=True)
-    statics = _Statics(system.matrix("stiffness"), system.vector("mean"), springs)
+    springs, forces = springs_of(system), static_forces_of(system)
+    for each in forces:
+        if each.form.law.rebounds:
+            each.form.closed_form("an equilibrium")  # raises the error
+    stiffness, load = system.matrix("stiffness"), static_load(system)
+    formulas = [each for each in forces if each.is_formula]
+    if any(slope.curved for spring in springs for slope in spring.slopes) or not all(
+        each.is_linear_at_rest for each in formulas
+    ):
+        positions, complete = balance_of(system).rests()
+        return _rest(system, positions, springs, complete)
+    for each in formulas:
+        zero = each.at(np.zeros(system.size))
+        stiffness = stiffness + np.outer(each.direction, zero.stiffness @ each.deflections)
+        load = load - zero.force * each.direction
+    statics = _Statics(stiffness, load, springs)
     if statics.has_least_energy:
         position = statics.least_energy(system.matrix("mass"))
-        found = [] if position is None else [_equilibrium(system, position, springs)]
-        return Rest(tuple(found), complete=True)
+        return _rest(system, [] if position is None else [position], springs, complete=True)
     ranges = [tuple(spring.ranges()) for spring in springs]
     few = math.prod(map(len, ranges)) <= _MANY
     complete = few and not any(slope.bends for spring in springs for slope in spring.slopes)
@@ -156,27 +186,66 @@ def find_equilibria(system: System) -> Rest:
     positions = [x for each in tried if (x := statics.within(each)) is not None]
     unit = max((np.abs(x).max() for x in positions), default=0.0) or 1.0
     different = {tuple(np.round(x / unit, 9)): x for x in positions}
-    found = [_equilibrium(system, position, springs) for position in different.values()]
-    return Rest(tuple(sorted(found, key=lambda each: not each.stable)), complete)
+    return _rest(system, [*different.values()], springs, complete)
 
 
-def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Spring]) -> Equilibrium:
-    contacts, closed = [], []
-    for spring in springs:
-        depth = float(spring.deflection @ x)
-        margin = _TINY * max(abs(depth), *(each.clearance for each in spring.slopes))
+def _rest(system: System, positions: Sequence[NDArray[np.float64]], springs: Sequence[Spring], complete: bool) -> Rest:
+    """Make a record of positions, nearest to zero first; one of those between which the system moves freely."""
+    found: dict[object, Equilibrium] = {}
+    most = MOST if formulas_of(system) else len(positions)
+    for number, position in enumerate(sorted(positions, key=lambda x: float(np.abs(x).max()))):
+        each = _equilibrium(system, position, springs)
+        if each is not None:
+            forces = tuple(float(f"{contact.force:.6g}") for contact in each.contacts)
+            key = (forces, tuple(contact.closed for contact in each.contacts)) if each.loose else number
+            found.setdefault(key, each)
+        if len(found) > most:
+            break
+    nearest = [*found.values()][:most]
+    ordered = sorted(nearest, key=lambda each: not each.stable)
+    return Rest(tuple(ordered), complete and len(found) == len(nearest))
+
+
+def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Spring]) -> Equilibrium | None:
+    """Make a record of a position; None if a formula has no finite slope there."""
+    contacts, forces = [], static_forces_of(system)
+    stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
+    stiffest = np.abs(stiffness).max()
+    for spring, force in zip(springs, forces, strict=True):
+        depth, law = float(spring.deflection @ x), force.at(x)
+        if not law.is_finite:
+            return None
+        margin = _TINY * max(abs(depth), *(each.clearance for each in spring.slopes), 0.0)
         slopes = spring.closed(depth, margin)
-        closed.append(slopes)
         names, side = tuple(each.stage for each in slopes), slopes[0].sign if slopes else 0
-        contacts.append(ContactRest(spring.form.name, depth, spring.pull(depth, slopes)[0], side, names))
-    stiffness, damping = tangent(system, closed, x)
+        own = float(law.force) if slopes or force.is_formula else 0.0
+        contacts.append(ContactRest(spring.form.name, depth, own, side, names, force.is_formula))
+        if force.is_formula or any(each.curved for each in slopes):
+            stiff, drag = law.stiffness @ force.deflections, law.damping @ force.deflections
+        else:
+            stiff = spring.pull(depth, slopes)[1] * spring.deflection
+            drag = spring.drag(depth, slopes) * spring.deflection
+        stiffness += np.outer(force.direction, stiff)
+        damping += np.outer(force.direction, drag)
+        innermost = 0.0 if force.is_formula else sum(each.stiffness for each in spring.innermost())
+        stiffest += abs(innermost) * np.abs(np.outer(force.direction, spring.deflection)).max()
     if np.array_equal(stiffness, stiffness.T):
-        sizes = np.sort(np.abs(np.linalg.eigvalsh(stiffness)))[::-1]
+        sizes, ways = np.linalg.eigh(stiffness)
+        sizes, ways = np.abs(sizes), ways.T
     else:
-        sizes = np.linalg.svd(stiffness, compute_uv=False)
-    stiffest = np.abs(tangent(system, [spring.innermost() for spring in springs])[0]).max()
-    loose = int(np.sum(sizes <= 1e-10 * max(sizes[0], stiffest)))
-    return Equilibrium(x, tuple(contacts), stiffness, damping, loose, _is_stable(system, stiffness, damping))
+        _, sizes, ways = np.linalg.svd(stiffness)
+    free, stable = ways[sizes <= 1e-10 * max(sizes.max(), stiffest)], _is_stable(system, stiffness, damping)
+    loose = len(free)
+    if any(force.is_formula for force in forces):
+        balance = balance_of(system)
+        signs = [
+            balance.restoring(x, way) for way in free
+        ]  # a cubic force has no slope at zero, and holds nevertheless
+        loose = signs.count(0)
+        if len(x) == 1 and any(force.form.law.mode_count for force in forces):  # a kink may be at the rest itself
+            signs.append(balance.restoring(x, np.ones(1), 1e-6))
+        stable = stable and min(signs, default=0) >= 0
+    return Equilibrium(x, tuple(contacts), stiffness, damping, loose, stable)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,23 +7,27 @@ The steps are `gapwalk.model.model_source` (parse, and change values), `gapwalk.
 from __future__ import annotations
 
 import hashlib
-import os
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-
-import numpy as np
+from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.drivetrain.train_file import describes_train, train_part, train_problems
+from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
+from gapwalk.model.loads import LOADS
 from gapwalk.model.matrix_file import read_matrix
+from gapwalk.model.measured.curve_contact import CURVED, MeasuredCurve, measured_curve, with_curves
 from gapwalk.model.model_source import Source
-from gapwalk.model.model_tables import system_part
-from gapwalk.model.problems import Problem, given
-from gapwalk.model.schema import MAX_COORDINATES, Names, Part, refusal, validate
+from gapwalk.model.model_tables import SystemBase, system_part
+from gapwalk.model.named_file import NamedFile, path_of, read_named
+from gapwalk.model.problems import Path, Problem, dotted, given
+from gapwalk.model.schema import MAX_COORDINATES, Names, refusal, validate
 from gapwalk.model.system import System
 
 MATRICES = ("mass", "damping", "stiffness")
 """Keys of a model file that may name a file with a matrix."""
+LOAD_FILES = ("file", "over_speed")
+"""Keys of the tables of loads that may name a file with columns of numbers; ``over_speed`` may be a formula too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +40,13 @@ class Model:
         The system; its frequency is 1 if the file gives none.
     title
         A line for people; may be empty.
-    matrices
-        Digest of the matrices in files of their own; empty if there are none.
+    files
+        Digest of the files that the model file names; empty if there are none.
     """
 
     system: System
     title: str = ""
-    matrices: str = ""
+    files: str = ""
 
 
 def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
@@ -56,19 +60,32 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
         All problems of the file but those of its studies.
     """
     is_train = describes_train(source.data)
-    if is_train:
-        part, problems = validate(train_part(), source.data, source, context=lambda: Names.of_train(source.data))
-    else:
-        full, unread = read_parts(source)
-        part, problems = validate(system_part(), full.data, full, context=lambda: Names.of(full.data))
-        missing = {problem.path for problem in unread}
-        problems = unread + [problem for problem in problems if problem.path not in missing]
+    files, unread = read_files(source)
+    full, unused = read_parts(source, files, units=is_train and Names.of_train(source.data).units)
+    unread += unused
+    names = Names.of_train if is_train else Names.of
+    schema: type[TrainBase | SystemBase] = train_part() if is_train else system_part()
+    part, problems = validate(schema, full.data, full, context=lambda: names(full.data))
+    # a table without its file may seem to lack more than that
+    within = tuple(f"{problem.path.rpartition('.')[0] or problem.path}." for problem in unread)
+    problems = unread + [problem for problem in problems if not f"{problem.path}.".startswith(within)]
     if part is None or problems:
         return None, problems
     try:
-        return Model(part.system(), part.title, _digest(source, part)), []
+        return Model(part.system(), part.title, _digest(files)), []
     except ModelError as error:
         return None, [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
+
+
+def curves_of(source: Source) -> tuple[MeasuredCurve, ...]:
+    """Return the measured curves of a model file without problems, with their points."""
+    units = describes_train(source.data) and Names.of_train(source.data).units
+    files, _ = read_files(source)
+    return tuple(
+        measured_curve({**source.data[str(path[0])][path[1]], str(path[2]): content}, units=bool(units))
+        for path, content in files.items()
+        if path[-1] == "curve"
+    )
 
 
 def has_pace(source: Source) -> bool:
@@ -81,20 +98,54 @@ def in_order(problems: list[Problem]) -> list[Problem]:
     return sorted(problems, key=lambda problem: problem.line or 0)
 
 
-def read_parts(source: Source) -> tuple[Source, list[Problem]]:
-    """Replace files of matrices and a number of coordinates in a source by matrices and names.
+def read_files(source: Source) -> tuple[dict[Path, Any], list[Problem]]:
+    """Read the files that a source names.
 
-    ``stiffness = "stiffness.mtx"`` names a file in the folder of the model file; ``coordinates = 100`` is short for
-    q1 ... q100.
+    Returns
+    -------
+    files : dict
+        Their contents by the paths of their keys: a matrix, or a `NamedFile`.
+    problems : list of Problem
+        Files that cannot be read.
+    """
+    files: dict[Path, Any] = {}
+    problems, known = [], {}
+    for path, name in _named(source):
+        try:
+            if path[0] in MATRICES:
+                files[path] = read_matrix(path_of(name, source))
+            else:  # it may be named several times
+                files[path] = known[name] = known.get(name) or read_named(name, source)
+        except ValueError as error:
+            problems.append(source.problem(f"is {given(name)}, {error}", path))
+    return files, problems
+
+
+def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tuple[Source, list[Problem]]:
+    """Replace the files that a source names, and a number of coordinates, by their contents and by names.
+
+    ``stiffness = "stiffness.mtx"`` and ``file = "gas.csv"`` name files in the folder of the model file. A matrix
+    becomes a list of rows, a curve the stages of its contact, any other file a `NamedFile`. ``coordinates = 100`` is
+    short for q1 ... q100.
+
+    Parameters
+    ----------
+    source
+        The model file.
+    files
+        The contents of the files, as from `read_files`; keys of others are left out.
+    units
+        True if the quantities of the file have units.
 
     Returns
     -------
     source : Source
-        The source with matrices and names.
+        The source with the contents and names.
     problems : list of Problem
-        Files that cannot be used.
+        Numbers of coordinates and curves that cannot be used.
     """
-    data, problems = dict(source.data), []
+    data: Any = dict(source.data)
+    problems: list[Problem] = []
     count = data.get("coordinates")
     if isinstance(count, int) and not isinstance(count, bool):
         if not 1 <= count <= MAX_COORDINATES:
@@ -102,42 +153,48 @@ def read_parts(source: Source) -> tuple[Source, list[Problem]]:
             problems.append(source.problem(message, ("coordinates",)))
             count = 0
         data["coordinates"] = [f"q{number}" for number in range(1, count + 1)]
-    for key in _named(source):
-        try:
-            data[key] = read_matrix(_path_of(data[key], source)).tolist()
-        except ValueError as error:
-            problems.append(source.problem(f"is {given(data.pop(key))}, {error}", (key,)))
-    return replace(source, data=data), problems
+    for path, _ in _named(source):
+        *around, key = path
+        table = data
+        for each in around:  # only what changes is copied
+            table[each] = list(table[each]) if isinstance(table[each], list) else dict(table[each])
+            table = table[each]
+        if path in files:
+            table[key] = files[path].tolist() if path[0] in MATRICES else files[path]
+        else:
+            del table[key]
+    data, unread = with_curves(replace(source, data=data), units=units)
+    return replace(source, data=data), problems + unread
 
 
-def matrix_paths(source: Source) -> tuple[str, ...]:
-    """List the files of matrices that a source names and is allowed to read."""
+def file_paths(source: Source) -> tuple[str, ...]:
+    """List the files that a source names and is allowed to read."""
     found = []
-    for key in _named(source):
+    for _, name in _named(source):
         with suppress(ValueError):
-            found.append(_path_of(source.data[key], source))
-    return tuple(found)
+            found.append(path_of(name, source))
+    return tuple(dict.fromkeys(found))
 
 
-def _named(source: Source) -> list[str]:
-    """List the keys of matrices that are in files of their own."""
-    return [key for key in MATRICES if isinstance(source.data.get(key), str)]
+def _named(source: Source) -> list[tuple[Path, str]]:
+    """List the keys that name files, with the names."""
+    found: list[tuple[Path, object]] = []
+    if not describes_train(source.data):
+        found += [((key,), source.data.get(key)) for key in MATRICES]
+    for kind, keys in {**dict.fromkeys(LOADS, LOAD_FILES), **dict.fromkeys(CURVED, ("curve",))}.items():
+        tables = source.data.get(kind)
+        for number, table in enumerate(tables if isinstance(tables, list) else ()):
+            found += [((kind, number, key), table.get(key)) for key in keys if isinstance(table, Mapping)]
+    return [
+        (path, name)
+        for path, name in found
+        if isinstance(name, str) and (path[-1] != "over_speed" or name.lower().endswith(".csv"))
+    ]
 
 
-def _path_of(name: str, source: Source) -> str:
-    """Return the path of a matrix file; raise a ValueError if the source is not allowed to read it."""
-    path = os.path.join(os.path.dirname(source.name), name)
-    if source.within:
-        inside = os.path.realpath(source.within)
-        if os.path.commonpath((os.path.realpath(path), inside)) != inside:
-            raise ValueError(f"which lies outside of the folder {os.path.basename(inside)}; put the file into it")
-    return path
-
-
-def _digest(source: Source, part: Part) -> str:
-    if not (named := _named(source)):
-        return ""
-    digest = hashlib.sha256(" ".join(named).encode())
-    for key in named:
-        digest.update(np.array(getattr(part, key), dtype=float).tobytes())
-    return digest.hexdigest()
+def _digest(files: Mapping[Path, Any]) -> str:
+    """Return a digest of the contents of files by their paths; empty if there are none."""
+    digest = hashlib.sha256(" ".join(map(dotted, files)).encode())
+    for content in files.values():
+        digest.update(content.content if isinstance(content, NamedFile) else content.tobytes())
+    return digest.hexdigest() if files else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache, wraps
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -23,20 +23,19 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.force_table import ForcePart
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
-from gapwalk.model.loads import LOADS, Load
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.load_table import load_fields, loads_of
+from gapwalk.model.loads import LOADS
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
-    Angle,
     Direction,
     Matrix,
     Name,
     Names,
     NonNegative,
     Number,
-    Order,
     Part,
     Positive,
     RegularMatrix,
@@ -44,13 +43,12 @@ from gapwalk.model.schema import (
     Vector,
     by_shape,
     claim,
-    measured,
+    number_of,
     one_of,
     tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
@@ -85,14 +83,6 @@ def law_fields(which: str) -> dict[str, Any]:
     for name, each in law_parameters(which).items():
         found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
     return found
-
-
-def number_of(parameter: Parameter) -> Any:
-    """Make the type of a parameter's value in a table."""
-    number = Angle if parameter.kind is QuantityKind.PHASE else Number
-    if parameter.least is not None:
-        number = Annotated[number, Field(ge=parameter.least)]
-    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
 
 
 def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
@@ -269,60 +259,12 @@ def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Na
     law = info.data.get("law")
     if law is None:
         return value
-    if name in own and value is None:
+    optional = {each.name for each in law.parameters if each.optional}
+    if name in own - optional and value is None:
         raise ValueError(f"is missing; the law {given(law.name)} needs it")
     if name not in own and value is not None:
         raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
     return value
-
-
-class LoadBase(Part):
-    """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
-
-    kind: ClassVar[type[Load]]
-
-    order: Order = 1
-    name: Name | None = Field(default=None, validate_default=True)
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
-        if name is not None:
-            claim(name, info)
-        elif "order" in info.data:
-            name = f"{cls.kind.key}{info.data['order']}"
-            if name in info.context.taken:
-                raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
-            info.context.taken.add(name)
-        return name
-
-    def load(self) -> Load:
-        """Make the load."""
-        numbers = dict(self)
-        return self.kind(**{**numbers, "name": numbers["name"] or ""})
-
-
-@lru_cache
-def _load_part(kind: type[Load]) -> type[LoadBase]:
-    fields: dict[str, Any] = {
-        each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
-        for each in kind.parameters
-    }
-    fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
-    part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
-    part.kind = kind
-    return part
-
-
-def load_fields() -> dict[str, Any]:
-    """Make the fields of the tables of all registered loads, one list for each kind."""
-    lists: dict[str, Any] = {key: list[_load_part(kind)] for key, kind in LOADS.items()}  # pyright: ignore
-    return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
-
-
-def loads_of(part: Part) -> list[Load]:
-    """Make the loads of a model file."""
-    return [each.load() for key in LOADS for each in getattr(part, key, ())]
 
 
 def study_tables(study: object) -> object:
@@ -384,6 +326,7 @@ class SystemBase(Part):
     stiffness: Matrix = Field(description="write the matrix K, a list of rows")
     damping: DampingField | None = None
     mean: Vector = Field(default={})
+    force: Annotated[list[ForcePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
     frequency: Positive | None = None
     study: Annotated[Any, AfterValidator(study_tables)] = None
     measurement: Any = None
@@ -396,7 +339,10 @@ class SystemBase(Part):
             stiffness=self.stiffness,
             damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
             mass=self.mass,
-            contacts=[part.contact() for part in getattr(self, "contact", ())],
+            contacts=[
+                *(part.contact() for part in getattr(self, "contact", ())),
+                *(part.force(self.coordinates) for part in self.force),
+            ],
             mean=self.mean,
             harmonics=loads_of(self),
             frequency=self.frequency or 1.0,

@@ -75,18 +75,21 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
     system
         Any system; the modes of a `Train` are also given by its inertias.
     at
-        ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; or an equilibrium from
-        `find_equilibria`, with the stages that are closed there.
+        ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; both with the slopes of
+        formulas at zero deflection. Or an equilibrium from `find_equilibria`, with the stages that are closed there,
+        and the slopes there. Numbers that vary over the angle have their mean value.
 
     Raises
     ------
     ModelError
-        For any other word.
+        For any other word, or if a formula has no finite value and slope at zero deflection.
     """
     if isinstance(at, Equilibrium):
         stiffness, damping = at.stiffness, at.damping
     elif at in [*Clearances]:
-        closed = [spring.innermost() if at == Clearances.CLOSED else () for spring in springs_of(system)]
+        closed = [
+            spring.innermost() if at == Clearances.CLOSED and spring.slopes else () for spring in springs_of(system)
+        ]
         stiffness, damping = tangent(system, closed)
     else:
         raise ModelError(f"at is {at!r}; it must be an equilibrium, or {did_you_mean(str(at), [*Clearances])}")
@@ -142,7 +145,8 @@ def dissipation_doubts(system: System) -> list[str]:
     doubts = []
     damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
     rates = np.linalg.eigvals(np.linalg.solve(system.matrix("mass"), damping)).real
-    if not damping.any():
+    dragging = any(not form.stages and form.law.is_damped for form in system.structure.contacts)
+    if not damping.any() and not dragging:
         doubts.append(
             "damping is zero: no motion settles, and at a resonance nothing limits it while the gaps are open; give "
             "the system a damping, however small"

@@ -26,6 +26,8 @@ class Parameter:
         Its smallest value; None if it may be negative.
     angle, torque
         For a parameter without a kind, the powers of an angle (a length) and of a torque (a force) in it.
+    optional
+        True if a model file that names the law may leave out this parameter of the contact as a whole.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Parameter:
     least: float | None = None
     angle: int = 0
     torque: int = 0
+    optional: bool = False
 
     def __post_init__(self) -> None:
         if self.kind is not None:

@@ -24,9 +24,11 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.known_ideas import idea_of
 from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
+from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import Path, Problem, did_you_mean, given
 from gapwalk.model.structure import mass_problems
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
@@ -35,6 +37,22 @@ MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""
 
 _TOP = "the top of the file, above the first table in brackets"
+_NO_QUANTITIES = {
+    *(
+        "name",
+        "title",
+        "study",
+        "between",
+        "reaction",
+        "reference",
+        "phase",
+        "acts_on",
+        "varies",
+        "mesh",
+        "turns_of",
+        "law",
+    )
+}
 _EXPLAINED = 200  # problems of a table with a hint: nobody reads more, and the search for similar names takes time
 _TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
 
@@ -45,6 +63,7 @@ _ALLOWED = {
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "list_type": "a list",
+    "literal_error": "{expected}",
     "dict_type": "a table, such as {{ q1 = 1.0 }}",
     "model_type": "a table",
     "too_short": "a list of at least {min_length}",
@@ -114,7 +133,7 @@ class Names:
 def _quantities(data: Any) -> Iterator[object]:
     """List the values in the content of a train's file that should be quantities."""
     for key, value in data.items() if isinstance(data, Mapping) else ():
-        if key in ("name", "title", "study", "between", "reaction", "phase", "acts_on"):
+        if key in _NO_QUANTITIES:
             continue
         if isinstance(value, list):
             for table in value:
@@ -265,6 +284,14 @@ Matrix = Annotated[
 RegularMatrix = Annotated[Matrix, AfterValidator(_regular)]
 
 
+def number_of(parameter: Parameter) -> Any:
+    """Make the type of a parameter's value in a table."""
+    number = Angle if parameter.kind is QuantityKind.PHASE else Number
+    if parameter.least is not None:
+        number = Annotated[number, Field(ge=parameter.least)]
+    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
+
+
 P = TypeVar("P", bound=Part)
 
 
@@ -391,6 +418,8 @@ def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[P
     for name, info in root.model_fields.items() if owner is root else ():
         if any(key in _fields(part) for part in _parts_in([info.annotation])):
             return f"it belongs in {name}"
+    if idea := idea_of(key):
+        return idea
     return did_you_mean(key, list(_fields(owner) if owner else ()), "the keys are")
 
 

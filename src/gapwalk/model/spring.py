@@ -1,12 +1,13 @@
 """The forces of contacts as polynomials of the penetration and the rate, and the static springs that follow from them.
 
-Equilibria, the search for orbits, harmonic balance and the batch integrator need the forces in this form.
+Equilibria, the search for orbits and harmonic balance need the forces in this form. For any other law see
+`gapwalk.model.static_force`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
 from operator import itemgetter
@@ -15,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
-from gapwalk.model.laws import Stages, StageTerms, closed_form_of
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, coefficients_of, layout_of
+from gapwalk.model.laws import Stages, StageTerms, Term, closed_form_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
@@ -67,6 +69,11 @@ class ForcePolynomials:
         """The first term of each place."""
         return np.flatnonzero(np.diff(self._places, prepend=-1))
 
+    @property
+    def is_damped(self) -> bool:
+        """True if the rate occurs."""
+        return bool(np.unravel_index(self._places, self.shape)[1].any())
+
     def integrated(self) -> ForcePolynomials:
         """Integrate the factor of the rate over the deflection, and drop the terms of other rates.
 
@@ -88,7 +95,9 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
     ModelError
         If the force of a contact is no polynomial of the penetration; the message names the backend that needs it.
     """
-    terms: list[tuple[tuple[int, int, int], float, list[int]]] = []
+    if varying := [slots.form.name for slots in layout.contacts if slots.varies]:
+        raise ModelError(f"{backend} cannot include {varying[0]!r}: it varies over the angle")
+    terms: list[Product] = []
     switches = []
     for index, slots in enumerate(layout.contacts):
         first = len(switches)
@@ -97,9 +106,27 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
             stage = slots.stages[number]
             found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
             terms.append(((first + number, rate, power), factor * stage.sign**power, found))
-    terms.sort(key=itemgetter(0))
-    rates, powers = (1 + max([1, *(place[axis] for place, _, _ in terms)]) for axis in (1, 2))
-    shape = (len(switches), rates, powers)
+    return arranged(layout, switches, terms)
+
+
+Product = tuple[tuple[int, int, int], float, list[int]]
+"""A product of coefficients: its switch, rate and power, its factor, and the slots of the coefficients."""
+
+
+def arranged(
+    layout: CoefficientLayout,
+    switches: Sequence[tuple[int, StageSlots]],
+    products: Sequence[Product],
+    shape: tuple[int, int, int] | None = None,
+) -> ForcePolynomials:
+    """Arrange products of coefficients as polynomials of switches, each with the number of its contact.
+
+    The shape is the smallest one by default.
+    """
+    terms = sorted(products, key=itemgetter(0))
+    if shape is None:
+        rates, powers = (1 + max([1, *(place[axis] for place, _, _ in terms)]) for axis in (1, 2))
+        shape = (len(switches), rates, powers)
     most = max((len(found) for _, _, found in terms), default=0)
     padded = [[*found, *[len(layout)] * (most - len(found))] for _, _, found in terms]
     places = np.array([place for place, _, _ in terms], dtype=np.intp).reshape(-1, 3)
@@ -228,47 +255,55 @@ class Spring:
         yield (), -down[0].clearance if down else -math.inf, up[0].clearance if up else math.inf
 
 
-def springs_of(system: System, *, exact: bool = False) -> tuple[Spring, ...]:
-    """Return the springs of all contacts of a system.
+def springs_of(system: System) -> tuple[Spring, ...]:
+    """Return the springs of all contacts of a system; that of a formula has no stages.
 
-    Where a force law is no polynomial of the penetration, they are its tangents at the breakpoints.
-
-    Raises
-    ------
-    ModelError
-        If there is such a law, and `exact` is asked for.
+    Where a force law is no polynomial of the penetration, they are its tangents at the breakpoints. Numbers that vary
+    over the angle have their mean value.
     """
-    layout, coefficients = layout_of(system.structure), coefficients_of(system)
-    curved = not exact and not all(closed_form_of(form.law, form.shapes) for form in layout.structure.contacts)
-    table = _tangents(layout, coefficients) if curved else polynomials_of(layout, "an equilibrium").table(coefficients)
-    lines, springs = iter(table.tolist()), []
-    for slots in layout.contacts:
-        names = [stage.name for stage, _ in slots.form.sides]
+    springs, coefficients = [], coefficients_of(system)
+    for slots in layout_of(system.structure).contacts:
+        law, names = slots.form.law, [stage.name for stage, _ in slots.form.sides]
+        terms = None if law.rebounds else closed_form_of(law, slots.form.shapes)
+        lines = _tangents(slots, coefficients) if terms is None else _polynomials(slots, terms, coefficients)
         slopes = tuple(
-            Slope(name, stage.sign, float(coefficients[stage.clearance]), tuple(pull), tuple(drag), curved)
-            for name, stage, (pull, drag, *_) in zip(names, slots.stages, lines, strict=False)
+            Slope(name, stage.sign, float(coefficients[stage.clearance]), pull, drag, terms is None)
+            for name, stage, (pull, drag) in zip(names, slots.stages, lines, strict=True)
         )
-        vector = system.vector(f"{slots.form.name}.{'deflection' if slots.form.reciprocal else 'force'}")
-        springs.append(Spring(slots.form, coefficients[slots.deflection], vector, slopes))
+        push = system.vector(slots.form.push)
+        springs.append(Spring(slots.form, coefficients[slots.deflection], push, slopes))
     return tuple(springs)
 
 
-def _tangents(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+_Powers = tuple[tuple[float, ...], tuple[float, ...]]  # of the penetration: without the rate, and with it
+
+
+def _polynomials(slots: ContactSlots, terms: Iterable[Term], coefficients: NDArray[np.float64]) -> list[_Powers]:
+    """Return the force of each stage on each side as polynomials."""
+    terms = tuple(terms)
+    tables = np.zeros((len(slots.stages), 2, 1 + max([1, *(term.power for term in terms)])))
+    for factor, own, of_stage, number, power, rate in terms:
+        if rate < 2:  # at rest, higher powers of the rate do nothing
+            stage = slots.stages[number]
+            found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
+            tables[number, rate, power] += factor * stage.sign**power * math.prod(coefficients[found].tolist())
+    return [(tuple(pull), tuple(drag)) for pull, drag in tables.tolist()]
+
+
+def _tangents(slots: ContactSlots, coefficients: NDArray[np.float64]) -> list[_Powers]:
     """Return the force of each stage on each side at its breakpoint, with its derivatives, as polynomials."""
-    found = []
-    for slots in layout.contacts:
-        own = {name: coefficients[slot] for name, slot in slots.numbers.items()}
-        for stage in slots.stages:
-            numbers = {name: coefficients[slot] for name, slot in stage.numbers.items()}
-            by_depth, by_rate = (
-                complex(slots.form.law.force(rate, Stages([terms]), own))
-                for terms, rate in (
-                    (StageTerms(stage.sign, 1j * _STEP, 1.0, stage.innermost, numbers), 0.0),
-                    (StageTerms(stage.sign, 0.0, 1.0, stage.innermost, numbers), 1j * _STEP),
-                )
+    own, found = {name: coefficients[slot] for name, slot in slots.numbers.items()}, []
+    for stage in slots.stages:
+        numbers = {name: coefficients[slot] for name, slot in stage.numbers.items()}
+        by_depth, by_rate = (
+            complex(slots.form.law.force(rate, Stages([terms]), own))
+            for terms, rate in (
+                (StageTerms(stage.sign, 1j * _STEP, 1.0, stage.innermost, numbers), 0.0),
+                (StageTerms(stage.sign, 0.0, 1.0, stage.innermost, numbers), 1j * _STEP),
             )
-            found.append([[by_depth.real, stage.sign * by_depth.imag / _STEP], [by_rate.imag / _STEP, 0.0]])
-    return np.array(found)
+        )
+        found.append(((by_depth.real, stage.sign * by_depth.imag / _STEP), (by_rate.imag / _STEP, 0.0)))
+    return found
 
 
 def _value(polynomial: Sequence[float], x: float) -> float:

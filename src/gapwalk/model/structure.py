@@ -20,8 +20,10 @@ from gapwalk.model.laws import Law, StageShape, Term, closed_form_of
 from gapwalk.model.loads import LoadForm
 from gapwalk.model.problems import near_names
 from gapwalk.model.units import PACES, Units
+from gapwalk.model.variations import Variation, varied
 
 _LARGEST = 1e150  # its square is finite, too
+_ROUNDING = 1e-9  # of the range of a table: so close to its end, a value is within
 _SHOWN = 5  # names that are listed if none is similar to the unknown one
 _FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
 
@@ -170,6 +172,17 @@ class ContactForm:
         return cls(contact.name, stages, contact.law, contact.force is None if reciprocal is None else reciprocal)
 
     @property
+    def vectors(self) -> tuple[str, ...]:
+        """Names of the vectors of its deflections."""
+        arguments = self.law.arguments
+        return tuple(f"{self.name}.{each}" for each in (arguments if arguments[1:] else ("deflection",)))
+
+    @property
+    def push(self) -> str:
+        """Name of the vector along which it acts."""
+        return self.vectors[0] if self.reciprocal else f"{self.name}.force"
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters of its law: of its stages, then of the contact as a whole."""
         groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
@@ -187,6 +200,11 @@ class ContactForm:
         signs = [sign for _, sign in self.sides]
         return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
 
+    @property
+    def has_closed_form(self) -> bool:
+        """True if the force is a sum of products."""
+        return not self.law.rebounds and closed_form_of(self.law, self.shapes) is not None
+
     def closed_form(self, backend: str) -> tuple[Term, ...]:
         """Return the force as a sum of products.
 
@@ -196,7 +214,7 @@ class ContactForm:
             If it is not a sum of products; the message names the backend that needs one.
         """
         terms = closed_form_of(self.law, self.shapes)
-        if terms is None or self.law.rebounds:
+        if terms is None or not self.has_closed_form:
             reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
             raise ModelError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
         return terms
@@ -204,6 +222,26 @@ class ContactForm:
     def stage_prefix(self, stage: StageForm) -> str:
         """Return the prefix of the names of a stage's parameters."""
         return f"{self.name}.{stage.name}" if stage.name else self.name
+
+
+class PaceLimits(NamedTuple):
+    """The range of the first parameter, frequency or speed, in which all loads are known, and the tables that end."""
+
+    low: float
+    high: float
+    tables: str
+
+    @property
+    def words(self) -> str:
+        """Say which table ends, and where."""
+        return f"{self.tables} covers {self.low:.6g} to {self.high:.6g}"
+
+    def covers(self, value: float) -> bool:
+        """Return True if a value is in the range, but for rounding."""
+        if not self.tables:
+            return True
+        slack = _ROUNDING * (self.high - self.low)
+        return self.low - slack <= value <= self.high + slack
 
 
 class Breakpoint(NamedTuple):
@@ -301,6 +339,38 @@ class Structure:
         )
 
     @cached_property
+    def driving(self) -> tuple[LoadForm, ...]:
+        """The loads that act on coordinates; the others vary numbers of contacts."""
+        return tuple(load for load in self.harmonics if not load.varies)
+
+    @cached_property
+    def variations(self) -> tuple[Variation, ...]:
+        """The numbers of contacts that vary over the angle, and the loads by which they do.
+
+        Raises
+        ------
+        ModelError
+            If a load varies what there is not, or what cannot vary.
+        """
+        found: dict[Variation, list[tuple[int, float]]] = {}
+        for number, load in enumerate(self.harmonics):
+            for name, factor in load.varies:
+                for variation, sign in varied(self.contacts, load, name):
+                    found.setdefault(variation, []).append((number, sign * factor))
+        return tuple(variation._replace(loads=tuple(loads)) for variation, loads in found.items())
+
+    @cached_property
+    def pace_limits(self) -> PaceLimits:
+        """The range of the first parameter in which all loads are known: that of their tables over the speed."""
+        low, high, names = 0.0, math.inf, []
+        for load in self.harmonics:
+            if load.factor is not None and load.factor.table is not None:
+                first, last = load.factor.limits
+                low, high = max(low, first / self.frequency), min(high, last / self.frequency)
+                names.append(load.factor.table.name)
+        return PaceLimits(low, high, " and ".join(dict.fromkeys(names)))
+
+    @cached_property
     def equations(self) -> Structure:
         """Structure with the plain parameters of the equations of motion, without an assembly."""
         return Structure(self.coordinates, self.contacts, self.harmonics) if self.assembly else self
@@ -329,9 +399,11 @@ class Structure:
         yield NameBlock("mean", 1)
         for load in self.harmonics:
             yield from map(NameBlock, load.parameters)
-            yield NameBlock(load.shape, 1)
+            if not load.varies:
+                yield NameBlock(load.shape, 1)
         for contact in self.contacts:
-            yield NameBlock(f"{contact.name}.deflection", 1)
+            for vector in contact.vectors:
+                yield NameBlock(vector, 1)
             if not contact.reciprocal:
                 yield NameBlock(f"{contact.name}.force", 1)
             yield from map(NameBlock, contact.parameters)
@@ -368,8 +440,19 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
         n = structure.size
         yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
         for contact in structure.contacts:
-            if not values[structure.block(f"{contact.name}.deflection", n)].any():
-                yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
+            for vector in contact.vectors:
+                if not values[structure.block(vector, n)].any():
+                    yield f"{vector} is zero for every coordinate; it must name at least one that moves it"
+    for load in structure.harmonics:
+        if load.parameters and load.parameters[0] not in structure.names:
+            continue  # a train makes loads of its own
+        given = {each.name: float(values[structure.place(f"{load.name}.{each.name}")]) for each in load.kind.parameters}
+        yield from (f"{load.name}.{problem}" for problem in load.kind.problems(given))
+    for contact in structure.contacts:
+        own = {
+            each.name: float(values[structure.place(f"{contact.name}.{each.name}")]) for each in contact.law.parameters
+        }
+        yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
     inner: dict[tuple[int, int], float] = {}
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
         clearance, inside = float(values[place]), inner.get((index, side), -math.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,9 +111,12 @@ class System(Shown):
         parts.append(_vector("mean", mean or {}, names, problems))
         for harmonic in harmonics:
             parts.append([*harmonic.values()])
+            if harmonic.varies:
+                continue
             parts.append(_vector(f"{harmonic.name}.acts_on", harmonic.acts_on, names, problems))
         for contact in contacts:
-            parts.append(_vector(f"{contact.name}.deflection", contact.deflection, names, problems))
+            for vector, given in zip(ContactForm.of(contact).vectors, contact.vectors, strict=True):
+                parts.append(_vector(vector, given, names, problems))
             if contact.force is not None:
                 parts.append(_vector(f"{contact.name}.force", contact.force, names, problems))
             parts.append([*contact.values()])
@@ -123,6 +127,7 @@ class System(Shown):
             tuple(ContactForm.of(contact) for contact in contacts),
             tuple(map(LoadForm.of, harmonics)),
         )
+        _ = structure.variations  # refuses what there is not
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
         self._set(structure, checked(structure, values))
 
@@ -212,8 +217,8 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
-    def turns(self) -> int | None:
-        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+    def turns(self) -> int | Fraction | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter; a fraction for some.
 
         Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
         excitation: there they are multiples of it.
@@ -288,13 +293,18 @@ class System(Shown):
     def contents(self) -> Iterator[str]:
         """Coordinates, contacts with their laws, excitation with its orders, and units, a line each."""
         contacts = (
-            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
+            f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.title})"
             for form in self.structure.contacts
         )
-        orders = (f"{form.name} of order {form.order * (self.turns or 1)}" for form in self.structure.harmonics)
+        loads = [
+            (_load_words(form, self.turns or 1), [name for name, _ in form.varies]) for form in self.structure.harmonics
+        ]
+        varying = [f"{' and '.join(names)} by {load}" for load, names in loads if names]
         yield f"coordinates: {', '.join(self.coordinates)}"
         yield f"contacts: {', '.join(contacts) or 'none'}"
-        yield f"excitation: {', '.join(orders) or 'none'}"
+        yield f"excitation: {', '.join(load for load, names in loads if not names) or 'none'}"
+        if varying:
+            yield f"varying: {', '.join(varying)}"
         if self.units:
             yield f"units: {self.units.words}"
 
@@ -313,6 +323,14 @@ class System(Shown):
         values.flags.writeable = False
         for name, value in (("structure", structure), ("_shared", values), ("_own", own or {})):
             object.__setattr__(self, name, value)
+
+
+def _load_words(form: LoadForm, turns: int | Fraction) -> str:
+    """Describe a load by its name and its order, or by what its kind says of it."""
+    notes = [form.kind.notes(dict(form.constants)), form.factor.words if form.factor else ""]
+    order = f" of order {form.order * turns}" if form.kind.is_periodic and not notes[0] else ""
+    text = "; ".join(filter(None, notes))
+    return f"{form.name}{order}{f' ({text})' if text else ''}"
 
 
 def pace_number(system: System, digits: int = 8) -> str:

@@ -15,14 +15,15 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 from functools import cached_property, lru_cache
-from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.problems import given
+from gapwalk.model.unit_spellings import HINTS, READING, normalised, parsed, registry_of_units
 
 _DEGREE = math.pi / 180.0
 
@@ -46,6 +47,10 @@ class Unit:
         """Raise a ValueError if its parts are inconsistent."""
         if not 0.0 < self.factor < math.inf or not self.text.isprintable():
             raise ValueError(f"{self.text!r} is no unit")
+
+
+PLAIN = Unit("", 1.0)
+"""The unit of plain numbers."""
 
 
 class QuantityKind(Enum):
@@ -80,6 +85,8 @@ class QuantityKind(Enum):
     IMPACT = "an impact damping", "second/radian", Unit("s/rad", 1.0), ("s/rad", "s/deg"), -1, 1, 0
     TORQUE = "a torque", "newton*meter", Unit("N m", 1.0), ("N m",), 0, 0, 1
     FREQUENCY = "a frequency or speed", "radian/second", Unit("Hz", 2.0 * math.pi), ("rpm", "Hz", "rad/s"), 0, -1, 0
+    ACCELERATION = "an acceleration", "radian/second**2", Unit("rad/s^2", 1.0), ("rad/s^2", "deg/s^2"), 1, -2, 0
+    TIME = "a time", "second", Unit("s", 1.0), ("s", "ms"), 0, 1, 0
     PHASE = "a phase", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 0, 0, 0
 
     def __init__(
@@ -124,59 +131,7 @@ def kind_of(parameter: str) -> QuantityKind | None:
     return None if "acts_on" in words[:-1] else _BY_WORD.get(words[-1])
 
 
-_reading = Lock()  # units of two registries do not go together, and pint does not say that threads may share one
-
-_DEFINITIONS = """
-nano- = 1e-9 = n-
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-meter = [length] = m = metre
-second = [time] = s = sec
-gram = [mass] = g
-radian = [angle] = rad
-minute = 60 second = min
-newton = kilogram * meter / second ** 2 = N
-degree = 0.017453292519943295 radian = deg
-arcminute = degree / 60 = arcmin
-revolution = 6.283185307179586 radian = rev = turn
-hertz = revolution / second = Hz
-revolutions_per_minute = revolution / minute = rpm
-inch = 0.0254 meter = in
-foot = 12 inch = ft
-pound = 453.59237 gram = lb
-pound_force = 4.4482216152605 newton = lbf
-"""
-
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_LONGEST = 60
-
-# Spellings of units, and their names in pint.
-_WRITTEN = (
-    (r"[·⋅×]", " "),
-    (r"°", " deg"),
-    (r"²", "^2"),
-    (r"³", "^3"),
-    (r"\b([kMm]?)Nms\b", r"\1N m s"),
-    (r"\b([kMm]?)Nm\b", r"\1N m"),
-    (r"\bkgm\b", "kg m"),
-    (r"\b([Nn])-m\b", r"\1 m"),
-    (r"\s*/\s*", "/"),
-    (r"\s*(\^|\*\*)\s*", "^"),
-)
-
-# Slips that are worth a word of their own.
-_HINTS = {
-    "J": "J is the unit of an energy; write a torque in N m",
-    "1/s": "write Hz (turns in a second) or rad/s",
-    "s^-1": "write Hz (turns in a second) or rad/s",
-    "1/min": "write rpm",
-    "min^-1": "write rpm",
-    "U/min": "write rpm",
-    "degC": "a temperature has no place here; an angle is written in deg",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,12 +193,24 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
     if not match[2]:
         raise ValueError(f'is {given(value)}, without a unit; write {kind.words} such as "{match[1]} {usual}"')
     try:
-        with _reading:
+        with READING:
             factor = _factor(match[2], kind)
     except ValueError as error:
         example = " or ".join(f'"{match[1]} {unit}"' for unit in ([written] if written else kind.usual))
         raise ValueError(f"is {given(value)}: {error}; {kind.words} is expected, as in {example}") from None
-    return Quantity(float(match[1]), _normalised(match[2]), factor, kind)
+    return Quantity(float(match[1]), normalised(match[2]), factor, kind)
+
+
+def read_unit(text: str, kind: QuantityKind) -> Unit:
+    """Read a unit of a kind, such as ``N m/deg`` for a stiffness.
+
+    Raises
+    ------
+    ValueError
+        If it is no unit, or one of another kind; the message says which.
+    """
+    with READING:
+        return Unit(normalised(text), _factor(text, kind))
 
 
 def has_unit(value: object) -> bool:
@@ -253,15 +220,64 @@ def has_unit(value: object) -> bool:
     return isinstance(value, str) and re.match(rf"\s*{_NUMBER}\s*[^\s\d.,+-]", value) is not None
 
 
+def read_formula_number(value: object) -> tuple[float, Unit]:
+    """Read a parameter of a formula: a number, or a text with a unit made of angle, s and N m.
+
+    Returns
+    -------
+    number : float
+        The number as it was written.
+    unit : Unit
+        Its unit, with its size in rad, s and N m; an empty one of a plain number.
+
+    Raises
+    ------
+    ValueError
+        If it is neither. The message reads on after the name of what is wrong.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value), PLAIN
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*(\S.*?)\s*", value, re.DOTALL) if isinstance(value, str) else None
+    example = 'write a number, or one with a unit such as "0.01 N m s/rad"'
+    if not match:
+        raise ValueError(f"is {given(value)}; {example}")
+    try:
+        with READING:
+            factor = _formula_factor(match[2])
+    except ValueError as error:
+        raise ValueError(f"is {given(value)}: {error}; {example}") from None
+    return float(match[1]), Unit(normalised(match[2]), factor)
+
+
+def _formula_factor(unit: str) -> float:
+    registry, text = registry_of_units(), normalised(unit)
+    found = parsed(text)
+    powers = dict(found.dimensionality)
+    torque = powers.pop("[mass]", 0)
+    if powers.pop("[length]", 0) != 2 * torque:
+        raise ValueError(f"{unit} is not made of an angle, s and N m")
+    reference = (
+        (registry.newton * registry.meter) ** torque
+        * registry.second ** (powers.pop("[time]", 0) + 2 * torque)
+        * registry.radian ** powers.pop("[angle]", 0)
+    )
+    return float(registry.Quantity(1.0, found).to(reference).magnitude)
+
+
+def _same_dimension(first: str, second: str) -> bool:
+    with READING:
+        return parsed(first).dimensionality == parsed(second).dimensionality
+
+
 @lru_cache(maxsize=512)
 def _factor(unit: str, kind: QuantityKind) -> float:
     """Return the size of a unit in the reference unit of a kind; raise a ValueError with the reason if it has none."""
-    text = _normalised(unit)
-    if text in _HINTS:
-        raise ValueError(_HINTS[text])
-    registry = _registry()
+    text = normalised(unit)
+    if text in HINTS:
+        raise ValueError(HINTS[text])
+    registry = registry_of_units()
     reference = registry.parse_units(kind.reference)
-    found = _parsed(text)
+    found = parsed(text)
     if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
         reference = reference / registry.radian  # N m s^2/rad
     if found.dimensionality != reference.dimensionality:
@@ -269,43 +285,13 @@ def _factor(unit: str, kind: QuantityKind) -> float:
     return float(registry.Quantity(1.0, found).to(reference).magnitude)
 
 
-def _normalised(unit: str) -> str:
-    for pattern, instead in _WRITTEN:
-        unit = re.sub(pattern, instead, unit)
-    return unit.strip()
-
-
-def _parsed(text: str) -> Any:
-    """Return the unit of a text."""
-    if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
-        raise ValueError("this is no unit")
-    if re.search(r"/[^()/*]*[ *][^()/]", text):
-        raise ValueError("a product after the stroke needs brackets, as in N m/(rad s)")
-    for word in re.findall(r"[A-Za-zµμ]+", text):
-        if word not in _registry():
-            raise ValueError(f"there is no unit {word!r} here" + (f"; {_HINTS[word]}" if word in _HINTS else ""))
-    try:
-        return _registry().parse_units(text)
-    except Exception:  # pint's parser raises errors of a dozen types, of its own and of Python's tokenizer
-        raise ValueError("this is no unit") from None
-
-
 def _other_kind(unit: str, found: Any) -> str:
-    registry = _registry()
+    registry = registry_of_units()
     for kind in QuantityKind:
         reference = registry.parse_units(kind.reference)
         if kind is not QuantityKind.PHASE and found.dimensionality == reference.dimensionality:
             return f"{unit} is the unit of {kind.words}"
     return f"{unit} is the unit of something else"
-
-
-@lru_cache(maxsize=1)
-def _registry() -> Any:
-    import pint  # only where units are used
-
-    registry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
-    return registry
 
 
 _TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance", "impact_damping")
@@ -320,16 +306,20 @@ class Units:
     chosen
         A unit for each kind with a chosen unit; the others have the default ones.
     turns
-        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None if it is
-        the frequency of the excitation.
+        If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
+        fraction. None if it is the frequency of the excitation.
+    own
+        Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies
+        a stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
     """
 
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
-    turns: int | None = None
+    turns: int | Fraction | None = None
+    own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""
-        if self.turns is not None and self.turns < 1:
+        if self.turns is not None and not self.turns > 0:
             raise ValueError(f"{self.turns} is no number of periods in a turn")
 
     def of(self, kind: QuantityKind) -> Unit:
@@ -338,8 +328,12 @@ class Units:
 
     def parameter(self, name: str) -> str:
         """Return the unit of a parameter by its name; empty for a plain number."""
-        kind = kind_of(name)
-        return "" if kind is None else self.of(kind).text
+        kind = self.kind(name)
+        return self.unit(name).text if kind is None else self.of(kind).text
+
+    def kind(self, name: str) -> QuantityKind | None:
+        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
+        return self._own[name][0] if name in self._own else kind_of(name)
 
     @property
     def words(self) -> str:
@@ -361,7 +355,7 @@ class Units:
     @property
     def frequency(self) -> float:
         """The angular frequency W of the excitation, in rad/s, at the value 1 of the first parameter."""
-        return self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1)
+        return float(self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1))
 
     def factors(self, names: Iterable[str]) -> NDArray[np.float64]:
         """Return the size of one unit of each parameter in consistent units, shape (names,)."""
@@ -380,9 +374,15 @@ class Units:
         ValueError
             If it is no such text, or not of the parameter's kind.
         """
-        kind = kind_of(parameter)
+        kind = self.kind(parameter)
         if kind is None:
-            raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
+            unit = self.unit(parameter)
+            if unit is PLAIN or not unit.text:
+                raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
+            number, found = read_formula_number(value)
+            if not found.text or not _same_dimension(unit.text, found.text):
+                raise ValueError(f'is {given(value)}; it has the unit {unit.text}, as in "{number:g} {unit.text}"')
+            return number * (found.factor / unit.factor)
         return self.number(read_quantity(value, kind, self.of(kind).text), kind)
 
     def signal(self, name: str) -> tuple[float, str]:
@@ -402,16 +402,30 @@ class Units:
     def _units(self) -> dict[QuantityKind, Unit]:
         return dict(self.chosen)
 
+    @cached_property
+    def _own(self) -> dict[str, tuple[QuantityKind | None, Unit]]:
+        return {name: (kind, unit) for name, kind, unit in self.own}
+
+    def unit(self, name: str) -> Unit:
+        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
+        return self._own[name][1] if name in self._own else PLAIN
+
     def _factor(self, name: str) -> float:
-        kind = kind_of(name)
-        if kind is None or kind is QuantityKind.ANGLE:
+        kind = self.kind(name)
+        if kind is None:
+            return self.unit(name).factor
+        if kind is QuantityKind.ANGLE:
             return 1.0
         return self.frequency if kind is QuantityKind.FREQUENCY else self.of(kind).factor * self.angle**-kind.angle
 
 
-def units_of(quantities: Iterable[Quantity], turns: int | None = None) -> Units:
+def units_of(
+    quantities: Iterable[Quantity],
+    turns: int | Fraction | None = None,
+    own: Iterable[tuple[str, QuantityKind | None, Unit]] = (),
+) -> Units:
     """Choose the units of a train: for each kind, that of the first quantity."""
     chosen: dict[QuantityKind, Unit] = {}
     for quantity in quantities:
         chosen.setdefault(quantity.kind, Unit(quantity.unit, quantity.factor))
-    return Units(tuple((kind, chosen[kind]) for kind in QuantityKind if kind in chosen), turns)
+    return Units(tuple((kind, chosen[kind]) for kind in QuantityKind if kind in chosen), turns, tuple(own))

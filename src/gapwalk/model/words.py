@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 
 from gapwalk.model.laws import law_parameters
 from gapwalk.model.system import System
@@ -64,7 +65,7 @@ def pace_words(system: System) -> str:
     return value_words(system[structure.pace], structure.pace, structure.units)
 
 
-def order_words(turns: int | None) -> str:
+def order_words(turns: int | Fraction | None) -> str:
     """Return the label of an axis for orders; see `System.turns`."""
     return "multiples of the excitation frequency Ω" if turns is None else "order (per turn of the reference shaft)"
 

@@ -6,6 +6,7 @@ If the end of a transient leads to no orbit (it may be unstable and attract noth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
@@ -35,6 +36,7 @@ _RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbi
 
 Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
+_GROWS = 1e9  # factor from the smallest size of a transient beyond which it diverges
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
 
@@ -108,11 +110,19 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
 
 
 def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
-    """Integrate the transient from a state until it nearly repeats after `period` forcing periods."""
-    flow, coefficients = flow_of(system), coefficients_of(system)
+    """Integrate the transient from a state until it nearly repeats after `period` forcing periods.
+
+    A motion that grows without a bound, as in an unstable linear system, is no start: the first state is returned.
+    """
+    flow, coefficients, first = flow_of(system), coefficients_of(system), state
+    largest = math.inf
     for _ in range(max(1, _TRANSIENT // period)):
         following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
-        if np.abs(following - state).max() <= _SETTLED * magnitude(following, system):
+        size = magnitude(following, system)
+        largest = min(largest, _GROWS * size)
+        if size > largest:
+            return first
+        if np.abs(following - state).max() <= _SETTLED * size:
             return following
         state = following
     return state

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 
@@ -74,7 +75,7 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     except ValueError:
         raise ModelError(f"harmonic {order!r} is not an order; write h0, h1, h2, ... or h1/2") from None
     if line.denominator != 1 or line < 0:
-        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns, orbit.period)}"
+        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
     values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)
@@ -102,10 +103,14 @@ def survey(orbit: Orbit) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[
     for contact in flow.equations.layout.contacts:
         factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
         event = factors[0][0]  # the deflection turns with its only coordinate, or has an event of its own
-        if len(factors) > 1:
+        sways = contact.sway is not None
+        if len(factors) > 1 or sways:
             event = next(k for k, (slots, _) in enumerate(flow.equations.turning) if slots is contact.deflection)
         own = [turn for turn in turns if turn.event == event]
         values: list[float] = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
+        if sways:
+            angles = Angles(flow.equations.layout, coefficients, np.array([turn.theta for turn in own]))
+            values = (np.array(values) + angles.sway(contact)).tolist()
         contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
     return tuple(contacts), visited, integrals / length

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import Motion, sample
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
@@ -130,7 +131,8 @@ class Orbit(Shown):
         ``closed`` for one without a gap.
         """
         texts, breakpoints = [], self.system.breakpoints
-        for place, contact in enumerate(self.system.structure.contacts):
+        contacts = [pair for pair in enumerate(self.system.structure.contacts) if pair[1].stages]
+        for place, contact in contacts:
             innermost: dict[int, int] = {}  # only the innermost stage of each side counts as an impact
             for switch, (own, side, _) in enumerate(breakpoints):
                 if own == place and not self.system.gapless[switch]:
@@ -140,11 +142,17 @@ class Orbit(Shown):
             elif any(self.closings[switch] for switch in innermost.values()):
                 text = "/".join(f"{self.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())
             else:
-                deflection = self.system.vector(f"{contact.name}.deflection") @ self.state[: self.system.size]
+                deflection = self._deflections[place]
                 held = [side for side, switch in innermost.items() if side * deflection > breakpoints[switch][2]]
                 text = f"closed{_SIGNS[held[0]]}" if held else "open"
-            texts.append(text if len(self.system.structure.contacts) == 1 else f"{contact.name} {text}")
+            texts.append(text if len(contacts) == 1 else f"{contact.name} {text}")
         return ", ".join(texts)
+
+    @property
+    def _deflections(self) -> NDArray[np.float64]:
+        """The first deflection of each contact at theta = 0."""
+        layout, state = layout_of(self.system.structure), self.state[: self.system.size]
+        return contact_deflections(layout, coefficients_of(self.system), 0.0, state)
 
     def motion(self, samples: int | None = None) -> Motion:
         """Return one full period, with `samples` even samples per forcing period (by default as many as it needs)."""
@@ -251,4 +259,4 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 
 def repeats(system: System) -> int:
     """Return how often the excitation repeats within a forcing period: three times for the orders 3 and 6."""
-    return math.gcd(*(order for load in system.structure.harmonics for order in load.orders)) or 1
+    return math.gcd(*(order for load in system.structure.harmonics for order in load.multiples)) or 1

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
+from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
@@ -105,7 +104,9 @@ def touches(orbit: Orbit) -> list[Touch]:
     states = dict(zip(thetas, _states(orbit, thetas), strict=True))
     coefficients, found = coefficients_of(orbit.system), []
     for theta, switch, depth in places:
-        _, speed, acceleration = _Gauge(orbit.system, switch).read(coefficients, theta, states[theta])
+        _, speed, acceleration = Gauge(layout_of(orbit.system.structure), switch).read(
+            coefficients, theta, states[theta]
+        )
         if depth is None:
             if speed * acceleration < 0.0:
                 found.append(Touch(switch, theta, -0.5 * speed**2 / acceleration, acceleration))
@@ -152,7 +153,7 @@ class TouchEquation:
         self._firsts = [self._posed.knots.index(knot) for knot in equation.knots]  # where the own segments begin
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
-        self._gauges = [_Gauge(equation.system, switch) for switch in self._switches]
+        self._gauges = [Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
@@ -237,7 +238,8 @@ class TouchEquation:
         """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""
         before = [event.theta for event in self._near.events if event.theta < touch.theta]
         lead = min(lead, 0.5 * (touch.theta - max(before, default=0.0)))
-        gauge, coefficients = _Gauge(self._near.system, touch.switch), coefficients_of(self._near.system)
+        gauge = Gauge(layout_of(self._near.system.structure), touch.switch)
+        coefficients = coefficients_of(self._near.system)
         while lead > _SHORTEST:
             theta = touch.theta - lead
             acceleration = gauge.read(coefficients, theta, _states(self._near, [theta])[0])[2]
@@ -288,8 +290,8 @@ class TouchEquation:
         depths, rows = self._offsets.copy(), np.zeros((len(self._gauges), len(unknowns)))
         for number, (gauge, segment) in enumerate(zip(self._gauges, self._segments, strict=True)):
             place = slice(segment * self._size, (segment + 1) * self._size)
-            depth, rows[number, place], rows[number, -1] = gauge.row(
-                coefficients, direction, self._thetas[number], unknowns[place]
+            depth, rows[number, place], rows[number, -1] = _reach(
+                gauge, coefficients, direction, self._thetas[number], unknowns[place]
             )
             depths[number] += depth
         return depths, rows
@@ -301,42 +303,25 @@ def _bordered(evaluation: Evaluation, rows: NDArray[np.float64]) -> NDArray[np.f
     return np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
 
 
-class _Gauge:
-    """Gauge of the depth that a motion would reach beyond the breakpoint of a switch if the stage did not change."""
+def _reach(
+    gauge: Gauge,
+    coefficients: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    theta: float,
+    state: NDArray[np.float64],
+) -> tuple[float, NDArray[np.float64], float]:
+    """Return the depth at which a deflection will turn, and its derivatives by the state and along a direction.
 
-    def __init__(self, system: System, switch: int) -> None:
-        self._layout = layout_of(system.structure)
-        stages = [(contact, stage) for contact in self._layout.contacts for stage in contact.stages]
-        contact, stage = stages[switch]
-        self._deflection, self._clearance, self._sign = contact.deflection, stage.clearance, stage.sign
-
-    def read(
-        self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
-    ) -> tuple[float, float, float]:
-        """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
-        n, vector = len(state) // 2, self._sign * coefficients[self._deflection]
-        depth = float(vector @ state[:n]) - float(coefficients[self._clearance])
-        turning = float(vector @ accelerations(self._layout, coefficients, theta, state[:n], state[n:]))
-        return depth, float(vector @ state[n:]), turning
-
-    def row(
-        self,
-        coefficients: NDArray[np.float64],
-        direction: NDArray[np.float64],
-        theta: float,
-        state: NDArray[np.float64],
-    ) -> tuple[float, NDArray[np.float64], float]:
-        """Return the depth at which the deflection will turn, and its derivatives by the state and the parameter.
-
-        The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order
-        in a short time.
-        """
-        depth, speed, turning = self.read(coefficients, theta, state)
-        if turning == 0.0:
-            raise ConvergenceError("the deflection does not turn at the breakpoint")
-        n, vector = len(state) // 2, self._sign * coefficients[self._deflection]
-        by_value = self._sign * float(direction[self._deflection] @ state[:n]) - float(direction[self._clearance])
-        return depth - 0.5 * speed**2 / turning, np.concatenate((vector, -speed / turning * vector)), by_value
+    The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order
+    in a short time.
+    """
+    depth, speed, turning = gauge.read(coefficients, theta, state)
+    if turning == 0.0:
+        raise ConvergenceError("the deflection does not turn at the breakpoint")
+    vector, (by_value, by_rate) = gauge.vector(coefficients), gauge.slopes(coefficients, direction, theta, state)
+    if gauge.sways:
+        by_value -= speed / turning * by_rate
+    return depth - 0.5 * speed**2 / turning, np.concatenate((vector, -speed / turning * vector)), by_value
 
 
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:

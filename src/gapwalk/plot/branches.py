@@ -17,7 +17,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels

@@ -6,6 +6,7 @@ The first is black, the second red or blue.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ _RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.VER
 _ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
 
-def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | None) -> None:
+def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | Fraction | None) -> None:
     """Draw the amplitudes of two line spectra in pairs over their orders; `turns` is that of `System.turns`."""
     orders, first, second, _ = np.array(lines).T
     amplitudes = np.array([first, second], dtype=float)
@@ -68,7 +69,9 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | N
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _set_spectrum(ax: Axes, top: float, heights: tuple[float, float], signal: str, turns: int | None) -> None:
+def _set_spectrum(
+    ax: Axes, top: float, heights: tuple[float, float], signal: str, turns: int | Fraction | None
+) -> None:
     ax.set_yscale("log")
     ax.set(xlim=(0.0, top), ylim=heights, xlabel=order_words(turns), ylabel=f"amplitude of {signal}")
 
@@ -113,7 +116,7 @@ def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
     largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
     for found, look in zip(pair.spectra, (_FIRST, _SECOND), strict=True):
         ax.plot(found.orders[1:], found.amplitudes[1:], **look.options(0.7))
-    _set_spectrum(ax, 8.0 * (turns or 1), (1e-4 * largest, 3.0 * largest), pair.signal, turns)
+    _set_spectrum(ax, 8.0 * float(turns or 1), (1e-4 * largest, 3.0 * largest), pair.signal, turns)
 
 
 def _contrast_title(found: Contrast) -> str:

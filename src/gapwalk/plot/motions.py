@@ -20,9 +20,11 @@ from gapwalk.attractors.section import Section, strobe
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.forces import Angles
 from gapwalk.flow.hysteresis import Hysteresis
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.flow.signal import contact_to_show
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.system import System
@@ -78,10 +80,13 @@ def draw_history(
     ax.plot(motion.theta / PERIOD, values, **stroke(BLACK, 1.1, solid_joinstyle="round"))
     low, high = float(values.min()), float(values.max())
     pad = 0.08 * ((high - low) or 1.0)
-    for level in breakpoints(motion.system, signal):
-        if low - 3 * pad <= level <= high + 3 * pad:
-            ax.axhline(level, **GUIDE.options(zorder=1))
-            low, high = min(low, level), max(high, level)
+    for levels in breakpoints(motion, signal):
+        if low - 3 * pad <= levels.max() and levels.min() <= high + 3 * pad:
+            if np.ptp(levels):
+                ax.plot(motion.theta / PERIOD, levels, **GUIDE.options(zorder=1))
+            else:
+                ax.axhline(levels[0], **GUIDE.options(zorder=1))
+            low, high = min(low, float(levels.min())), max(high, float(levels.max()))
     ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
     ax.set_ylim(low - pad, high + pad)
     ax.set_xlabel("forcing periods")
@@ -97,20 +102,28 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
     ax.plot(motion.deflections[:, index], motion.forces[:, index], **stroke(BLACK, 0.9, solid_joinstyle="round"))
     for level in _levels(system, index):
         ax.axvline(level, **GUIDE.options(zorder=1))
-    ax.set_xlabel(f"deflection of {signal_words(contact, system.units)}")
+    arguments = system.structure.contacts[index].law.arguments
+    first = f"deflection {arguments[0]} of" if arguments[1:] else "deflection of"
+    ax.set_xlabel(f"{first} {signal_words(contact, system.units)}")
     ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
 
 
-def breakpoints(system: System, signal: str) -> list[float]:
-    """Return the values of a coordinate at which a contact that depends only on it opens or closes."""
+def breakpoints(motion: Motion, signal: str) -> list[NDArray[np.float64]]:
+    """Return the values of a coordinate at which a contact that depends only on it opens or closes, at each sample.
+
+    They move with a displacement that is prescribed in the deflection.
+    """
+    system = motion.system
     if signal not in system.coordinates:
         return []
     place = system.coordinates.index(signal)
-    found = []
-    for index, contact in enumerate(system.structure.contacts):
-        vector = system.vector(f"{contact.name}.deflection")
+    layout, found = layout_of(system.structure), []
+    angles = Angles(layout, coefficients_of(system), motion.theta)
+    for index, slots in enumerate(layout.contacts):
+        vector = system.vector(slots.form.vectors[0])
         if vector[place] and np.count_nonzero(vector) == 1:
-            found += [level / float(vector[place]) for level in _levels(system, index)]
+            sway = angles.sway(slots) + np.zeros(len(motion.theta))
+            found += [(level - sway) / float(vector[place]) for level in _levels(system, index)]
     return found
 
 
@@ -191,7 +204,7 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
 
 def _top(found: Spectrum, largest: float) -> float:
     notable = found.orders[found.amplitudes > 30 * _SPECTRUM_DEPTH * largest]
-    unit = found.system.turns or 1
+    unit = float(found.system.turns or 1)
     return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))
 
 

@@ -47,6 +47,7 @@ _MODULES = {
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
     "loci": ("Family", "Map"),
+    "models": ("System",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),

@@ -197,9 +197,7 @@ def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
     """
     structure = structure_of(full.structure, basis)
     n, r = full.size, basis.size
-    count = 1 + 3 * r * r + r + sum(len(load.parameters) + r for load in structure.harmonics)
-    count += sum(r * (2 - form.reciprocal) + len(form.parameters) for form in full.structure.contacts)
-    values = np.zeros(count)
+    values = np.zeros(len(structure.names))
     for which in MATRICES:
         values[structure.block(which, r, r)] = getattr(small, which).toarray()
     for prefix in vectors_of(structure):
@@ -222,9 +220,9 @@ def structure_of(full: Structure, basis: Basis) -> Structure:
 
 def vectors_of(structure: Structure) -> list[str]:
     """Return the prefixes of the names of parameters that belong to one coordinate each."""
-    found = ["mean", *(f"{harmonic.name}.acts_on" for harmonic in structure.harmonics)]
+    found = ["mean", *(load.shape for load in structure.driving)]
     for contact in structure.contacts:
-        found += [f"{contact.name}.deflection"] + [f"{contact.name}.force"] * (not contact.reciprocal)
+        found += [*contact.vectors, *([] if contact.reciprocal else [contact.push])]
     return found
 
 

@@ -18,13 +18,14 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import powers_of_two, unknown_scales
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import solve
 
@@ -281,7 +282,7 @@ class Pair:
             from_real_form,  # imported late: it loads numba, which takes long
         )
 
-        lines = np.abs(from_real_form(unknowns.reshape(len(self.system.structure.contacts), -1)))
+        lines = np.abs(from_real_form(unknowns.reshape(deflections_in(self.system.structure), -1)))
         return float(lines[:, 0 if mean else 1 :].sum(axis=1).max())
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.spring import Spring, springs_of
+from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
 
 _SPARSE = 0.1  # fraction of nonzero entries below which a matrix counts as sparse
@@ -27,13 +28,13 @@ class Matrices:
     mass, damping, stiffness : sparse, shape (n, n)
         M, C and K; M and K are symmetric.
     deflections : shape (contacts, n)
-        Deflection vectors e_k.
+        Deflection vectors e_k: each of a force by a formula of several deflections counts as a contact of its own.
     forces : shape (n, contacts)
         Force vectors d_k.
     loads : shape (n, loads)
         The constant load, and the shape of each harmonic, unless they are zero.
     springs : shape (contacts,)
-        Stiffness of each contact with all stages of one side closed.
+        Stiffness of each contact with all stages of one side closed; of formulas at zero deflection.
     """
 
     mass: Any
@@ -94,12 +95,14 @@ def matrices_of(system: System) -> Matrices:
     def vector(prefix: str) -> NDArray[np.float64]:
         return values[structure.block(prefix, n)]
 
-    deflections = [vector(f"{form.name}.deflection") for form in structure.contacts]
-    forces = [
-        deflection if form.reciprocal else vector(f"{form.name}.force")
-        for form, deflection in zip(structure.contacts, deflections, strict=True)
-    ]
-    shapes = [vector(f"{harmonic.name}.acts_on") for harmonic in structure.harmonics]
+    deflections, forces, springs = [], [], []
+    for spring, force in zip(springs_of(system), static_forces_of(system), strict=True):
+        stiffness = force.at(np.zeros(n)).stiffness if force.is_formula else [_stiffness(spring)]
+        for deflection, slope in zip(force.deflections, stiffness, strict=True):
+            deflections.append(deflection)
+            forces.append(force.direction)
+            springs.append(slope if np.isfinite(slope) else 0.0)
+    shapes = [vector(load.shape) for load in structure.driving]
     loads = [load for load in (vector("mean"), *shapes) if load.any()]
     mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
     return Matrices(
@@ -109,7 +112,7 @@ def matrices_of(system: System) -> Matrices:
         np.array(deflections).reshape(-1, n),
         np.array(forces).reshape(-1, n).T,
         np.array(loads).reshape(-1, n).T,
-        np.array([_stiffness(spring) for spring in springs_of(system)]),
+        np.array(springs),
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.model.laws import Law
+from gapwalk.model.laws.law import data_of
 from gapwalk.model.loads import Load
 from gapwalk.model.system import System
 from gapwalk.results.records import parameters_of
@@ -27,7 +28,7 @@ def plain(value: Any) -> Any:
         case System():
             return _plain_system(value)
         case Law():
-            return value.name
+            return {"name": value.name, **data_of(value)} if is_dataclass(value) else value.name
         case type() if issubclass(value, Load):
             return value.key
         case Enum():

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -13,7 +15,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point_kind import KINDS, Kind
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.laws import LAWS, Law
+from gapwalk.model.laws import FORMULAS, LAWS, Law
+from gapwalk.model.laws.law import data_of
 from gapwalk.model.loads import LOADS, Load, LoadForm
 from gapwalk.model.registry import Registry
 from gapwalk.model.structure import ContactForm, Structure
@@ -187,7 +190,75 @@ class Registered(Converted):
 
 
 register(Kind, Registered(KINDS, str))
-register(Law, Registered(LAWS, lambda law: law.name))
+
+
+class PlainLaw(NamedTuple):
+    """Name of a force law, and its data as JSON; none if it is registered under that name."""
+
+    name: str
+    data: str
+
+
+class PlainLoad(NamedTuple):
+    """Parts of the form of a load, with its constants as JSON."""
+
+    name: str
+    order: int
+    kind: type[Load]
+    constants: str
+    varies: tuple[tuple[str, float], ...]
+
+
+class Laws(Converted):
+    """Force laws by their names, with the data of those that have some; one that could not be read is refused."""
+
+    def __init__(self) -> None:
+        super().__init__(Law, PlainLaw, _plain_law, _law_of)
+        self.tag = f"a {LAWS.words} that is registered"
+
+    def fits(self, value: Any) -> bool:
+        return value in LAWS.values() or type(value) in FORMULAS.values()
+
+
+def _plain_law(law: Law) -> PlainLaw:
+    return PlainLaw(law.name, _json(data_of(law)) if type(law) in FORMULAS.values() else "")
+
+
+def _law_of(plain: PlainLaw) -> Law:
+    if not plain.data:
+        return LAWS.named(plain.name)
+    return FORMULAS.named(plain.name)(**_from_json(plain.data))
+
+
+def _plain_load(form: LoadForm) -> PlainLoad:
+    return PlainLoad(form.name, form.order, form.kind, _json(dict(form.constants)), form.varies)
+
+
+def _load_of(plain: PlainLoad) -> LoadForm:
+    return LoadForm(*plain[:3], tuple(_from_json(plain.constants).items()), plain.varies)
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    return json.dumps(data, allow_nan=False)
+
+
+def _from_json(text: str) -> dict[str, Any]:
+    """Read data of texts, numbers and tuples; raise a ValueError for anything else."""
+
+    def tuples(value: Any) -> Any:
+        if isinstance(value, dict):
+            raise ValueError("the data of a force law or a load are not plain")
+        return tuple(map(tuples, value)) if isinstance(value, list) else value
+
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError("the data of a force law or a load are no table")
+    return {name: tuples(value) for name, value in data.items()}
+
+
+register(Fraction, Converted(Fraction, str, str, Fraction))
+register(Law, Laws())
+register(LoadForm, Converted(LoadForm, PlainLoad, _plain_load, _load_of))
 register(type[Load], Registered(LOADS, lambda kind: kind.key))
 register(System, Systems())
 register(Structure, Converted(Structure, TrainAssembly | PlainStructure, _plain_structure, _structure_of))

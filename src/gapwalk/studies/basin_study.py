@@ -19,7 +19,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.basin_work import BasinOptions, BasinWork
 from gapwalk.studies.cell_work import CellFinding
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution

@@ -10,7 +10,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit

@@ -275,6 +275,9 @@ class DiagramWork(Work):
         if isinstance(values, tuple):
             return np.array(values, dtype=float)
         low, high = self.diagram.within
+        structure = self.system.structure
+        if structure.place(self.diagram.parameter) == 0:  # nowhere else are the loads known
+            low, high = max(low, structure.pace_limits.low), min(high, structure.pace_limits.high)
         return low + (high - low) * (np.arange(values) + 0.5) / values
 
     def _plant(self, orbits: Sequence[Orbit], workers: Workers) -> Iterator[DiagramBranch]:

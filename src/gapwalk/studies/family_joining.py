@@ -24,7 +24,7 @@ from gapwalk.continuation.corrector import Correction
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.model.parameter_path import WAY, on_the_way
+from gapwalk.model.parameter_homotopy import WAY, on_the_way
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import is_same, stroboscopic
@@ -321,7 +321,7 @@ class _Joiner:
             return
         del self.left[side][place]
         first, second = locus.points[-1].values
-        at_edge = end.reason is LocusEndReason.RANGE and len(locus.points) > 1
+        at_edge = end.reason in (LocusEndReason.RANGE, LocusEndReason.TABLE) and len(locus.points) > 1
         arrives = next((edge for edge in (0, 1) if at_edge and abs(self._share(second) - edge) <= _EDGE), None)
         partner = None if arrives is None else self._at_end(locus, arrives)
         if partner is not None and arrives is not None:
@@ -342,7 +342,7 @@ class _Joiner:
             self._add(special, Fate.MET, place, partner, event=event, **more)
         elif arrives is not None:
             self._add(special, Fate.OUTSIDE, place, **more)
-        elif end.reason in (LocusEndReason.RANGE, LocusEndReason.START):
+        elif end.reason in (LocusEndReason.RANGE, LocusEndReason.TABLE, LocusEndReason.START):
             self._add(special, Fate.RANGE, place, **more)
         else:
             event = locus.codim2_points[-1].kind.value if locus.codim2_points else ""

@@ -14,7 +14,7 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
 from gapwalk.studies.options import RangeStudy, SecondParameter, is_allowed, is_another
@@ -50,7 +50,7 @@ def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
     if contact and info.data.get("of", Kind.GRAZING) is not Kind.GRAZING:
         raise ValueError(f'is for of = "grazing"; leave it out for {given(info.data["of"].value)}')
     system = info.context.system
-    names = [form.name for form in system.structure.contacts] if system else []
+    names = [form.name for form in system.structure.contacts if form.stages] if system else []
     if contact and system and contact.split(" ", maxsplit=1)[0] not in names:
         raise ValueError(f"is {given(contact)}, which is no contact; {did_you_mean(contact, names)}")
     return contact

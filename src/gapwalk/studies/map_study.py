@@ -30,7 +30,7 @@ from gapwalk.orbit.orbit import phases
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search

@@ -24,8 +24,8 @@ from gapwalk.model.schema import validate
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
-from gapwalk.studies.changes import leaves_of
-from gapwalk.studies.derive import given_of, table_schema
+from gapwalk.studies.derived_schema import given_of, table_schema
+from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter

@@ -22,7 +22,7 @@ from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.derive import key_type, table_schema
+from gapwalk.studies.derived_schema import key_type, table_schema
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import INLINE, OPEN
 from gapwalk.studies.tables import (

@@ -14,7 +14,7 @@ from gapwalk.model.model_source import Source
 from gapwalk.model.problems import Path, Problem, given
 from gapwalk.model.schema import Part, Positive, Text, refusal, validate
 from gapwalk.model.system import System
-from gapwalk.studies.changes import study_tables, walked_parameters
+from gapwalk.studies.set_values import study_tables, walked_parameters
 
 
 @dataclass(frozen=True)

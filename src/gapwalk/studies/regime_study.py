@@ -26,7 +26,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
 from gapwalk.studies.columns import parameter_headings
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second, SecondParameter
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of

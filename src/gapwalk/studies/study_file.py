@@ -17,13 +17,17 @@ from gapwalk.files import why_no_file
 from gapwalk.model.contact import Side
 from gapwalk.model.laws import law_parameters
 from gapwalk.model.loads import LOADS, Load
-from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_parts
+from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, read_source
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.studies.changes import (
+from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
+from gapwalk.studies.measure import check_measurement
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
+from gapwalk.studies.set_values import (
     Change,
     change_source,
     change_system,
@@ -32,10 +36,6 @@ from gapwalk.studies.changes import (
     unknown_names,
     walked_parameters,
 )
-from gapwalk.studies.derive import DerivedPart, all_keys, study_schema
-from gapwalk.studies.measure import check_measurement
-from gapwalk.studies.options import BranchOptions
-from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import StudyPart, Surroundings
@@ -63,7 +63,8 @@ def sketch_of(source: Source) -> Sketch | None:
     It is None if not even the names are known, or if the file describes a drive train.
     """
     known = {key: source.data[key] for key in ("coordinates", "contact", *LOADS) if key in source.data}
-    data: dict[str, Any] = dict(read_parts(replace(source, data=known))[0].data)
+    partial = replace(source, data=known)
+    data: dict[str, Any] = dict(read_parts(partial, read_files(partial)[0], units=False)[0].data)
     coordinates = Names.of(data).coordinates or []
     data["stiffness"] = [0.0] * len(coordinates)
     model, _ = check_model(replace(source, data=data))
@@ -136,7 +137,7 @@ class Study:
     unused
         Names of tables in the file that have no effect, such as ``study.shooting`` where harmonics are balanced.
     matrices
-        Digest of the matrices in files next to the model file; empty if there are none.
+        Digest of the matrices and tables in files of their own; empty if there are none.
     """
 
     system: System
@@ -261,7 +262,7 @@ def _check_table(
         return None, [_refused(source, at, table, error)]
     changed = tuple(asked.items())
     name = table.name or ""
-    return Study(system, options, title, source.text, changed, name, reduced, table.unused, model.matrices), []
+    return Study(system, options, title, source.text, changed, name, reduced, table.unused, model.files), []
 
 
 def _changed(

@@ -31,9 +31,9 @@ class StudyKind:
     A kind of study is a frozen dataclass that derives from this class:
 
     - Its fields are what `gapwalk.Study.options` holds, what a result file keeps (`gapwalk.results.codec` works along
-      their type hints), and the keys of the table ``[study]`` of a model file (`gapwalk.studies.derive` makes its
-      schema along the same hints). Validators of pydantic in ``Annotated`` may look at the system and at the fields
-      before.
+      their type hints), and the keys of the table ``[study]`` of a model file (`gapwalk.studies.derived_schema` makes
+      its schema along the same hints). Validators of pydantic in ``Annotated`` may look at the system and at the
+      fields before.
     - Options that a Python function takes too are a dataclass of their own, from which the kind derives as well, or
       which it holds: no option is written down twice.
     - `work` returns its `Work`, which yields its results part by part. So one runner (`gapwalk.studies.runner`)

@@ -22,7 +22,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.columns import parameter_headings
-from gapwalk.studies.derive import key_type
+from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of

@@ -73,7 +73,9 @@ def check_range(system: System, name: str, given: Sequence[float]) -> tuple[floa
     except (TypeError, ValueError):
         raise ModelError(f"the range of {name} is {given!r}; write two numbers (low, high)") from None
     for value in (low, high):
-        system.at({name: value})
+        there = system.at({name: value})
+        if (limits := system.structure.pace_limits).tables and not limits.covers(there[system.structure.pace]):
+            raise ModelError(f"the range of {name} is from {low:g} to {high:g}, but {limits.words}: stay within it")
     if not low < high:
         raise ModelError(f"the range of {name} is from {low:g} to {high:g}: it is empty; write (low, high)")
     return low, high
@@ -179,14 +181,14 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
     parameter, system = info.data.get("parameter"), info.context.system
     if parameter is None and has_unit(value):
         return math.nan  # its unit is unknown while the parameter is wrong itself
-    kind = kind_of(parameter) if isinstance(parameter, str) else None
-    if value is None or kind is None or isinstance(value, bool | list | Mapping):
+    if not isinstance(parameter, str) or value is None or isinstance(value, bool | list | Mapping):
         return handler(value)
     if system is None:  # the file is wrong elsewhere, so it is unknown if it has units
-        return read_quantity(value, kind).number if isinstance(value, str) else handler(value)
-    if system.units is None or (value == 0 and not isinstance(value, str)):
+        kind = kind_of(parameter)
+        return read_quantity(value, kind).number if kind and isinstance(value, str) else handler(value)
+    if system.units is None or not system.units.parameter(parameter) or (value == 0 and not isinstance(value, str)):
         return handler(value)
-    return handler(system.units.read(str(parameter), value))
+    return handler(system.units.read(parameter, value))
 
 
 WITH_UNIT = WrapValidator(_with_unit)
@@ -194,11 +196,11 @@ WITH_UNIT = WrapValidator(_with_unit)
 
 
 class StudyPart(Part):
-    """Keys that the tables of all kinds of study share; `gapwalk.studies.derive` adds those of each kind."""
+    """Keys that the tables of all kinds of study share; `gapwalk.studies.derived_schema` adds those of each kind."""
 
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""
-    set: Any = None  # other values of the system; read by `gapwalk.studies.changes`
+    set: Any = None  # other values of the system; read by `gapwalk.studies.set_values`
 
     @field_validator("name")
     @classmethod

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border
@@ -25,8 +25,13 @@ from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.independent_equations import Equations
 from gapwalk.verification.verification import Check, Ledger, Spot
 
+Array = NDArray[np.float64]
+
 _PERIOD = 2.0 * math.pi
 _NODES, _WEIGHTS = leggauss(8)
+_CELLS = 16  # of the grid per line on which kinks are bracketed
+_BISECTIONS = 50
+_HALVINGS = 24  # of panels beside a fractional power
 _PANELS = 1.0  # panels per line; each breakpoint adds one
 _MOST = 60  # number of points of a branch for which an exact motion is sought
 _LARGE = 20  # degrees of freedom from which no exact motion is sought: its flow would take too long
@@ -80,14 +85,11 @@ def _of_series(orbit: BalancedOrbit) -> Imbalance:
     rate = 1j * np.arange(count + 1) * system.frequency / orbit.period
     total = np.zeros((system.size, count + 1), dtype=complex)
     largest, astray, length = 0.0, 0.0, float(np.abs(orbit.extremes[:, :2]).max())
-    for theta, weights in _panels(orbit, count):
-        waves = np.exp(1j * np.outer(theta / orbit.period, np.arange(count + 1)))
-        states = np.hstack([(waves @ (lines * rate**power).T).real for power in (0, 1)])
+    for theta, weights in _panels(orbit, count, _kinks(orbit, equations, count)):
+        waves, states = _states(orbit, theta)
         accelerations = (waves @ (lines * rate**2).T).real
-        depths = equations.depths(equations.deflections(states[:, : system.size]))
-        closed = (depths > 0.0).astype(float)
-        full = np.column_stack((states, np.zeros(len(theta))))
-        rates = equations.rates(theta, full, closed)[:, system.size : 2 * system.size] * system.frequency
+        depths, closed = _closed(equations, theta, states)
+        rates = equations.rates(theta, states, closed)[:, system.size : 2 * system.size] * system.frequency
         total += (weights[:, None] * (accelerations - rates)).T @ waves.conj()
         largest = max(largest, float(np.abs(accelerations).max()), float(np.abs(rates).max()))
         astray = max(astray, _astray(orbit, theta, depths))
@@ -96,11 +98,51 @@ def _of_series(orbit: BalancedOrbit) -> Imbalance:
     return Imbalance(float(np.abs(total).max()) / max(largest, tiny), astray / max(length, tiny))
 
 
-def _panels(orbit: BalancedOrbit, count: int):
-    """Yield angles and weights of Gauss's rule on panels that end at the breakpoints, in batches."""
+def _states(orbit: BalancedOrbit, theta: Array) -> tuple[NDArray[np.complex128], Array]:
+    """Return the waves of all lines at some angles, and positions, velocities and a zero, shape (angles, 2n + 1)."""
+    lines = orbit.series.lines
+    k = np.arange(lines.shape[1])
+    waves, rate = np.exp(1j * np.outer(theta / orbit.period, k)), 1j * k * orbit.system.frequency / orbit.period
+    parts = [(waves @ (lines * rate**power).T).real for power in (0, 1)]
+    return waves, np.column_stack((*parts, np.zeros(len(theta))))
+
+
+def _closed(equations: Equations, theta: Array, states: Array) -> tuple[Array, Array]:
+    """Return the depths beyond the breakpoints, and 1 for each stage that acts, otherwise 0."""
+    depths = equations.depths(equations.deflections(theta, states[:, : equations.size]))
+    return depths, (depths > 0.0).astype(float)
+
+
+def _kinks(orbit: BalancedOrbit, equations: Equations, count: int) -> Array:
+    """Return the angles at which a number jumps or a formula has a kink, and angles that approach the latter."""
+    end = _PERIOD * orbit.period
+    turns = _PERIOD * np.arange(orbit.period)[:, None]
+    known = [(turns + jumps).ravel() for jumps in equations.jumps(0)]
+    if equations.guard_count:
+
+        def guards(theta: Array) -> Array:
+            _, states = _states(orbit, theta)
+            return equations.guards(theta, states, _closed(equations, theta, states)[1])
+
+        grid = np.linspace(0.0, end, _CELLS * (count + 1) + 1)
+        above = guards(grid) > 0.0
+        cells, modes = np.nonzero(above[1:] != above[:-1])
+        low, high, each = grid[cells], grid[cells + 1], np.arange(len(cells))
+        for _ in range(_BISECTIONS if len(cells) else 0):
+            middle = 0.5 * (low + high)
+            is_like_low = (guards(middle)[each, modes] > 0.0) == above[cells, modes]
+            low, high = np.where(is_like_low, middle, low), np.where(is_like_low, high, middle)
+        # beside a fractional power the rule needs panels that become smaller and smaller
+        approach = np.outer(2.0 ** -np.arange(_HALVINGS), [-1.0, 1.0]).ravel() * end / (count + 1)
+        known += [low, (low[equations.graded[modes], None] + approach).ravel() % end]
+    return np.concatenate(known) if known else np.zeros(0)
+
+
+def _panels(orbit: BalancedOrbit, count: int, kinks: Array):
+    """Yield angles and weights of Gauss's rule on panels that end at breakpoints and kinks, in batches."""
     end = _PERIOD * orbit.period
     knots = np.linspace(0.0, end, math.ceil(_PANELS * count) + 2)
-    knots = np.unique(np.concatenate((knots, [event.theta % end for event in orbit.events])))
+    knots = np.unique(np.concatenate((knots, [event.theta % end for event in orbit.events], kinks)))
     size = max(1, _BATCH // (8 * (count + 1)))
     for first in range(0, len(knots) - 1, size):
         a, b = knots[first : first + size + 1][:-1], knots[first + 1 : first + size + 1]

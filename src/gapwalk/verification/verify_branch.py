@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.verification.branch_corrector import CROSSING, Track
@@ -126,9 +126,11 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
         yield f"{said}, but the branch ends at {point.value:.10g}"
         return
     match end.reason:
-        case EndReason.RANGE | EndReason.TURNED_BACK:
-            if within is not None and min(abs(end.value - bound) for bound in within) > same:
-                yield f"{said}, where the range is from {within[0]:.10g} to {within[1]:.10g}"
+        case EndReason.RANGE | EndReason.TURNED_BACK | EndReason.TABLE:
+            tables = point.orbit.system.structure.pace_limits
+            limits = (tables.low, tables.high) if end.reason is EndReason.TABLE else within
+            if limits is not None and min(abs(end.value - bound) for bound in limits) > same:
+                yield f"{said}, where the range is from {limits[0]:.10g} to {limits[1]:.10g}"
             origin = min(branch.points, key=lambda each: abs(each.arclength))
             way = -1.0 if place == 0 else 1.0
             ahead = (point.value - origin.value) * float(origin.tangent[-1]) * way

@@ -19,7 +19,7 @@ from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.orbit_on_branch import Curve, lies_on
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.verification.branch_corrector import special_spot

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border, multipliers
 from gapwalk.orbit.orbit import Orbit

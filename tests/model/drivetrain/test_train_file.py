@@ -150,3 +150,105 @@ def test_the_walk_of_the_example_over_its_load_finds_both_flips(tmp_path: Path) 
         at = back.branches[0].special(gw.Kind.FLIP)[0].point.orbit
         assert min(abs(at.multipliers + 1)) < 1e-6
         assert value
+
+
+LOADED = (
+    GOOD.replace("frequency = 2.0\n", 'speed = "1200 rpm"\nreference = "hub"\n')
+    .replace("engine = 3.0", 'engine = "3 N m"')
+    .replace("inertia = 0.2", 'inertia = "0.2 kg m^2"')
+    .replace("inertia = 0.05", 'inertia = "0.05 kg m^2"')
+    .replace("inertia = 4.0", 'inertia = "4 kg m^2"')
+    .replace("stiffness = 10\ndamping = 0.1\nviscous_damping = 0.2\n", 'stiffness = "10 N m/deg"\n')
+    .replace("clearance = 0.1\nstiffness = 30.0", 'clearance = "5 deg"\nstiffness = "30 N m/rad"')
+    .replace("clearance = 0.3\nstiffness = 90.0", 'clearance = "9 deg"\nstiffness = "90 N m/rad"')
+    .replace("ratio = 2.5\nstiffness = 70.0\nclearance = 0.01\ncubic = 5.0\nimpact_damping = 0.4",
+             'teeth = [20, 50]\nstiffness = "70 N m/rad"\nclearance = "1 deg"')
+    .replace("amplitude = 0.7\nacts_on = { engine = 1.0 }",
+             'order = 0.5\namplitude = "7 N m"\nacts_on = { engine = 1.0 }\ngrowth = 2\nat = "900 rpm"')
+    + """
+[[harmonic]]
+varies = "pair.stiffness"
+mesh = "pair"
+amplitude = 0.2
+[[harmonic]]
+varies = "pair.deflection"
+mesh = "pair"
+amplitude = "0.01 deg"
+[[rectangle]]
+varies = "clutch.stop.stiffness"
+share = 0.3
+amplitude = 0.1
+turns_of = "load"
+order = 5
+[[force]]
+name = "oil"
+between = ["engine", "hub"]
+law = "2*c*v + d*v*abs(v)"
+c = "0.01 N m s/rad"
+d = 0.002
+"""
+)  # fmt: skip
+
+
+def test_loads_and_formulas_of_a_file_are_those_of_the_train() -> None:
+    model, problems = check_model(parse_source(LOADED, "m.toml"))
+    assert not problems
+    assert model is not None
+    stages = (gw.Stage("5 deg", "30 N m/rad", side=gw.Side.POSITIVE), gw.Stage("9 deg", "90 N m/rad", name="stop"))
+    train = gw.train.Train(
+        [gw.train.Inertia("engine", "0.2 kg m^2"), gw.train.Inertia("hub", "0.05 kg m^2"),
+         gw.train.Inertia("load", "4 kg m^2")],
+        [gw.train.Shaft("clutch", ("engine", "hub"), stiffness="10 N m/deg", stages=stages)],
+        [gw.train.Gear("pair", ("hub", "load"), teeth=(20, 50), stiffness="70 N m/rad", clearance="1 deg")],
+        mean={"engine": "3 N m"},
+        harmonics=[
+            gw.train.Counted(
+                gw.Harmonic("7 N m", {"engine": 1.0}, name="harmonic0_5", growth=2, at="900 rpm"), order=0.5
+            ),
+            gw.train.Counted(gw.Harmonic(0.2, varies="pair.stiffness", name="harmonic1"), mesh="pair"),
+            gw.train.Counted(
+                gw.Harmonic("0.01 deg", varies="pair.deflection", name="pair_deflection_harmonic1"), mesh="pair"
+            ),
+            gw.train.Counted(
+                gw.loads.Rectangle(0.1, "clutch.stop.stiffness", order=5, share=0.3), turns_of="load"
+            ),
+        ],
+        forces=[gw.train.Force("oil", ("engine", "hub"), "2*c*v + d*v*abs(v)", c="0.01 N m s/rad", d=0.002)],
+        reaction="load",
+        reference="hub",
+        speed="1200 rpm",
+    )  # fmt: skip
+    assert model.system == train.system()
+    assert model.system.turns == 0.5
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "complaint"),
+    [
+        ('mesh = "pair"', 'mesh = "par"', "m.toml:46: harmonic[1].mesh is 'par', which is no gear; did you mean pair?"),
+        ("teeth = [20, 50]", "ratio = 2.5", "counts its order per tooth of pair, which has no teeth"),
+        ("teeth = [20, 50]", "teeth = 20", 'gear "pair".ratio is missing; it is the speed of the first'),
+        ("teeth = [20, 50]", "teeth = [20, 50]\nratio = 2.4",
+         'gear "pair" has 20 teeth and the ratio 2.4, so its second gear would have 48; write the numbers of both'),
+        ("amplitude = 0.2", 'amplitude = "0.2 N m"',
+         'it is a fraction of what varies, so write it without a unit'),
+        ('amplitude = "0.01 deg"', "amplitude = 0.01", "amplitude is 0.01, a number without a unit; write an angle"),
+        ('at = "900 rpm"', "at = 900", "at is 900, a number without a unit; write a frequency or speed such as"),
+        ('varies = "pair.stiffness"', 'varies = "pear.stiffness"',
+         "m.toml:45: harmonic[1].varies is 'pear.stiffness', but there is no shaft or gear 'pear'; they are clutch"),
+        ('varies = "pair.stiffness"', 'varies = "pair.damping"', "but a damper that acts always does not vary"),
+        ('law = "2*c*v + d*v*abs(v)"', 'law = "2*c*v + d*v*abs(v"', 'force "oil" has no formula as its law'),
+        ("d = 0.002", "e = 0.002", 'force "oil" has no d, which its formula needs'),
+        ('c = "0.01 N m s/rad"', 'c = "0.01 kg"', 'm.toml:62: force "oil".c is "0.01 kg": kg is not made of an angle'),
+        ('between = ["engine", "hub"]\nlaw', 'between = ["engine", "ground"]\nlaw',
+         "a torque that depends on the rate alone, and nothing else holds the train to the ground"),
+        ("order = 5", "order = 5.1234567", "which is no fraction of small numbers"),
+        ("inertia = \"0.05 kg m^2\"", "", 'inertia "hub" has no inertia; write inertia = ...'),
+        ('reference = "hub"', 'reference = "hup"', "reference is 'hup', which is no inertia; did you mean hub?"),
+    ],
+)  # fmt: skip
+def test_a_mistake_of_loads_is_told(line: str, instead: str, complaint: str) -> None:
+    assert line in LOADED
+    problems = problems_of(LOADED.replace(line, instead, 1))
+    assert any(complaint in str(problem) for problem in problems), [*map(str, problems)]
+    assert len(problems) < 3

@@ -230,7 +230,7 @@ def test_a_study_runs_is_kept_and_drawn(tmp_path: Path, text: str) -> None:
         ["check", str(file)],
         ["run", str(file), "--output", str(out)],
         ["show", str(out)],
-        *([] if text is YIELDING else [["modes", str(file)]]),  # it begins with the equilibria
+        ["modes", str(file)],
         ["verify", str(out)],
         ["export", str(out), "--format", "png"],
     ):
@@ -269,15 +269,35 @@ def test_a_law_that_is_no_polynomial_has_exact_derivatives_and_branches() -> Non
     assert gw.verify(branch).ok
 
 
+def test_the_batch_integrator_carries_a_law_that_is_no_polynomial_and_jumps() -> None:
+    system = _yielding(fading=0.4)
+    states = np.random.default_rng(0).normal(size=(20, 2)) * 0.6
+    run = batch_flow_of(system, BatchOptions(error=1e-5)).run(states, 2)
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    ends = [flow.integrate(coefficients, state, 0.0, 2 * PERIOD).state for state in states]
+    assert run.states == pytest.approx(np.array(ends), abs=3e-4)
+
+
 def test_what_a_backend_cannot_carry_it_refuses_by_name() -> None:
     system = _yielding()
-    for call in (
-        lambda: gw.find_orbit(system, method=gw.Balance()),
-        lambda: batch_flow_of(system).run(np.zeros((4, 2)), 1),
-        lambda: find_equilibria(system),
-    ):
-        with pytest.raises(ModelError, match="cannot include 'stop': its force law 'yielding' is not a polynomial"):
-            call()
+    with pytest.raises(ModelError, match="cannot include 'stop': its force law 'yielding' is not a polynomial"):
+        gw.find_orbit(system, method=gw.Balance())
+
+
+def test_a_law_that_is_no_polynomial_has_equilibria() -> None:
+    """Its force is k xi / (1 + xi^2) on top of 0.5 x: bracketed by SciPy, with the slope by hand."""
+    system = _yielding(fading=0.4).at({"mean.x": 0.9})
+
+    def left(x: float) -> float:
+        return 0.5 * x + 2.0 * (x - 0.3) / (1.0 + (x - 0.3) ** 2) - 0.9
+
+    root = brentq(left, 0.3, 1.0, xtol=1e-15)
+    rest = find_equilibria(system)
+    (one,) = rest.equilibria
+    assert (one.position[0], rest.complete) == (pytest.approx(root, abs=1e-14), False)
+    depth = root - 0.3
+    assert one.stiffness.item() == pytest.approx(0.5 + 2.0 * (1.0 - depth**2) / (1.0 + depth**2) ** 2, rel=1e-13)
+    assert one.damping.item() == pytest.approx(0.1 + 0.4 / (1.0 + depth**2), rel=1e-13)
 
 
 def test_drive_trains_know_the_law_and_the_load(tmp_path: Path) -> None:

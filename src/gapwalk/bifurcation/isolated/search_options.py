@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import Spring, springs_of
+from gapwalk.model.static_force import formula_matrices, formulas_of
+from gapwalk.model.static_search import balance_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
@@ -24,6 +26,9 @@ _MOST = 100_000  # largest number of starts
 _REACH = 20.0  # a gap this many times wider than the motion without it is assumed never to close
 _SAMPLES = 64  # samples per forcing period of the velocities of a known orbit
 _RESONANCE = 5.0  # upper bound of the amplitude of a linear resonance, in static deflections
+_NOTHING = 1e-12  # share of the largest extent below which that of another coordinate is rounding
+_STEPPED = 2.0  # largest motion after a load is applied at once, in static deflections
+_BENT = 3.0  # extent of the positions, in lengths at which a formula bends
 _SINGULAR = 1e12  # condition number above which a stiffness does not support the system
 
 
@@ -86,7 +91,8 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
     """Return the half-widths of a box about zero that contains the motions of a system with a margin; shape (2n,).
 
     Positions: as far as the static load, the widths of the gaps and the excitation move the system while its contacts
-    touch, and at least as wide as the gaps; if a contact has one side only, as far as the system moves without it.
+    touch, and at least as wide as the gaps; if a contact has one side only, as far as the system moves without it. With
+    forces by formulas, about each static equilibrium.
     Velocities: the positions times the natural frequency of the coordinate with the others fixed and the contacts
     touching, or times the excitation frequency if that is higher. Known orbits enlarge the box if necessary.
 
@@ -100,7 +106,7 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
         Factor by which the box is enlarged.
     """
     stiffness, positions = _touching(system)
-    positions[positions == 0.0] = positions.max() or 1.0
+    positions[positions <= _NOTHING * positions.max()] = positions.max() or 1.0
     rates = np.sqrt(np.abs(stiffness.diagonal()))
     box = np.append(positions, positions * np.maximum(rates, system.frequency))
     for orbit in known:
@@ -112,20 +118,65 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
 def _touching(system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the stiffness per unit of mass with the contacts touching, and the extent of the positions.
 
+    With forces by formulas there is one for each of the static equilibria, and the largest counts. The positions then
+    contain the equilibria under the mean load, twice those under the peaks of all loads, and, where the motion is not
+    far smaller or an equilibrium is unstable, the lengths at which formulas bend: such as a limit cycle.
+    """
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    rows, n = coefficients[layout.accelerations], system.size
+    if not formulas_of(system):
+        return _about(system, rows)
+    balance = balance_of(system)
+    rests = balance.near(balance.rests()[0]) or [np.zeros(n)]
+    stiffest, extent, unstable = np.zeros((n, n)), np.abs(rests).max(axis=0), False
+    for rest in rests:
+        tangents = rows.copy()
+        for matrix, part in zip(formula_matrices(system, rest, strict=False), (slice(n), slice(n, 2 * n)), strict=True):
+            tangents[:, part] += np.linalg.solve(system.matrix("mass"), matrix)
+        stiffness, positions = _about(system, tangents)
+        stiffest = np.where(np.abs(stiffness) > np.abs(stiffest), stiffness, stiffest)
+        extent = np.maximum(extent, np.abs(rest) + np.where(np.isfinite(positions), positions, 0.0))
+        flow = np.block([[np.zeros((n, n)), np.eye(n)], [-tangents[:, :n], -tangents[:, n : 2 * n]]])
+        unstable = unstable or bool(np.linalg.eigvals(flow).real.max() > 0.0)
+    peak = balance.peak_loads(system)
+    for load in (balance.load + peak, balance.load - peak):
+        for rest in balance.near(replace(balance, load=load).rests()[0])[:1]:
+            extent = np.maximum(extent, _STEPPED * np.abs(rest))
+    rates = np.maximum(np.sqrt(np.abs(stiffest.diagonal())), system.frequency)
+    for lengths in (*balance.lengths, *(balance.speeds / rates)):
+        if unstable or (lengths <= _REACH * extent)[lengths > 0.0].all():
+            extent = np.maximum(extent, _BENT * lengths)
+    return stiffest, extent
+
+
+def _about(system: System, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the stiffness per unit of mass with the contacts touching, and the extent of the positions.
+
     A gap far wider than the motion without it is left out: a stop that is never reached does not affect the motion.
+
+    Parameters
+    ----------
+    system
+        The system.
+    rows
+        Its accelerations as linear functions, with those of formulas.
     """
     layout, coefficients, n = layout_of(system.structure), coefficients_of(system), system.size
-    rows = coefficients[layout.accelerations]
     mean = rows[:, 2 * n + len(layout.contacts)]
     stiffness, load = rows[:, :n].copy(), np.abs(mean)
     free, widths = _linear_motion(system, rows, stiffness, load, np.inf), np.zeros(n)
-    bounded = len(layout.contacts) > 0
+    bounded = any(contact.stages for contact in layout.contacts)
     for contact, spring in zip(layout.contacts, springs_of(system), strict=True):
+        if not contact.stages:
+            continue
         vector, force = coefficients[contact.deflection], coefficients[contact.force]
         moved = vector != 0.0
         reach = _REACH * float(np.abs(vector[moved]) @ free[moved])
         sides = [_side(spring, sign, reach) for sign in (1, -1)]
         slope, pull, width = max(sides)
+        if contact.sway is not None:  # a displacement that is prescribed is felt like a wider gap
+            sway = float(np.abs(coefficients[contact.sway]).sum())
+            pull, width = pull + abs(slope) * sway, width + sway
         stiffness += slope * np.outer(force, vector)
         load = load + pull * np.abs(force)
         widths[moved] = np.maximum(widths[moved], width / np.abs(vector[moved]))

@@ -1,6 +1,6 @@
 """Kinds of special points: one file for each, and their registration."""
 
-from gapwalk.bifurcation.kinds.branch_crossing import BranchPointKind
+from gapwalk.bifurcation.kinds.branch_point import BranchPointKind
 from gapwalk.bifurcation.kinds.flip import Flip
 from gapwalk.bifurcation.kinds.fold import Fold
 from gapwalk.bifurcation.kinds.grazing import Grazing

@@ -23,8 +23,8 @@ from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, bounded_product, nearest, smallest_singular_value
 from gapwalk.bifurcation.special_point import REACH, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, check_range, scales_of
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.contact_events import ContactEvent

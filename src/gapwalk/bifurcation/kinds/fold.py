@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, smallest_singular_value
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
+# arclength, component of the tangent, and change of the parameter along a part of a branch that runs straight across
+_STRAIGHT, _ACROSS, _SAME = 1e-5, 1e-7, 1e-12
+_LEVEL = 1e-10  # component of the tangent that is zero but for rounding, halfway to the next special point
 
 
 class Fold(Kind):
@@ -30,6 +33,9 @@ class Fold(Kind):
     def points_in(self, search: Search) -> list[Zero]:
         """Return all folds except the vertex of a pitchfork, which is a branch point.
 
+        A branch may run straight across the parameter: at a flip of a motion that stays linear, the doubled motion has
+        any size at the same value. There the component is zero throughout, and its sign is rounding.
+
         The vertex lies where the branch is interpolated through the crossing. Outside that interval orbits can be
         corrected, and a fold is a separate one however near it is: if a contact grazes near the vertex, the branch may
         turn back again at once.
@@ -39,7 +45,17 @@ class Fold(Kind):
             zero
             for zero in search.zeros(self)
             if all(abs(zero.point.arclength - each.arclength) >= min(_VERTEX, each.radius) for each in crossings)
+            and not self._runs_across(search, zero.point)
         ]
+
+    def _runs_across(self, search: Search, point: BranchPoint) -> bool:
+        """Return True if the parameter does not change from a point to one of the ends of its step."""
+        return any(
+            abs(end.arclength - point.arclength) > _STRAIGHT
+            and abs(self.function(end)) < _ACROSS
+            and abs(end.value - point.value) < _SAME * abs(point.value)
+            for end in (search.interval.points[0], search.interval.points[-1])
+        )
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
         """Return the side to which the fold opens; None if the direction does not change: the zero is only rounding.
@@ -47,7 +63,7 @@ class Fold(Kind):
         It follows from the motions up to the next special points: farther away another fold may have turned the branch.
         """
         ways = [float(point.tangent[-1]) for point in (before, after)]
-        if ways[0] * ways[1] >= 0.0:
+        if ways[0] * ways[1] >= 0.0 or min(map(abs, ways)) < _LEVEL:
             return None
         return f"opens to {'higher' if ways[1] > 0.0 else 'lower'} values"
 

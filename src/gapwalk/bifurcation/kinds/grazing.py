@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.measures import Turns, apart

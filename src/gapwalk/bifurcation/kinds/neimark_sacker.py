@@ -13,7 +13,7 @@ from gapwalk.bifurcation.kinds.defining_functions import (
     pair_on_circle,
 )
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 
 _COMPLEX = 1e-6  # relative imaginary part beyond which multipliers count as a complex pair
 

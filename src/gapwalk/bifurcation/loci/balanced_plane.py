@@ -15,8 +15,9 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence
-from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
+from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.orbit.orbit import Orbit
@@ -128,7 +129,7 @@ class BalancedPlane(OrbitPlane):
         """Return a mask of the lines with even numbers."""
         count = self._equation.count
         k = np.append(np.arange(count + 1), np.arange(1, count + 1))
-        return np.tile(k % 2 == 0, len(self.system.structure.contacts))
+        return np.tile(k % 2 == 0, deflections_in(self.system.structure))
 
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
         """See `OrbitPlane.mean_of_halves`: a shift by half a period reverses the odd lines."""
@@ -166,9 +167,9 @@ class BalancedPlane(OrbitPlane):
             lines = from_real_form(unknowns.reshape(len(lines), -1))
         else:
             coefficients = coefficients + step * place.slopes[index - size]
-            laws = laws_of(self._layout, coefficients)
+            laws = self._equation.laws(coefficients)
         return evidence._replace(
-            coefficients=coefficients, lines=lines, laws=laws, forces=contact_forces_of(lines, laws)
+            coefficients=coefficients, lines=lines, laws=laws, forces=contact_forces_of(lines, laws, self.period)
         )
 
     def _monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:

@@ -34,8 +34,8 @@ from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.measures import apart
 

@@ -24,8 +24,8 @@ from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci.codimension_two import Finding
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import MARGIN, GrazingEquation, MultiplierEquation, Secant, zero_along
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit

@@ -22,7 +22,7 @@ from gapwalk.bifurcation.loci.locus_start import LocusStart, Ranges, lift, refin
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.both_directions import Tracing, in_one_direction
-from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
@@ -44,6 +44,7 @@ _RESTART = 0.2  # first step beyond a corner, as a share of the distance already
 _ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 _REASONS = {
     EndReason.RANGE: LocusEndReason.RANGE,
+    EndReason.TABLE: LocusEndReason.TABLE,
     EndReason.TURNED_BACK: LocusEndReason.RANGE,
     EndReason.CLOSED: LocusEndReason.CLOSED,
     EndReason.STEP: LocusEndReason.STEP,
@@ -220,20 +221,23 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _step(self, state: WalkState, point: BranchPoint) -> LocusStep | None:
         """Return the step, cut off at the limit of the first range or the end of the locus; None to step shorter."""
-        reason = None
+        reason, detail, outside = None, "", point
         if self._first_value(point) not in self.beginning.within[0]:
             edge = self._at_edge(state.point, point)
             if edge is None:
                 return None
-            point, reason = edge, LocusEndReason.RANGE
+            point, within = edge, self.beginning.within[0]
+            table = within.table_at(within.bound(self._first_value(outside)))
+            reason, detail = LocusEndReason.TABLE if table else LocusEndReason.RANGE, table
         found = find_codim2(self.beginning.kind, self.beginning.corrector, state.previous, state.point, point)
         for number, finding in enumerate(found):
             if self.beginning.kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
                 found, point, reason = found[: number + 1], finding.point, LocusEndReason.RESONANCE
+                detail = ""
                 break
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
         if reason is not None:
-            self.end = LocusEnd(reason, step.point.values)
+            self.end = LocusEnd(reason, step.point.values, detail)
         return step
 
     def _to_merging(self) -> LocusStep | None:

@@ -17,6 +17,7 @@ class LocusEndReason(Enum):
 
     START = "the start lies on the edge of the range"
     RANGE = "the edge of the range was reached"
+    TABLE = "a load is not known beyond the end of its table"
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
     JOINED = "the locus ends where its orbits reach half their period"

@@ -21,8 +21,8 @@ from gapwalk.bifurcation.loci.locus_equations import (
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD
@@ -225,7 +225,7 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
             raise ModelError(
                 f"the locus starts at {name} = {system[name]:.10g}, outside the range from {low:.10g} to {high:.10g}"
             )
-        ranges.append(Range(low, high))
+        ranges.append(replace(Range(low, high).along(name, system), is_relative=False))
     for corner in product(*pairs):
         system.at(dict(zip((first, second), corner, strict=True)))
     return ranges[0], ranges[1]

@@ -16,8 +16,8 @@ from gapwalk.bifurcation.kinds.defining_functions import Criticality
 from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
+from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
@@ -213,27 +213,20 @@ class ShotPlane(OrbitPlane):
 
     def turning(self, switch: int, place: Place, theta: float) -> Turning:
         """See `OrbitPlane.turning`; the rate is over time."""
-        contact, number = self._flow.equations.switches[switch]
-        slots = self._layout.contacts[contact]
-        stage, coefficients, slopes = slots.stages[number], place.coefficients, place.slopes
+        gauge, coefficients, slopes = Gauge(self._layout, switch), place.coefficients, place.slopes
         n, size = len(place.unknowns) // 2, len(place.unknowns)
         angle = theta % (PERIOD * self.period)
         there, by_all = place.unknowns, np.eye(size, size + 2)
         if angle > 0.0:
             arc = self._flow.integrate(coefficients, place.unknowns, 0.0, angle, slopes)
             there, by_all = arc.state, _derivatives(arc)
-        q, v = there[:n], there[n:]
-        vector, vector_slopes = coefficients[slots.deflection], slopes[:, slots.deflection]
-        acceleration = accelerations(self._layout, coefficients, angle, q, v)
+        vector, (depth, rate, turning) = gauge.vector(coefficients), gauge.read(coefficients, angle, there)
         derivatives = np.empty((2, size + 3))
         by_all = np.stack((vector @ by_all[:n], vector @ by_all[n:]))
-        by_all[:, size:] += np.stack((vector_slopes @ q, vector_slopes @ v))
+        by_all[:, size:] += np.transpose([gauge.slopes(coefficients, each, angle, there) for each in slopes])
         derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
-        derivatives[:, size] = coefficients[0] * vector @ v, coefficients[0] * vector @ acceleration
-        derivatives *= stage.sign
-        derivatives[0, size + 1 :] -= slopes[:, stage.clearance]
-        depth = stage.sign * float(vector @ q) - float(coefficients[stage.clearance])
-        return np.array([depth, stage.sign * float(vector @ v)]), derivatives
+        derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
+        return np.array([depth, rate]), derivatives
 
     def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
         """See `OrbitPlane.flip_coefficient`."""

@@ -1,80 +1,56 @@
-// The chosen point of the diagram: its place in the results, its name, and the keys that move it.
+// The chosen point of the diagram: what follows once a click (`diagram.js`) or a key (`keyboard.js`) has met a point.
 
-/** The choice of a node of a curve; `x` is the name of what the diagram is over. */
-export function choiceAt({ curve, index }, x) {
+const $ = (id) => document.getElementById(id);
+
+/** Chooses points: each is marked in the diagram, and its motion is shown. `page.chosen` is the chosen one. */
+export class Choice {
+  /** `changed` is called after each choice, and `shown` with the motion of the chosen point once it is there. */
+  constructor(page, { curves, diagram, keyboard, motion }, { changed = () => {}, shown = () => {} } = {}) {
+    Object.assign(this, { page, curves, diagram, keyboard, motion, changed, shown });
+  }
+
+  /** Choose a point: { curve, index }, or { settled: result }. */
+  choose(found) {
+    const { page } = this;
+    if (!page.about) return;
+    if (found.settled !== undefined) {
+      const { title, place } = this.curves.settled.get(found.settled) ?? {};
+      page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
+      this.diagram.choose(null, 0, place ?? null);
+    } else {
+      page.chosen = pointAt(found, $("x").value);
+      this.keyboard.select(found.curve, found.index);
+      this.diagram.choose(found.curve, found.index);
+    }
+    this.changed();
+    const { chosen } = page;
+    this.motion.show({ file: page.about.file, ...chosen.start }, chosen.title).then((motion) => {
+      if (motion && page.chosen === chosen) this.shown(motion);
+    });
+  }
+
+  /** Choose nothing. */
+  clear() {
+    this.motion.clear();
+    this.page.chosen = null;
+    this.diagram.mark = null;
+    this.changed();
+  }
+
+  /** Mark the chosen point again, on the curves over other axes; choose nothing if its curve is not among them. */
+  keep() {
+    const { chosen } = this.page, curve = chosen?.curve && this.curves.all.get(chosen.curve.key);
+    if (curve) {
+      chosen.curve = curve;
+      this.diagram.choose(curve, chosen.index);
+    } else if (chosen?.curve) this.clear();
+  }
+}
+
+/** A node of a curve: its place in the results, and its name; `x` is the name of what the diagram is over. */
+function pointAt({ curve, index }, x) {
   const node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
   const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
   const at = `${x === "frequency" ? "Ω" : x.replace(/^measure:/, "")} = ${curve.x[index].toPrecision(8)}`;
   return { start, special, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
-}
-
-/** Moves the choice by keyboard: along a branch with the left and right arrow keys, to other branches with up and down. */
-export class Keyboard {
-  /** `choose` is called with { curve, index }; `actions` by letter. */
-  constructor(place, curves, choose, actions) {
-    this.curves = curves;
-    this.choose = choose;
-    this.actions = actions;
-    place.addEventListener("keydown", (event) => this.key(event));
-  }
-
-  /** Set the chosen point, which was chosen by other means. */
-  select(curve, index) {
-    [this.at, this.index] = [curve.key, index];
-  }
-
-  key(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const action = this.actions[event.key.toLowerCase()];
-    if (action) return action();
-    const keys = [...this.curves.all.keys()].sort(); // they have come in any order
-    if (!keys.length) return;
-    const curve = this.curves.all.get(this.at);
-    if (!curve) {
-      if (!/^(Arrow|Home|End|s$)/i.test(event.key)) return;
-      event.preventDefault();
-      return this.go(this.curves.all.get(keys[0]), 0);
-    }
-    const step = event.shiftKey ? 10 : 1, last = curve.x.length - 1, place = keys.indexOf(this.at);
-    // the right arrow goes to the right, whichever way the branch was walked
-    const way = curve.x[last] < curve.x[0] ? -1 : 1;
-    const moves = {
-      ArrowRight: () => this.go(curve, clamp(this.index + way * step, last)),
-      ArrowLeft: () => this.go(curve, clamp(this.index - way * step, last)),
-      Home: () => this.go(curve, 0),
-      End: () => this.go(curve, last),
-      ArrowUp: () => this.other(keys[(place + 1) % keys.length], curve),
-      ArrowDown: () => this.other(keys[(place + keys.length - 1) % keys.length], curve),
-      s: () => this.special(curve, way),
-      S: () => this.special(curve, -way),
-    };
-    if (!(event.key in moves)) return;
-    event.preventDefault();
-    moves[event.key]();
-  }
-
-  go(curve, index) {
-    this.choose({ curve, index });
-  }
-
-  /** Another branch, at the place nearest across. */
-  other(key, from) {
-    const curve = this.curves.all.get(key), x = from.x[this.index];
-    let best = 0;
-    for (let i = 1; i < curve.x.length; i++) if (Math.abs(curve.x[i] - x) < Math.abs(curve.x[best] - x)) best = i;
-    this.go(curve, best);
-  }
-
-  /** The next special point but for grazing, round the branch. */
-  special(curve, way) {
-    const count = curve.x.length;
-    for (let k = 1; k <= count; k++) {
-      const i = (((this.index + way * k) % count) + count) % count, node = curve.node[i];
-      if (node < 0 && curve.special[-1 - node].kind !== "grazing") return this.go(curve, i);
-    }
-  }
-}
-
-function clamp(index, last) {
-  return Math.max(0, Math.min(last, index));
 }

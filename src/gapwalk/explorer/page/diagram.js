@@ -1,4 +1,4 @@
-// The diagram: Plotly draws it, and this says what is drawn and what a click means.
+// The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
 import { KINDS } from "./curves.js";
 import { Lines, PALE } from "./lines.js";

@@ -1,10 +1,11 @@
 // The page: the chosen file, axes and point; the server holds everything else.
 
 import { download, get, post } from "./api.js";
-import { Keyboard, choiceAt } from "./choice.js";
+import { Choice } from "./choice.js";
 import { Curves, showLegend } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
+import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
 import { isEarlier, showResults } from "./results.js";
@@ -13,12 +14,13 @@ const $ = (id) => document.getElementById(id);
 
 const page = { about: null, results: [], chosen: null };
 const curves = new Curves();
-const diagram = new Diagram($("diagram"), curves, choose);
+const diagram = new Diagram($("diagram"), curves, (found) => choice.choose(found));
 const motion = new MotionView(tell);
 const parameters = new Parameters($("parameters"), $("filter"));
-const keyboard = new Keyboard($("diagram"), curves, choose, {
+const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(found), {
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
+const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showValues });
 
 begin().catch(tell);
 
@@ -90,14 +92,7 @@ function showProblem() {
 
 function forget() {
   curves.clear();
-  chooseNothing();
-}
-
-function chooseNothing() {
-  motion.clear();
-  page.chosen = null;
-  diagram.mark = null;
-  enable();
+  choice.clear();
 }
 
 /** Show the results; fetch the curves that have changed. */
@@ -162,29 +157,21 @@ function whyEmpty() {
 const axes = () => ({ x: $("x").value, y: $("y").value });
 const isPlane = () => Boolean(page.names?.has($("x").value) && page.names.has($("y").value));
 
-/** Choose a point: { curve, index }, or { settled: result }. */
-function choose(found) {
-  if (!page.about) return;
-  const file = page.about.file;
-  if (found.settled !== undefined) {
-    const { title, place } = curves.settled.get(found.settled) ?? {};
-    page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
-    diagram.choose(null, 0, place ?? null);
-  } else {
-    page.chosen = choiceAt(found, $("x").value);
-    keyboard.select(found.curve, found.index);
-    diagram.choose(found.curve, found.index);
+/** Show the name of the chosen point, and enable what can be done with it. */
+function showChosen() {
+  const { chosen } = page;
+  if (chosen) {
+    $("chosen").textContent = chosen.title;
+    if (chosen.special?.has_locus) $("locus-part").open = true;
+    parameters.edited.clear();
   }
-  $("chosen").textContent = page.chosen.title;
-  if (page.chosen.special?.has_locus) $("locus-part").open = true;
   enable();
-  const chosen = page.chosen;
-  parameters.edited.clear();
-  motion.show({ file, ...chosen.start }, chosen.title).then((shown) => {
-    if (!shown || page.chosen !== chosen) return;
-    parameters.take(shown.parameters, parameters.edited); // what was written meanwhile stays
-    showLocusRange({ keep: true });
-  });
+}
+
+/** Show the values of the parameters of a chosen motion; what was written meanwhile stays. */
+function showValues(shown) {
+  parameters.take(shown.parameters, parameters.edited);
+  showLocusRange({ keep: true });
 }
 
 /** Enable the buttons that apply to the chosen point. */
@@ -326,7 +313,7 @@ function hideError() {
 
 /** Show a result over its own axes: the plane of its locus, or its parameter and the measure of the file. */
 async function showResult(result) {
-  if (result.settled) return choose({ settled: result.key });
+  if (result.settled) return choice.choose({ settled: result.key });
   const locus = result.branches.find(({ second }) => second), shown = locus ?? result.branches[0];
   await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
 }
@@ -343,11 +330,7 @@ async function changeAxes() {
   curves.clear();
   diagram.mark = diagram.range = null;
   await show(page.results);
-  if (page.chosen !== chosen || !chosen) return;
-  const curve = chosen.curve && curves.all.get(chosen.curve.key);
-  if (curve) Object.assign(chosen, { curve });
-  if (curve) diagram.choose(curve, chosen.index);
-  else if (chosen.curve) chooseNothing(); // it is not shown here
+  if (page.chosen === chosen) choice.keep();
 }
 
 $("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); showResults($("results"), [], actOn); tell(error); }));

@@ -1,10 +1,11 @@
 // A saved page: the diagram and the motions of a result in one file, without a server.
 
 import { nearestStored, open, unzipped } from "./api.js";
-import { Keyboard, choiceAt } from "./choice.js";
+import { Choice } from "./choice.js";
 import { Curves } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
+import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 
 const $ = (id) => document.getElementById(id);
@@ -31,10 +32,11 @@ async function begin() {
   document.body.classList.toggle("alone", Boolean(about.motion));
   window.gapwalk = { page, curves, motion }; // for the curious, and for the tests
   if (about.motion) return motion.show({}, about.title);
-  const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, choose));
-  page.keyboard = new Keyboard($("diagram"), curves, choose, {
+  const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, chooseStored));
+  const keyboard = (page.keyboard = new Keyboard($("diagram"), curves, chooseStored, {
     "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
-  });
+  }));
+  page.choice = new Choice(page, { curves, diagram, keyboard, motion });
   for (const id of ["x", "y"]) $(id).addEventListener("change", () => show(diagram));
   $("fit").addEventListener("click", () => diagram.fit());
   $("nearer").addEventListener("click", () => diagram.zoom(0.5));
@@ -47,7 +49,7 @@ async function begin() {
 
 /** Draw the branches over the chosen axes; the chosen point stays chosen. */
 async function show(diagram) {
-  const axes = { x: $("x").value, y: $("y").value }, { at, index } = page.keyboard;
+  const axes = { x: $("x").value, y: $("y").value };
   const branches = page.about.branches.map(({ name, period, count }) => ({ name, period, points: count }));
   curves.clear();
   await curves.update("", axes, false, [{ key: "", version: 0, state: "done", settled: false, branches }]);
@@ -56,19 +58,15 @@ async function show(diagram) {
   diagram.fit();
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
-  if (curves.all.has(at)) diagram.choose(curves.all.get(at), index);
+  page.choice.keep();
 }
 
-/** Choose a point: show the nearest motion that is stored; a step by key goes to the next one. */
-function choose({ curve, index }) {
-  const { keyboard } = page;
+/** Choose the nearest point whose motion is stored; a step by key goes to the next one. */
+function chooseStored({ curve, index }) {
+  const { choice, keyboard } = page;
   const index0 = keyboard.at === curve.key ? keyboard.index : index;
   const way = Math.abs(index - index0) === 1 || Math.abs(index - index0) === 10 ? Math.sign(index - index0) : 0;
-  const stored = nearestStored(curve, index, way);
-  page.chosen = choiceAt({ curve, index: stored }, $("x").value);
-  keyboard.select(curve, stored);
-  window.gapwalk.diagram.choose(curve, stored);
-  page.motion.show(page.chosen.start, page.chosen.title);
+  choice.choose({ curve, index: nearestStored(curve, index, way) });
 }
 
 function tell(error) {

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,10 +24,13 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.drivetrain.train_parts import Inertia, Shaft
-from gapwalk.model.loads import Harmonic
+from gapwalk.model.drivetrain.train_form import TrainForm
+from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
+from gapwalk.model.laws import Expression
+from gapwalk.model.loads import Harmonic, LoadForm
+from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
-from gapwalk.model.units import QuantityKind, Unit, Units, kind_of
+from gapwalk.model.units import QuantityKind, Unit, Units
 
 _CONSISTENT = 1e-9  # relative error of numbers of the paper that must fit together
 
@@ -146,8 +149,31 @@ def nondimensional(system: System, scales: Scales | None = None) -> NonDimension
     units, assembly = _train_of(system)
     scales = scales_of(system) if scales is None else scales
     factors = np.array([_factor(units, name, scales) for name in system.structure.names])
-    structure = structure_of(TrainAssembly(assembly.form))
+    structure = structure_of(TrainAssembly(_form(assembly.form, units, scales)))
     return NonDimensional(system, System.from_values(structure, system.values * factors), scales)
+
+
+def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
+    """Return the form with formulas and constant frequencies for the scales; parameters of formulas stay in SI."""
+    angle = scales.angle / units.angle
+
+    def contact(old: ContactForm | None) -> ContactForm | None:
+        if old is None or not isinstance(old.law, Expression):
+            return old
+        text = scaled(old.law.text, angle, angle * scales.frequency, scales.torque)
+        return replace(old, law=Expression(text, old.law.variables))
+
+    def load(old: LoadForm) -> LoadForm:
+        given = dict(old.constants)
+        for name in old.kind.frequencies if given.get("growth", True) else ():
+            given[name] /= scales.frequency
+        return replace(old, constants=tuple(given.items()))
+
+    return replace(
+        form,
+        links=tuple(replace(link, contact=contact(link.contact)) for link in form.links),
+        torques=tuple(replace(torque, harmonic=load(torque.harmonic)) for torque in form.torques),
+    )
 
 
 def scales_of(system: System) -> Scales:
@@ -188,9 +214,9 @@ def _train_of(system: System) -> tuple[Units, TrainAssembly]:
 
 
 def _factor(units: Units, parameter: str, scales: Scales) -> float:
-    kind = kind_of(parameter)
+    kind = units.kind(parameter)
     if kind is None:
-        return 1.0
+        return units.unit(parameter).factor
     unit = units.frequency if kind is QuantityKind.FREQUENCY else units.of(kind).factor
     return unit / scales.of(kind)
 

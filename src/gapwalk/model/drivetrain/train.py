@@ -2,28 +2,55 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from itertools import pairwise
-from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.contact import Contact
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
+from gapwalk.model.drivetrain.train_checks import connection_problems, name_problems, number_problems, part_problems
 from gapwalk.model.drivetrain.train_form import LinkForm, TorqueForm, TrainForm, tree_of
-from gapwalk.model.drivetrain.train_parts import GROUND, Change, Gear, Inertia, Link, Shaft
+from gapwalk.model.drivetrain.train_orders import (
+    LONGEST,
+    Counted,
+    common_orders,
+    fixed_ratios,
+    multiples_of,
+    plain_load,
+    with_load,
+)
+from gapwalk.model.drivetrain.train_parts import GROUND, Change, Force, Gear, Inertia, Link, Shaft
+from gapwalk.model.drivetrain.train_variations import (
+    displaced_gears,
+    gapless_links,
+    load_problems,
+    own_kinds,
+    prescribed_inertias,
+    targets_of,
+)
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.problems import did_you_mean
+from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, checked
-from gapwalk.model.units import Quantity, QuantityKind, Units, has_unit, kind_of, read_quantity, units_of
-
-_RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "study", GROUND)
+from gapwalk.model.units import (
+    PLAIN,
+    Quantity,
+    QuantityKind,
+    Unit,
+    Units,
+    has_unit,
+    kind_of,
+    read_formula_number,
+    read_quantity,
+    units_of,
+)
 
 
 @dataclass(frozen=True)
@@ -32,12 +59,14 @@ class Train:
 
     Parameters
     ----------
-    inertias, shafts, gears
+    inertias, shafts, gears, forces
         Its parts; all of them are connected. Closed loops are allowed if the ratios around them agree.
     mean
         Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
     harmonics
-        Periodic torques; ``acts_on`` names inertias.
+        Periodic torques, whose ``acts_on`` names inertias; and loads that vary a number of a shaft or gear instead:
+        ``varies="mesh.stiffness"``, ``"mesh.deflection"`` (a transmission error), or ``"flywheel.angle"`` (the motion
+        of that inertia is prescribed). Where an order counts teeth, or is a fraction, it is a `Counted` load.
     frequency
         The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
     reaction
@@ -46,6 +75,10 @@ class Train:
     speed
         In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted
         per turn of it. The parameter is called ``speed``.
+    reference
+        Name of the inertia whose speed is given; by default the first. Only `Counted` loads need it.
+    longest
+        The largest number of periods of the slowest load in the common period of all loads.
     units
         The units of its numbers; None for plain numbers. It is found from the texts.
 
@@ -70,21 +103,27 @@ class Train:
     shafts: Sequence[Shaft] = ()
     gears: Sequence[Gear] = ()
     mean: Mapping[str, float] = field(default_factory=dict, hash=False)
-    harmonics: Sequence[Load] = ()
+    harmonics: Sequence[Load | Counted] = ()
     frequency: float = 1.0
     reaction: str | None = None
     speed: str | Quantity | None = None
     units: Units | None = None
+    forces: Sequence[Force] = ()
+    reference: str = ""
+    longest: int = LONGEST
 
     def __post_init__(self) -> None:
-        for name in ("inertias", "shafts", "gears", "harmonics"):
+        for name in ("inertias", "shafts", "gears", "forces", "harmonics"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        problems = [*_name_problems(self)] or self._read_units()
-        problems = problems or [*_number_problems(self)] or [*_part_problems(self)]
-        if not problems:
-            problems = [*_connection_problems(self)]
+        if not self.reference and self.inertias:
+            object.__setattr__(self, "reference", self.inertias[0].name)
+        problems = [*name_problems(self)] or self._read_units()
+        problems = problems or [*number_problems(self)] or [*part_problems(self)]
+        problems = problems or [*load_problems(self)] or [*connection_problems(self)]
         if problems:
             raise ModelError("\n".join(dict.fromkeys(problems)))
+        if self.speed is not None:
+            self._count_orders()
         assembly, values = self._assembled()
         problems = [*assembly.loop_problems(values)]
         if not assembly.form.is_free and self.reaction is not None:
@@ -95,13 +134,14 @@ class Train:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Shafts, then gears."""
-        return (*self.shafts, *self.gears)
+        """Shafts, then gears, then forces."""
+        return (*self.shafts, *self.gears, *self.forces)
 
     def system(self) -> System:
         """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
+        _ = structure.variations  # refuses what there is not
         return System.from_values(structure, checked(structure, values))
 
     def _read_units(self) -> list[str]:
@@ -112,52 +152,86 @@ class Train:
             return [f"speed is {self.speed!r}, but this train has its units already; make a new one for another pace"]
         values: dict[str, Any] = {}
         self._converted(values.setdefault)
+        own = own_kinds(self)
+        kinds = {name: own[name] if name in own else kind_of(name) for name in values}
+        formulas = {f"{force.name}.{name}" for force in self.forces for name in force.numbers}
         mixed = self.units is not None  # then plain numbers are in its units already
-        if not any(has_unit(value) for name, value in values.items() if kind_of(name) is not QuantityKind.PHASE):
+        if not any(has_unit(value) for name, value in values.items() if kinds[name] is not QuantityKind.PHASE):
             values = {name: value for name, value in values.items() if has_unit(value)} if mixed else {}
-        found: dict[str, Quantity] = {}
-        problems = []
+        found: dict[str, tuple[float, Unit]] = {}
+        quantities, problems = [], []
         for name, value in values.items():
-            kind, is_plain = kind_of(name), not isinstance(value, str | Quantity)
-            if kind is None or value is None or (is_plain and (mixed or value == 0)):  # nothing is zero in any unit
+            kind, is_plain = kinds[name], not isinstance(value, str | Quantity)
+            if value is None or (is_plain and (mixed or value == 0)):  # nothing is zero in any unit
                 continue
             try:
-                found[name] = read_quantity(value, kind)
+                if kind is not None:
+                    quantities.append(read_quantity(value, kind))
+                    found[name] = quantities[-1].number, Unit(quantities[-1].unit, quantities[-1].factor)
+                elif name in formulas:
+                    found[name] = read_formula_number(value)
+                elif not is_plain:
+                    raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
             except ValueError as error:
                 problems.append(f"{name} {error}")
         if problems or not found:
             return problems
-        # periods of the excitation per turn: orders 2, 4 and 6 of a shaft repeat twice in each of its turns
-        turns = None if self.speed is None else math.gcd(*(each.order for each in self.harmonics)) or 1
-        units = self.units or units_of(found.values(), turns)
-        changed = self._converted(
-            lambda name, value: units.number(found[name], found[name].kind) if name in found else value
+        units = self.units or units_of(
+            quantities,
+            None if self.speed is None else 1,  # until orders are counted
+            [
+                (name, kind, found[name][1] if name in found else PLAIN)
+                for name, kind in own.items()
+                if kind is not QuantityKind.FREQUENCY
+            ],
         )
-        if self.speed is not None:
-            changed |= {"frequency": changed["speed"], "speed": None}
-            changed["harmonics"] = tuple(
-                replace(each, order=each.order // (turns or 1)) for each in changed["harmonics"]
-            )
+
+        def number(name: str, value: Any) -> Any:
+            if name not in found:
+                return value
+            (size, unit), kind = found[name], kinds[name]
+            # a parameter of a formula has its own unit, which the train remembers
+            wanted = units.unit(name) if kind is None else units.of(kind)
+            return size if unit.factor == wanted.factor else size * (unit.factor / wanted.factor)
+
+        changed = self._converted(number)
         for name, value in {**changed, "units": units}.items():
             object.__setattr__(self, name, value)
         return []
 
+    def _count_orders(self) -> None:
+        """Make the common period of all loads that of the excitation: orders 2, 4 and 6 repeat twice in each turn."""
+        assert self.units is not None
+        turns = common_orders(self)[0]
+        loads = [
+            each
+            if isinstance(each, Counted) or not each.is_periodic
+            else replace(each, order=int(each.turn_order / turns))
+            for each in self.harmonics
+        ]
+        units = replace(self.units, turns=int(turns) if turns.denominator == 1 else turns)
+        for name, value in {"frequency": self.speed, "speed": None, "harmonics": tuple(loads), "units": units}.items():
+            object.__setattr__(self, name, value)
+
     def _converted(self, change: Change) -> dict[str, Any]:
         """Return its fields with other values of all quantities."""
         pace = "frequency" if self.speed is None else "speed"
+
+        def changed(each: Load | Counted) -> Load | Counted:
+            load = plain_load(each)
+            names = [parameter.name for parameter in load.parameters]
+            names += load.frequencies if getattr(load, "growth", True) else ()
+            values = {name: change(f"{load.name}.{name}", getattr(load, name)) for name in names}
+            return with_load(each, replace(load, **values))
+
         return {
             **{
                 group: tuple(each._converted(change) for each in getattr(self, group))
-                for group in ("inertias", "shafts", "gears")
+                for group in ("inertias", "shafts", "gears", "forces")
             },
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
-            "harmonics": tuple(
-                replace(
-                    each, **{p.name: change(f"{each.name}.{p.name}", getattr(each, p.name)) for p in each.parameters}
-                )
-                for each in self.harmonics
-            ),
             pace: change(pace, getattr(self, pace)),
+            "harmonics": tuple(map(changed, self.harmonics)),
         }
 
     def replaced(self, part: str, **changes: Any) -> Train:
@@ -170,7 +244,7 @@ class Train:
         ModelError
             If there is no such part, or the train cannot be so.
         """
-        groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears}
+        groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
         for group, parts in groups.items():
             if part in [each.name for each in parts]:
                 changed = tuple(replace(each, **changes) if each.name == part else each for each in parts)
@@ -180,43 +254,76 @@ class Train:
 
     def _assembled(self) -> tuple[TrainAssembly, NDArray[np.float64]]:
         numbers, links = self._joined()
-        looped = tree_of(links, len(self.inertias)).looped
+        free = [inertia.name for inertia in self.inertias if numbers[inertia.name] != numbers[GROUND]]
+        looped, ratios = tree_of(links, len(free)).looped, fixed_ratios(self) | displaced_gears(self)
         form = TrainForm(
-            tuple(inertia.name for inertia in self.inertias),
+            tuple(free),
             tuple(
-                replace(form, fixed=link.ratio) if number in looped and isinstance(link, Gear) else form
+                replace(form, fixed=link.ratio)
+                if isinstance(link, Gear) and (number in looped or link.name in ratios)
+                else form
                 for number, (link, form) in enumerate(zip(self.links, links, strict=True))
             ),
-            tuple(
-                TorqueForm(LoadForm.of(each), tuple(numbers[name] for name in each.acts_on)) for each in self.harmonics
-            ),
+            tuple(self._torques(numbers, links)),
             None if self.reaction is None else numbers[self.reaction],
         )
+        counts = Counter([load.form.name for load in form.loads])
+        counts.update(part.name for part in (*self.inertias, *self.links))
+        for name in (name for name, count in counts.items() if count > 1):
+            raise ModelError(f"{name} is the name of a displacement, too; choose another one for the part")
         return TrainAssembly(form, self.units), np.array([*self._numbers(form)], dtype=float)
 
+    def _torques(self, numbers: Mapping[str, int], links: Sequence[LinkForm]) -> Iterator[TorqueForm]:
+        """Iterate over the terms of the excitation, with orders as multiples of the frequency W."""
+        turns = Fraction((self.units and self.units.turns) or 1)
+        frequency = self.units.frequency if self.units else 1.0
+        for each, order in zip(self.harmonics, multiples_of(self, turns), strict=True):
+            load = plain_load(each)
+            load = load.in_train(self.units) if self.units else load
+            scaled = load.frequencies if getattr(load, "growth", True) else ()
+            constants = tuple(
+                (name, value * frequency if name in scaled else value) for name, value in load.constants()
+            )
+            varies, displaces = targets_of(self, load, links)
+            form = LoadForm(load.name, order, type(load), constants, varies)
+            yield TorqueForm(form, tuple(numbers[name] for name in load.acts_on), displaces)
+
     def _joined(self) -> tuple[dict[str, int], list[LinkForm]]:
-        """Return the numbers of the inertias and of the ground by name, and the links between them."""
-        numbers = {inertia.name: number for number, inertia in enumerate(self.inertias)} | {GROUND: len(self.inertias)}
+        """Return the numbers of the inertias and of the ground by name, and the links between them.
+
+        An inertia whose motion is prescribed has the number of the ground.
+        """
+        prescribed = prescribed_inertias(self)
+        free = [inertia.name for inertia in self.inertias if inertia.name not in prescribed]
+        numbers = {name: number for number, name in enumerate(free)}
+        numbers |= dict.fromkeys((*prescribed, GROUND), len(free))
+        gapless = gapless_links(self)
         forms = []
         for link in self.links:
-            contact = link.contact()
+            contact = self._contact(link)
             form = None if contact is None else ContactForm.of(contact, reciprocal=True)
-            always = link.stiffness is not None and link.clearance is None
+            always = link.acts_always and link.name not in gapless
             ends = numbers[link.between[0]], numbers[link.between[1]]
             forms.append(LinkForm(link.name, ends, isinstance(link, Gear), None, link.is_rigid, always, form))
         return numbers, forms
 
+    def _contact(self, link: Link) -> Contact | None:
+        """Return the springs of a link that have clearances, or its formula."""
+        if isinstance(link, Force):
+            return link.contact(angle=self.units.angle if self.units else 1.0)
+        return link.contact(gapless=link.name in gapless_links(self))
+
     def _numbers(self, form: TrainForm) -> Iterator[float]:
         """Iterate over all numbers in the order of `TrainForm.names`."""
         yield self.frequency
-        yield from (inertia.inertia for inertia in self.inertias)
+        yield from (each.inertia or 0.0 for each in self.inertias if each.name in form.inertias)
         yield from (self.mean.get(form.inertias[number], 0.0) for number in form.loaded)
         for link, of_link in zip(self.links, form.links, strict=True):
             yield from (getattr(link, what) for what in of_link.own_numbers)
-            if contact := link.contact():
+            if contact := self._contact(link):
                 yield from contact.values()
-        for harmonic in self.harmonics:
-            yield from (*harmonic.values(), *harmonic.acts_on.values())
+        for load in map(plain_load, self.harmonics):
+            yield from (*load.values(), *load.acts_on.values())
 
 
 def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *, held: bool = False) -> Train:
@@ -240,91 +347,3 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
     pairs = pairwise(names)
     shafts = [Shaft(f"shaft{i}", pair, stiffness=stiffness, damping=damping) for i, pair in enumerate(pairs, start=1)]
     return Train([Inertia(name, inertia) for name in names[:count]], shafts)
-
-
-def _name_problems(train: Train) -> Iterator[str]:
-    parts = [("inertia", train.inertias), ("shaft", train.shafts), ("gear", train.gears), ("harmonic", train.harmonics)]
-    counts = Counter(str(part.name) for _, group in parts for part in group)
-    for kind, group in parts:
-        for part in group:
-            if not isinstance(part.name, str) or not part.name.isidentifier():
-                yield f"{kind} name {part.name!r}: write a word of letters, digits and underscores"
-            elif part.name in _RESERVED:
-                yield f"{part.name} is taken as a name already; choose another one for the {kind}"
-            elif counts[part.name] > 1:
-                yield f"{part.name} has the name of another part; give each a name of its own"
-
-
-def _number_problems(train: Train) -> Iterator[str]:
-    """List the values that should be numbers, but are not."""
-    for part in (*train.inertias, *train.links):
-        for each in fields(part):
-            value = getattr(part, each.name)
-            if each.name in ("name", "between", "stages", "law", "numbers") or (value is None and each.default is None):
-                continue
-            if isinstance(value, bool) or not isinstance(value, Real):
-                yield f"{part.name}.{each.name} is {value!r}; it must be a number"
-
-
-def _part_problems(train: Train) -> Iterator[str]:
-    inertias = [inertia.name for inertia in train.inertias]
-    if not inertias:
-        yield "inertias is empty; name at least one"
-        return
-    if not train.links:
-        yield "there are neither shafts nor gears; join the inertias by some"
-    for link in train.links:
-        yield from (f"{link.name} {problem}" for problem in link.problems())
-        ends = link.between
-        if not isinstance(ends, tuple | list) or len(ends) != 2:
-            yield f'{link.name} joins {ends!r}; write the names of two inertias, as in ("a", "b")'
-            continue
-        for end in ends:
-            if end not in inertias and end != GROUND:
-                yield f"{link.name} joins {end!r}, which is no inertia; {did_you_mean(str(end), inertias)}"
-        if ends[0] == ends[1]:
-            yield f"{link.name} joins {ends[0]} to itself; name two different inertias"
-        elif ends[0] == GROUND:
-            yield f"{link.name} begins at the ground; write the ground second"
-        if isinstance(link, Gear) and not 0 < abs(link.ratio) < math.inf:
-            meaning = "it must be the speed of the first inertia over that of the second"
-            yield f"{link.name}.ratio is {link.ratio:g}; {meaning}"
-    torques = [("mean", train.mean), *((f"{each.name}.acts_on", each.acts_on) for each in train.harmonics)]
-    for what, names in torques:
-        yield from (
-            f"{what} names {name!r}, which is no inertia; {did_you_mean(name, inertias)}"
-            for name in names
-            if name not in inertias
-        )
-    if train.reaction is not None:
-        if train.reaction not in inertias:
-            yield f"reaction is {train.reaction!r}, which is no inertia; {did_you_mean(train.reaction, inertias)}"
-        elif train.mean.get(train.reaction):
-            yield f"mean.{train.reaction} and reaction = {train.reaction!r} are both given; leave one of the two out"
-
-
-def _connection_problems(train: Train) -> Iterator[str]:
-    """Report parts that are not connected, and parts that cannot move."""
-    _, links = train._joined()
-    tree = tree_of(links, len(train.inertias))
-    reached = {tree.root, *(step.child for step in tree.steps)}
-    apart = [inertia.name for number, inertia in enumerate(train.inertias) if number not in reached]
-    if apart:
-        more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
-        to = "the ground" if tree.root == len(train.inertias) else train.inertias[0].name
-        yield f"{apart[0]} is not connected to {to}{more}; write a shaft or a gear between them"
-        return
-    drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
-    for link in drags:
-        first, second = link.between
-        if second == GROUND and tree.root != len(train.inertias):
-            yield (
-                f"{link.name} has damping, but no stiffness, and nothing else holds the train to the ground: its drag "
-                "depends on the speed at which the train turns as a whole, which is no part of the equations; give "
-                f"{first} a mean torque instead, or {link.name} a stiffness"
-            )
-        elif f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
-            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
-    if not drags and all(link.rigid or link.drag for link in links):
-        link = next(link for link in train.links if link.is_rigid)
-        yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"

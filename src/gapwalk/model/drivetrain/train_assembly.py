@@ -6,7 +6,8 @@ have no angular momentum, ``r^T J T = 0``. So ``psi`` drops out, exactly, whatev
 
     T^T J T x'' + L^T C L x' + L^T K L x + sum_k e_k f_k = T^T (torques)
 
-with the deflections ``L x`` of all links. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
+with the deflections ``L x`` of all links. An inertia whose motion is prescribed is taken for the ground, and displaces
+the links that end at it. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
 equations 1 to 18, do the same for three inertias, and divide by the masses.
 
 Where a drag alone joins two groups of inertias (a fluid coupling), the angle ``x_s`` between them is in no equation,
@@ -89,10 +90,15 @@ class TrainAssembly:
         )
         if form.slips:
             damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
-        mean, *shapes = numbers.torques
+        mean = numbers.mean
         parts = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ mean]
-        for torque, shape in zip(form.torques, shapes, strict=True):
-            parts += [form.numbers(torque.harmonic.parameters, numbers.values), turned.T @ shape]
+        for load, number, link, factor in form.loads:
+            torque = form.torques[number]
+            parts.append(form.numbers(torque.harmonic.parameters, numbers.values))
+            if link >= 0:
+                parts += [numbers.stiffness[[link]], numbers.damping[[link]], -factor * deflections[link]]
+            elif not load.varies:
+                parts.append(turned.T @ form.shape(numbers.values, torque))
         for number, contact in form.contacts:
             parts += [deflections[number], form.numbers(contact.parameters, numbers.values)]
         return np.concatenate(parts)
@@ -111,10 +117,16 @@ class TrainAssembly:
         )
         if self.form.slips:
             stiffness, damping = stiffness + damping * numbers.leaks, damping + np.diag(numbers.leaks)
-        contacts = inverse.toarray()[:, [number for number, _ in self.form.contacts]]
-        return np.concatenate(
-            (stiffness, damping, contacts, flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))), axis=1
-        )
+        by_links = inverse.toarray()
+        contacts = by_links[:, [number for number, _ in self.form.contacts]]
+        torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
+        columns, driving = [torques[:, 0]], iter(torques.T[1:])
+        for load, _, link, factor in self.form.loads:
+            if link >= 0:
+                columns.append(-factor * by_links[:, link])
+            elif not load.varies:
+                columns.append(next(driving))
+        return np.concatenate((stiffness, damping, contacts, np.stack(columns, axis=1)), axis=1)
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """List the errors of the numbers, one sentence each."""
@@ -148,7 +160,7 @@ class TrainAssembly:
             wanted = speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
-                if link.drag:
+                if link.drag or link.loose:
                     yield (
                         f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
                         "slips as the train turns, with a torque that grows with the speed, which is no part of the "
@@ -296,12 +308,18 @@ class TrainNumbers:
 
     @cached_property
     def torques(self) -> list[NDArray[Any]]:
-        """The mean torques with the reaction, and each term of the excitation at the size 1, each shape (inertias,)."""
+        """The mean torques, and each term of the excitation that is a torque at the size 1, each shape (inertias,)."""
+        acting = (torque for torque in self.form.torques if torque.acts_on)
+        return [self.mean, *(self.form.shape(self.values, torque) for torque in acting)]
+
+    @cached_property
+    def mean(self) -> NDArray[Any]:
+        """The mean torques with the reaction, shape (inertias,)."""
         form, mean = self.form, np.zeros(len(self.form.inertias), dtype=self.values.dtype)
         mean[list(form.loaded)] = self.values[1 + len(form.inertias) :][: len(form.loaded)]
         if form.reaction is not None:
             mean[form.reaction] = -(self.speeds @ mean) / self.speeds[form.reaction]
-        return [mean, *(form.shape(self.values, torque) for torque in form.torques)]
+        return mean
 
     @cached_property
     def turning(self) -> NDArray[Any]:
@@ -339,4 +357,4 @@ def structure_of(assembly: TrainAssembly) -> Structure:
     """Make the structure of the system of a train."""
     form = assembly.form
     contacts = tuple(contact for _, contact in form.contacts)
-    return Structure(form.coordinates, contacts, tuple(torque.harmonic for torque in form.torques), assembly)
+    return Structure(form.coordinates, contacts, tuple(load.form for load in form.loads), assembly)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    ConfigDict,
     Field,
     ValidationInfo,
     create_model,
@@ -17,8 +18,10 @@ from pydantic import (
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train import Train
-from gapwalk.model.drivetrain.train_parts import Gear, Inertia, Shaft
-from gapwalk.model.loads import LOADS
+from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
+from gapwalk.model.drivetrain.train_parts import Force, Gear, Inertia, Shaft
+from gapwalk.model.load_table import LoadBase, default_name, load_fields, loads_of
+from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
@@ -26,8 +29,6 @@ from gapwalk.model.model_tables import (
     given_of,
     is_no_law,
     law_fields,
-    load_fields,
-    loads_of,
     stage_of,
     stages_field,
     study_tables,
@@ -36,6 +37,7 @@ from gapwalk.model.problems import Path, Problem
 from gapwalk.model.schema import (
     MAX_COORDINATES,
     Clearance,
+    Count,
     CubicStiffness,
     InertiaName,
     Name,
@@ -46,27 +48,31 @@ from gapwalk.model.schema import (
     Positive,
     Text,
     Torque,
+    by_shape,
     measured,
+    tagged,
     without_repeats,
 )
 from gapwalk.model.system import System
 from gapwalk.model.units import Quantity, QuantityKind
 
 _KEYS = ("inertia", "shaft", "gear")
+_TOP = ("mean", "reaction", "reference", "longest", "frequency", "speed")
 
 # The quantities of a part: all are numbers in consistent units, or all are texts such as "0.12 kg m^2".
 _Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS)]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
+_Order = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
 
 
 class InertiaPart(Part):
-    """A body: ``[[inertia]]``."""
+    """A body: ``[[inertia]]``; one whose motion is prescribed has no moment of inertia."""
 
     name: Name = Field(description="shafts, gears and torques refer to it")
-    inertia: _Inertia = Field(description="it is the moment of inertia")
+    inertia: _Inertia | None = None
 
     def part(self) -> Inertia:
         """Make the inertia."""
@@ -89,16 +95,66 @@ class LinkBase(LawTable):
         springs["numbers"] = given_of(self, "parameters")
         springs["stages"] = tuple(stage_of(part, part.name or "") for part in getattr(self, "stage", ()))
         first, second = self.between
-        ratio = getattr(self, "ratio", None)
-        if ratio is None:
+        if not isinstance(self, GearBase):
             return Shaft(self.name, (first, second), **springs)
-        return Gear(self.name, (first, second), ratio, **springs)
+        return Gear(self.name, (first, second), self.ratio, teeth=self.teeth, **springs)
 
 
 class GearBase(LinkBase):
     """A gear mesh: ``[[gear]]``."""
 
-    ratio: Number = Field(description="it is the speed of the first inertia divided by that of the second")
+    teeth: (
+        Annotated[
+            Annotated[Count, tagged("first")]
+            | Annotated[list[Count], Field(min_length=2, max_length=2), tagged("both")],
+            by_shape(lambda value: "both" if isinstance(value, list) else "first"),
+        ]
+        | None
+    ) = None
+    ratio: Number | None = Field(default=None, validate_default=True)
+
+    @field_validator("ratio")
+    @classmethod
+    def _is_known(cls, ratio: float | None, info: ValidationInfo[Names]) -> float | None:
+        if ratio is None and not isinstance(info.data.get("teeth"), list):
+            raise ValueError(
+                "is missing; it is the speed of the first inertia divided by that of the second. Or write the numbers "
+                "of teeth, as in teeth = [27, 41]"
+            )
+        return ratio
+
+
+class TorquePart(Part):
+    """A torque by a formula: ``[[force]]``. All keys that the schema does not know are parameters of the formula."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    name: Name = Field(description="its parameters begin with it, as in drag.a")
+    between: _Ends = Field(description='name the two inertias on which it acts, as in ["gearbox", "ground"]')
+    law: Text = Field(
+        description='write its formula, as in "a*v + b*v*abs(v)": x is the angle of the first inertia less that of the '
+        "second, v its rate"
+    )
+
+    def part(self) -> Force:
+        """Make the torque."""
+        first, second = self.between
+        return Force(self.name, (first, second), self.law, numbers=self.model_extra or {})
+
+
+class TrainLoadBase(LoadBase):
+    """A load of a drive train, whose order may count teeth or turns, and may be a fraction."""
+
+    order: _Order = 1  # pyright: ignore[reportIncompatibleVariableOverride]
+    mesh: Name | None = None
+    turns_of: Name | None = None
+
+    def load(self, **changes: Any) -> Load | Counted:
+        """Make the load, with the way in which its order is counted."""
+        mesh, turns_of, order = self.mesh or "", self.turns_of or "", self.order
+        is_whole = float(order).is_integer()
+        load = super().load(order=int(order) if is_whole else 1, **changes)
+        return load if is_whole and not (mesh or turns_of) else Counted(load, mesh, turns_of, order)
 
 
 class TrainBase(Part):
@@ -110,8 +166,11 @@ class TrainBase(Part):
     )
     mean: dict[Annotated[Text, InertiaName], Torque] = Field(default={})
     reaction: Name | None = None
+    reference: Name = ""
+    longest: Count = LONGEST
     frequency: _Pace | None = None
     speed: _Pace | None = None
+    force: Annotated[list[TorquePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
     study: Annotated[Any, AfterValidator(study_tables)] = None
     reduction: Any = None  # read by `gapwalk.studies.reduced`
 
@@ -144,6 +203,9 @@ class TrainBase(Part):
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
+            forces=[part.part() for part in self.force],
+            reference=self.reference,
+            longest=self.longest,
         )
 
     def system(self) -> System:
@@ -159,7 +221,7 @@ def train_part() -> type[TrainBase]:
     for key, (name, base) in links.items():
         part: Any = create_model(name, __base__=base, **fields)
         links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))
-    return create_model("TrainPart", __base__=TrainBase, **links, **load_fields())
+    return create_model("TrainPart", __base__=TrainBase, **links, **load_fields(TrainLoadBase))
 
 
 def describes_train(data: Mapping[str, Any]) -> bool:
@@ -169,10 +231,10 @@ def describes_train(data: Mapping[str, Any]) -> bool:
 
 def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
-    places: dict[str, Path] = {name: (name,) for name in ("mean", "reaction", "frequency", "speed")}
-    for kind in (*_KEYS, *LOADS):
+    places: dict[str, Path] = {name: (name,) for name in _TOP}
+    for kind in (*_KEYS, "force", *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
-            places[table.get("name", f"{kind}{table.get('order', 1)}")] = (kind, number)
+            places[table.get("name") or default_name(kind, table, places)] = (kind, number)
     for line in dict.fromkeys(str(error).splitlines()):
         subject, _, rest = line.partition(" ")
         name, *keys = subject.split(".")

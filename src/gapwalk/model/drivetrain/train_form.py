@@ -9,11 +9,13 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.drivetrain.displacement import Displacing
+from gapwalk.model.laws import Expression
 from gapwalk.model.loads import LoadForm
 from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames
 
@@ -37,7 +39,7 @@ class LinkForm:
     always
         True if it has a spring that acts always.
     contact
-        Its springs with clearances.
+        Its springs with clearances, or its formula.
     """
 
     name: str
@@ -54,18 +56,62 @@ class LinkForm:
         return not (self.rigid or self.always or self.contact)
 
     @property
+    def by_formula(self) -> bool:
+        """True if its torque is a formula, so that it has no damper."""
+        return self.contact is not None and not self.contact.law.stage_parameters
+
+    @property
+    def loose(self) -> bool:
+        """True for a formula that does not depend on its deflection: it joins nothing."""
+        law = self.contact.law if self.contact else None
+        return isinstance(law, Expression) and "x" not in law.formula.variables
+
+    @property
     def own_numbers(self) -> tuple[str, ...]:
         """Names of its numbers, without those of its contact."""
-        has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always, "damping": not self.rigid}
+        has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always}
+        has["damping"] = not self.rigid and not self.by_formula
         return tuple(what for what, value in has.items() if value)
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueForm:
-    """A term of the excitation without its numbers: its name, its order, and on which inertias it acts."""
+    """A term of the excitation without its numbers: its name, its order, and on which inertias it acts.
+
+    Parameters
+    ----------
+    harmonic
+        The load. What it varies are numbers and deflections of contacts.
+    acts_on
+        The inertias.
+    displaces
+        The links whose springs and dampers that act always it displaces, each with a factor.
+    """
 
     harmonic: LoadForm
     acts_on: tuple[int, ...]
+    displaces: tuple[tuple[int, float], ...] = ()
+
+
+class LoadPart(NamedTuple):
+    """A load of the equations of motion.
+
+    Attributes
+    ----------
+    form
+        The load.
+    torque
+        The term of the excitation from which it comes.
+    link
+        The link that it displaces; -1 for none.
+    factor
+        The factor of that displacement.
+    """
+
+    form: LoadForm
+    torque: int
+    link: int = -1
+    factor: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +148,11 @@ class Tree:
 def tree_of(links: Sequence[LinkForm], ground: int) -> Tree:
     """Build the tree: it prefers rigid links, and contains links to the ground only where necessary.
 
-    Drags close loops: they are in the tree only if no other link connects their inertias.
+    Drags close loops: they are in the tree only if no other link connects their inertias. Formulas of the rate alone
+    always do.
     """
     chosen = _spanning(links, ground)
-    root = ground if any(ground in link.ends and not link.drag for link in links) else 0
+    root = ground if any(ground in link.ends and not (link.drag or link.loose) for link in links) else 0
     steps = _walk(links, chosen, root)
     chords = tuple(number for number in range(len(links)) if number not in chosen)
     parents = {step.child: step for step in steps}
@@ -127,7 +174,7 @@ def _spanning(links: Sequence[LinkForm], ground: int) -> set[int]:
     chosen = set()
     for number in sorted(range(len(links)), key=lambda k: (links[k].drag, ground in links[k].ends, not links[k].rigid)):
         first, second = map(leader, links[number].ends)
-        if first != second:
+        if first != second and not links[number].loose:
             leaders[first] = second
             chosen.add(number)
     return chosen
@@ -193,6 +240,8 @@ class TrainForm:
             raise ValueError("a link of the train ends nowhere")
         if not all(0 <= number < self.ground for number in (*inertias, self.reaction or 0)):
             raise ValueError("a torque acts on no inertia")
+        if not all(0 <= link < len(self.links) for torque in self.torques for link, _ in torque.displaces):
+            raise ValueError("a displacement is that of no link")
 
     @property
     def ground(self) -> int:
@@ -230,6 +279,21 @@ class TrainForm:
     def contacts(self) -> tuple[tuple[int, ContactForm], ...]:
         """The links with clearances, with their contacts."""
         return tuple((number, link.contact) for number, link in enumerate(self.links) if link.contact)
+
+    @cached_property
+    def loads(self) -> tuple[LoadPart, ...]:
+        """The loads of the equations of motion: terms of the excitation, and displacements of linear links."""
+        found = []
+        for number, torque in enumerate(self.torques):
+            load = torque.harmonic
+            if torque.acts_on or load.varies:
+                found.append(LoadPart(load, number))
+            alone = not load.varies and len(torque.displaces) == 1
+            for link, factor in torque.displaces:
+                name = load.name if alone else f"{load.name}_{self.links[link].name}"
+                kind: Any = Displacing(load.kind)
+                found.append(LoadPart(LoadForm(name, load.order, kind, load.constants), number, link, factor))
+        return tuple(found)
 
     @cached_property
     def loaded(self) -> tuple[int, ...]:

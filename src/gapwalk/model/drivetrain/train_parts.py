@@ -5,13 +5,16 @@ A number may also be a text with a unit, which `Train` reads: ``Inertia("hub", "
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from fractions import Fraction
 from typing import Any, Self
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Stage
-from gapwalk.model.laws import Law, law_with
+from gapwalk.model.laws import Expression, Law, law_with
 
 GROUND = "ground"
 """The name of the ground, which does not move; a shaft may end there."""
@@ -19,7 +22,11 @@ GROUND = "ground"
 Change = Callable[[str, Any], Any]
 """A function that returns another value for a quantity, from its name and its value."""
 
+_LARGEST_PART = 500  # of a ratio that is taken for a fraction without the numbers of teeth
+_EXACT = 1e-9  # relative error of a ratio that is meant to be a fraction
+_ROUNDED = 1e-4  # relative error of a ratio that is given beside numbers of teeth
 _OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
+_OF_FORCES = {*_OF_LINKS, "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
 _OF_STAGES = ("clearance", "stiffness", "cubic")
 
 
@@ -32,14 +39,17 @@ class Inertia:
     name
         Its parameter is called ``name.inertia``.
     inertia
-        Moment of inertia, > 0, in kg m^2 or any consistent unit.
+        Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its
+        angle, as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
     """
 
     name: str
-    inertia: float
+    inertia: float | None = None
 
     def _converted(self, change: Change) -> Inertia:
         """Return it with another value of its quantity."""
+        if self.inertia is None:
+            return self
         return replace(self, inertia=change(f"{self.name}.inertia", self.inertia))
 
 
@@ -105,6 +115,11 @@ class Link:
             object.__setattr__(self, each.name, value)
 
     @property
+    def acts_always(self) -> bool:
+        """True if its spring has no clearance."""
+        return self.stiffness is not None and self.clearance is None
+
+    @property
     def is_rigid(self) -> bool:
         """True if it connects its two inertias rigidly."""
         return False
@@ -119,8 +134,13 @@ class Link:
         """True if any of its springs is elastic."""
         return self.stiffness is not None or bool(self.stages)
 
-    def contact(self) -> Contact | None:
+    def contact(self, gapless: bool = False) -> Contact | None:
         """Return its springs with clearances as a contact; None if there are none.
+
+        Parameters
+        ----------
+        gapless
+            True if the spring that acts always is one of them, with the clearance 0, because its stiffness varies.
 
         Raises
         ------
@@ -129,8 +149,8 @@ class Link:
         """
         alone = len(self.stages) + (self.stiffness is not None) == 1  # then its parameters need no name of a stage
         stages = []
-        if self.stiffness is not None and self.clearance is not None:
-            stages.append(Stage(self.clearance, self.stiffness, self.cubic, name="" if alone else "stage1"))
+        if self.stiffness is not None and (self.clearance is not None or gapless):
+            stages.append(Stage(self.clearance or 0.0, self.stiffness, self.cubic, name="" if alone else "stage1"))
         for number, stage in enumerate(self.stages, start=1 if self.stiffness is None else 2):
             stages.append(replace(stage, name=stage.name or ("" if alone else f"stage{number}")))
         if not stages:
@@ -205,15 +225,45 @@ class Gear(Link):
     ----------
     ratio
         Speed of the first inertia divided by that of the second, not zero.
+    teeth
+        Number of teeth of the first gear, or of both; of the second there are `ratio` times as many. Loads may then
+        count their orders per tooth: see `Counted`.
     stiffness
         None for a rigid mesh, which makes one body of its two inertias.
     """
 
     ratio: float
+    teeth: int | tuple[int, int] | None
 
-    def __init__(self, name: str, between: tuple[str, str], ratio: float, **springs: Any) -> None:
+    def __init__(
+        self,
+        name: str,
+        between: tuple[str, str],
+        ratio: float | None = None,
+        *,
+        teeth: int | Sequence[int] | None = None,
+        **springs: Any,
+    ) -> None:
         super().__init__(name, between, **springs)
+        pair = tuple(teeth) if isinstance(teeth, Sequence) else teeth
+        if ratio is None and isinstance(pair, tuple) and len(pair) == 2 and pair[0]:
+            ratio = pair[1] / pair[0]
         object.__setattr__(self, "ratio", ratio)
+        object.__setattr__(self, "teeth", pair)
+
+    @property
+    def exact_ratio(self) -> Fraction | None:
+        """The ratio as a fraction: of the numbers of teeth, or of small numbers; None if it is none."""
+        if self.teeth is None:
+            found = Fraction(self.ratio).limit_denominator(_LARGEST_PART)
+            return found if abs(found - self.ratio) <= _EXACT * abs(self.ratio) else None
+        first, second = self.teeth if isinstance(self.teeth, tuple) else (self.teeth, 0)
+        return Fraction(second or round(abs(self.ratio) * first), first) * (1 if self.ratio > 0 else -1)
+
+    @property
+    def first_teeth(self) -> int | None:
+        """The number of teeth of the first gear, if it is known."""
+        return self.teeth[0] if isinstance(self.teeth, tuple) else self.teeth
 
     @property
     def is_rigid(self) -> bool:
@@ -224,6 +274,132 @@ class Gear(Link):
         """List the errors of its numbers, one sentence each, without its name."""
         if self.is_rigid and self.damping:
             yield "has damping, but no stiffness, so it is rigid; leave damping out, or write stiffness = ..."
+        yield from self._teeth_problems()
         if GROUND in self.between:
             yield "ends at the ground, but a gear joins two inertias; write a shaft instead"
         yield from super().problems()
+
+    def _teeth_problems(self) -> Iterator[str]:
+        pair: list[Any] = [*self.teeth] if isinstance(self.teeth, tuple) else [self.teeth]
+        if self.teeth is None or not isinstance(self.ratio, int | float) or not 0 < abs(self.ratio) < math.inf:
+            return
+        if len(pair) > 2 or not all(isinstance(each, int) and not isinstance(each, bool) and each > 0 for each in pair):
+            yield f"has teeth = {self.teeth!r}; write the number of the first gear, or both, as in [27, 41]"
+            return
+        second = abs(self.ratio) * (pair[0] or 0)
+        whole = pair[1] if pair[1:] else max(round(second), 1)
+        if abs(second - whole) > (_ROUNDED if pair[1:] else _EXACT * 1e3) * second:
+            yield (
+                f"has {pair[0]} teeth and the ratio {self.ratio:.10g}, so its second gear would have {second:.8g}; "
+                f"write the numbers of both, as in teeth = [{pair[0]}, {whole}], and leave the ratio out"
+            )
+
+
+@dataclass(frozen=True, init=False)
+class Force(Link):
+    """A torque by a formula between two inertias, or between one and the ground.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    between
+        The two inertias. Its deflection is the angle of the first less that of the second.
+    law
+        The formula, as for `gapwalk.force`: ``x`` is the deflection, in rad, and ``v`` its rate, in rad/s; the torque
+        is in N m. In a train without units they are in its own.
+    numbers
+        The parameters by name; they may also be given as arguments. In a train with units they may be texts, such as
+        ``"0.01 N m s/rad"``.
+
+    Examples
+    --------
+    >>> Force("seal", ("hub", "box"), "c*v*abs(v)", c="0.001 N m s^2/rad^2").numbers
+    {'c': '0.001 N m s^2/rad^2'}
+    """
+
+    def __init__(
+        self,
+        name: str,
+        between: tuple[str, str],
+        law: str,
+        *,
+        numbers: Mapping[str, float | str] | None = None,
+        **more: float | str,
+    ) -> None:
+        given: Any = {**(numbers or {}), **{name: value for name, value in more.items() if name not in _OF_FORCES}}
+        super().__init__(name, between, law=law, numbers=given)
+
+    @property
+    def is_drag(self) -> bool:
+        """True if its formula does not depend on the deflection."""
+        return "x" not in self.formula.formula.variables
+
+    @property
+    def has_springs(self) -> bool:
+        """True if its formula depends on the deflection."""
+        return not self.is_drag
+
+    @property
+    def formula(self) -> Expression:
+        """The formula as it was written."""
+        return Expression(str(self.law))
+
+    def contact(self, gapless: bool = False, angle: float = 1.0) -> Contact:
+        """Return it as a contact; see `Link.contact`.
+
+        Parameters
+        ----------
+        gapless
+            Not used: it has no stages.
+        angle
+            The unit of angles in which the equations are counted, in rad: the formula is one of rad.
+        """
+        law = Expression(scaled(self.formula.text, angle, angle), ("x",))
+        numbers = {each.name: self.numbers[each.name] for each in law.parameters if each.name in self.numbers}
+        return Contact(self.name, {self.name: 1.0}, (), None, law, numbers)
+
+    def _converted(self, change: Change) -> Self:
+        """Return it with other values of its parameters."""
+        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
+        return type(self)(self.name, self.between, str(self.law), numbers=numbers)
+
+    def problems(self) -> Iterator[str]:
+        """List the errors of its formula and its numbers, one sentence each, without its name."""
+        try:
+            known = [each.name for each in self.formula.parameters]
+        except ModelError as error:
+            yield f"has no formula as its law: {str(error).splitlines()[0]}"
+            return
+        for name in known:
+            if name in _OF_FORCES:
+                yield f"has a parameter {name!r}, which means something else in a shaft; rename it in the formula"
+            elif name not in self.numbers:
+                yield f"has no {name}, which its formula needs; write {name} = ..."
+        for name, value in self.numbers.items():
+            if name not in known:
+                yield f"has {name}, which is no parameter of its formula; its parameters are {', '.join(known)}"
+            elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                yield f"has {name} = {value!r}; it must be a finite number"
+
+
+def scaled(text: str, angle: float, rate: float, torque: float = 1.0) -> str:
+    """Write a formula of a deflection and its rate for other units: in place of x, ``angle * x``, and so on.
+
+    Parameters
+    ----------
+    text
+        The formula.
+    angle, rate
+        Sizes of the new units of the deflection and of its rate, in the old ones.
+    torque
+        Size of the new unit of the torque.
+    """
+    sizes = {"x": angle, "x'": rate, "v": rate}
+
+    def instead(match: re.Match[str]) -> str:
+        size = sizes.get(match[0], 1.0)
+        return match[0] if size == 1.0 else f"({size!r}*{match[0]})"
+
+    found = re.sub(r"[^\W\d]\w*'?", instead, text)
+    return found if torque == 1.0 else f"({found})*{1.0 / torque!r}"

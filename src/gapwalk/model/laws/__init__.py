@@ -3,11 +3,14 @@
 `gapwalk.model.laws.law.Law` is the protocol, and says what a law must give.
 """
 
+from gapwalk.model.laws.arithmetic import KINKS
 from gapwalk.model.laws.closed_form import Stages, StageShape, StageTerms, Term, closed_form_of
 from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
+from gapwalk.model.laws.expression import Expression
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
+    FORMULAS,
     LAWS,
     STIFFNESS,
     Law,
@@ -16,17 +19,26 @@ from gapwalk.model.laws.law import (
     law_with,
     never_negative,
     register,
+    register_formula,
 )
+from gapwalk.model.laws.piecewise import Piecewise
+from gapwalk.model.laws.pushing import Pushing
 
-for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted):
+register_formula(Expression)
+for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted, Piecewise, Pushing):
     register(_law())
 
 __all__ = [
     "CLEARANCE",
     "CUBIC",
+    "FORMULAS",
+    "KINKS",
     "LAWS",
     "STIFFNESS",
+    "Expression",
     "Law",
+    "Piecewise",
+    "Pushing",
     "StageShape",
     "StageTerms",
     "Stages",
@@ -37,4 +49,5 @@ __all__ = [
     "law_with",
     "never_negative",
     "register",
+    "register_formula",
 ]

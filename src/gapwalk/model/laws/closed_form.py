@@ -1,13 +1,14 @@
 """The arguments of a formula of a force law, and its closed form: a sum of products, read from the formula.
 
-The closed form is what harmonic balance, the batch integrator and equilibria need: where the force is a polynomial of
-the depth of one stage at a time, its spectrum, its integral and the error that its kinks leave are known exactly.
+The closed form is what harmonic balance and equilibria need, and what makes the batch integrator fast: where the force
+is a polynomial of the depth of one stage at a time, its spectrum, its integral and the error that its kinks leave are
+known exactly.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -46,7 +47,7 @@ class StageTerms:
 
 
 class Stages:
-    """All stages of a contact, on each side on which they act, as arguments of a formula.
+    """All stages of a contact, on each side on which they act, and the other arguments of a formula.
 
     Parameters
     ----------
@@ -54,10 +55,24 @@ class Stages:
         The stages.
     add
         Function with which a backend adds several terms.
+    deflections
+        Each deflection by its name in the formula, with its rate.
+    modes
+        The modes of the law, 1 or 0 each, if it has any (`Law.guards`).
+    functions
+        Functions such as ``"sin"`` by name, as the backend has them.
     """
 
-    def __init__(self, stages: Iterable[StageTerms], add: Callable[[list[Any]], Any] = sum) -> None:
+    def __init__(
+        self,
+        stages: Iterable[StageTerms],
+        add: Callable[[list[Any]], Any] = sum,
+        deflections: Mapping[str, tuple[Any, Any]] | None = None,
+        modes: Sequence[Any] = (),
+        functions: Mapping[str, Callable[..., Any]] | None = None,
+    ) -> None:
         self._stages, self._add = tuple(stages), add
+        self.deflections, self.modes, self.functions = deflections or {}, modes, functions or {}
 
     def __iter__(self) -> Iterator[StageTerms]:
         return iter(self._stages)
@@ -162,6 +177,8 @@ _CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "num
 @lru_cache(maxsize=256)
 def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
     """Return the force of a law as a sum of products, each of one stage; None if it is no such sum."""
+    if law.mode_count or not law.stage_parameters:
+        return None
     stages = Stages(
         StageTerms(
             sign,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
 from gapwalk.errors import ModelError
@@ -48,8 +49,9 @@ class Law(ABC):
     of two parameters is a series like any other.
 
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
-    it. Otherwise harmonic balance, the batch integrator (basins, regime maps) and equilibria (``gapwalk modes``) refuse
-    it by name; the flow, shooting, special points, loci, verification and files do not.
+    it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
+    positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
+    files carry it.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
     `gapwalk.flow.contact_events`; where it does not, nothing is computed.
@@ -92,6 +94,10 @@ class Law(ABC):
             The parameters of the contact by name.
         """
 
+    def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
+        """List the errors of values of its parameters (those of the contact as a whole), one sentence each."""
+        return iter(())
+
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
         """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
 
@@ -99,6 +105,37 @@ class Law(ABC):
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
         """
         return rate
+
+    @property
+    def title(self) -> str:
+        """Its name, or its formula, for a line of a summary."""
+        return self.name
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the deflections on which the force depends; a contact has one."""
+        return ("x",)
+
+    def has_stage_parameter(self, name: str) -> bool:
+        """Return True if its stages have a parameter of that name."""
+        return any(each.name == name for each in self.stage_parameters)
+
+    @property
+    def mode_count(self) -> int:
+        """Number of its modes."""
+        return 0
+
+    def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Sequence[Any]:
+        """Compute one number for each mode of the law, which is 1 where that number is positive, and otherwise 0.
+
+        The force must be continuous where a guard vanishes. A guard may depend on earlier modes.
+        """
+        return ()
+
+    @property
+    def has_edges(self) -> bool:
+        """True if the force has no higher derivatives where a guard vanishes, as fractional powers have none at 0."""
+        return False
 
     @property
     def rebounds(self) -> bool:
@@ -127,6 +164,15 @@ LAWS: Registry[Law] = Registry("force law")
 """All force laws by name, in the order of their registration; `register` adds one."""
 
 
+FORMULAS: Registry[type[Law]] = Registry("kind of force")
+"""Laws that are dataclasses with data of their own, such as a formula or a measured curve; `register_formula` adds."""
+
+
+def register_formula(kind: type[Law]) -> None:
+    """Register a law with data of its own, a frozen dataclass of texts, numbers and tuples, for result files."""
+    FORMULAS.add(kind.name, kind)
+
+
 def register(law: Law) -> None:
     """Register a force law for model files under its name.
 
@@ -142,6 +188,11 @@ def register(law: Law) -> None:
     if of_stages[:1] != [CLEARANCE.name]:
         raise ModelError(f"the force law {law.name!r} has the stage parameters {of_stages}; the first is the clearance")
     LAWS.add(law.name, law)
+
+
+def data_of(law: Law) -> dict[str, Any]:
+    """Return the data of a law by the names of its fields; empty for a law without any."""
+    return {each.name: getattr(law, each.name) for each in fields(law)} if is_dataclass(law) else {}
 
 
 def law_of(given: str | Law) -> Law:

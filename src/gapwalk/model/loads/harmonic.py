@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 
 from gapwalk.model.loads.load import Line, Load
+from gapwalk.model.loads.over_speed import OverSpeed
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.units import QuantityKind
 
 
 @dataclass(frozen=True)
 class Harmonic(Load):
-    """One term ``amplitude * s * cos(order * W * t + phase)`` of the excitation.
+    """One term ``amplitude * s * cos(order * W * t + phase)`` of the excitation, or of a variation.
 
     Parameters
     ----------
     amplitude
-        In units of a force (of a torque).
+        In units of a force (of a torque); as a variation, a fraction of the number that varies, or a displacement.
     acts_on
         The vector ``s`` by coordinate name, for example ``{"q1": 1.0}``.
     order
@@ -29,22 +30,42 @@ class Harmonic(Load):
         In radians.
     name
         Prefix of its parameters' names; ``harmonic<order>`` by default.
+    varies
+        What it varies instead: ``"mesh.stiffness"``, or several names with factors.
+    growth
+        Power 0, 1 or 2 of the frequency with which it grows: the term is ``amplitude * (W / at)**growth``. The force of
+        an unbalance and the torque of an accelerated inertia grow with the power 2.
+    at
+        The frequency W at which it has its amplitude.
+    over_speed
+        A factor that depends on the speed: a smooth formula of the angular frequency, such as ``"1 + 0.1*W"``, or a
+        `SpeedTable`.
+
+    Examples
+    --------
+    >>> Harmonic(0.1, {"x": 1.0}, growth=2)  # the force of an unbalance of 0.1
+    Harmonic(amplitude=0.1, acts_on={'x': 1.0}, order=1, phase=0.0, name='harmonic1', varies={}, growth=2, at=1.0, \
+over_speed=())
     """
 
-    key, words = "harmonic", "a term of the excitation"
+    key, words, frequencies = "harmonic", "a term of the excitation", ("at",)
     parameters = (
         Parameter("amplitude", QuantityKind.TORQUE, "it is the size of the load"),
         Parameter("phase", QuantityKind.PHASE, "it is the phase", default=0.0),
     )
 
     amplitude: float
-    acts_on: Mapping[str, float] = field(hash=False)
+    acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
     order: int = 1
     phase: float = 0.0
     name: str = ""
+    varies: Mapping[str, float] = field(default_factory=dict, hash=False)
+    growth: int = 0
+    at: float = 1.0
+    over_speed: OverSpeed = ()
 
     @classmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
         """See `Load.lines`."""
-        size, angle = numbers["amplitude"], numbers["phase"]
+        size, angle = cls.grown(numbers["amplitude"], frequency, numbers), numbers["phase"]
         yield Line(order, size * np.cos(angle), size * -np.sin(angle))

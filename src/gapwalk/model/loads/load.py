@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, Self
 
 from gapwalk.errors import ModelError
+from gapwalk.model.loads.over_speed import FactorOverSpeed, factor_over_speed, over_speed_data
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.registry import Registry
+from gapwalk.model.units import Units
 
 
 class Line(NamedTuple):
@@ -22,21 +26,43 @@ class Line(NamedTuple):
     sine: Any = 0.0
 
 
+class Levels(NamedTuple):
+    """A part of a variation with two levels: ``high`` from the angle `up` to `down` in each cycle, otherwise ``low``.
+
+    The angles are those of the excitation, W t; they repeat after ``2 pi / order``.
+    """
+
+    low: Any
+    high: Any
+    up: Any
+    down: Any
+
+
 class Load(ABC):
-    """A load that repeats with the excitation, along one vector of coordinates.
+    """A load that repeats with the excitation, along one vector of coordinates; or a variation of other numbers.
 
     A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
-    its parameters, and the three below. All other code iterates over the registry: the tables of model files, names and
+    its parameters, and the four below. All other code iterates over the registry: the tables of model files, names and
     units of parameters, the flow, the batch integrator, harmonic balance, drive trains, documentation.
 
     Parameters
     ----------
     acts_on
-        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia.
+        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia. Empty for a variation.
     order
         Multiple of the fundamental frequency, an integer >= 1.
     name
         Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
+    varies
+        Names of what it varies instead: one, several, or each with a factor: ``{"mesh.stiffness": 1.0}``. A deflection
+        (or the clearance of a contact with one side) varies by the load itself; any other number of a contact or a
+        force becomes that number times ``1 + load``.
+    over_speed
+        A factor that depends on the speed, of a kind that has this field: a formula such as ``"1 + 0.1*W"``, or a
+        table.
+    growth, at
+        Power 0, 1 or 2 of the frequency with which it grows, and the frequency at which it has its size, of a kind that
+        has these fields; its `lines` use `grown`.
 
     Attributes
     ----------
@@ -45,7 +71,10 @@ class Load(ABC):
     words
         Description, in a few words.
     parameters
-        Its parameters, in the order of its fields.
+        Its parameters, in the order of its fields. Any further fields are constants.
+    table_keys
+        Its keys in a model file in place of its constants, each with its type and its default (``...`` for none), if
+        they are not the fields themselves; `from_table` reads them.
 
     Notes
     -----
@@ -61,9 +90,10 @@ class Load(ABC):
             key, words = "unbalance", "the force of an unbalance"
             parameters = (Parameter("moment", None, "it is the mass times its distance from the axis"),)
             moment: float
-            acts_on: Mapping[str, float] = field(hash=False)
+            acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
             order: int = 1
             name: str = ""
+            varies: Mapping[str, float] = field(default_factory=dict, hash=False)
 
             @classmethod
             def lines(cls, order, frequency, numbers):
@@ -76,17 +106,44 @@ class Load(ABC):
     key: ClassVar[str]
     words: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
+    has_levels: ClassVar[bool] = False
+    table_keys: ClassVar[Mapping[str, tuple[Any, Any]]] = MappingProxyType({})
+    frequencies: ClassVar[tuple[str, ...]] = ()
+    """Names of further fields that are frequencies W; in a drive train with units they are texts."""
+    is_periodic: ClassVar[bool] = True
+    """False if it is constant over the angle, so that it has no order."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]  # every kind is a dataclass
     acts_on: Mapping[str, float]
-    order: int
     name: str
+    order: int = 1
+    varies: Mapping[str, float] = MappingProxyType({})  # a kind without such a field varies nothing
+    over_speed: Any = ()  # without these three, it depends on the speed only if its lines do
+    growth: int = 0
+    at: float = 1.0
 
     def __post_init__(self) -> None:
-        check_order(self.order)
+        if self.is_periodic:
+            check_order(self.order)
+            object.__setattr__(self, "order", int(self.order))
         if not self.name:
-            object.__setattr__(self, "name", f"{self.key}{int(self.order)}")
-        object.__setattr__(self, "order", int(self.order))
+            object.__setattr__(self, "name", f"{self.key}{self.order if self.is_periodic else ''}")
+        if "over_speed" in self.__dataclass_fields__:
+            object.__setattr__(self, "over_speed", over_speed_data(self.over_speed))
+        if self.growth not in (0, 1, 2) or isinstance(self.growth, bool):
+            raise ModelError(f"growth is {self.growth!r}; it must be 0, 1 or 2, the power of the frequency")
+        if isinstance(self.at, int | float) and not self.at > 0.0:  # a text with a unit is read by the drive train
+            raise ModelError(f"at is {self.at!r}; it must be a frequency > 0, at which the load has its amplitude")
+        if not isinstance(self.varies, Mapping):
+            names = (self.varies,) if isinstance(self.varies, str) else self.varies
+            object.__setattr__(self, "varies", dict.fromkeys(names, 1.0))
+        if bool(self.acts_on) is bool(self.varies):
+            both = "both acts_on and varies" if self.varies else "neither acts_on nor varies"
+            raise ModelError(
+                f'{self.name} has {both}; write acts_on = {{ q1 = 1.0 }} for a force, or varies = "mesh.stiffness"'
+            )
+        if self.has_levels and self.acts_on:
+            raise ModelError(f"{self.name} is {self.words}: it varies a number of a contact or a force, and is no load")
 
     @classmethod
     @abstractmethod
@@ -100,26 +157,79 @@ class Load(ABC):
         frequency
             The frequency W of the excitation: real or complex, or an array.
         numbers
-            Its parameters by name, of the same kinds.
+            Its parameters by name, of the same kinds, and its constants.
         """
+
+    @staticmethod
+    def grown(size: Any, frequency: Any, numbers: Mapping[str, Any]) -> Any:
+        """Return a size that grows with a power of the frequency: ``size * (W / at)**growth``."""
+        for _ in range(numbers.get("growth", 0)):  # result files of earlier versions have none
+            size = size * (frequency / numbers["at"])
+        return size
+
+    @classmethod
+    def levels(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Levels:
+        """Give the two levels of a variation that jumps (``has_levels = True``); parameters as in `lines`."""
+        raise NotImplementedError
+
+    @property
+    def turn_order(self) -> Fraction:
+        """Its order per turn of a shaft whose speed is the pace of a drive train; 0 if it is constant."""
+        return Fraction(self.order) if self.is_periodic else Fraction(0)
+
+    def in_train(self, units: Units) -> Self:
+        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere."""
+        if not self.over_speed:
+            return self
+        return replace(self, over_speed=factor_over_speed(self.over_speed).in_train(units).data)
+
+    @classmethod
+    def from_table(cls, given: Mapping[str, Any], *, units: bool) -> Self:
+        """Make it from its table in a model file.
+
+        Parameters
+        ----------
+        given
+            The values of its keys: those of its fields, and of `table_keys`.
+        units
+            True if the quantities of the file have units.
+        """
+        return cls(**given)
+
+    @classmethod
+    def notes(cls, constants: Mapping[str, Any]) -> str:
+        """Say what a reader of the model should know of its constants; empty if nothing."""
+        return ""
+
+    @classmethod
+    def problems(cls, numbers: Mapping[str, float]) -> Iterator[str]:
+        """List the errors of values of its parameters, one sentence each that begins with the name of one."""
+        return iter(())
 
     def values(self) -> Iterator[float]:
         """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)
 
+    def constants(self) -> tuple[tuple[str, Any], ...]:
+        """Return its further fields with their values."""
+        known = {"acts_on", "order", "name", "varies", *(each.name for each in self.parameters)}
+        return tuple((each.name, getattr(self, each.name)) for each in fields(self) if each.name not in known)
+
 
 @dataclass(frozen=True, slots=True)
 class LoadForm:
-    """A load without its numbers: its name, its order, and its kind."""
+    """A load without its numbers: its name, its order, its kind, its constants, and what it varies, with factors."""
 
     name: str
     order: int
     kind: type[Load]
+    constants: tuple[tuple[str, Any], ...] = ()
+    varies: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def of(cls, load: Load) -> LoadForm:
         """Make the form of a load."""
-        return cls(load.name, load.order, type(load))
+        return cls(load.name, load.order, type(load), load.constants(), tuple(load.varies.items()))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -133,8 +243,29 @@ class LoadForm:
 
     def lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
         """Give its lines, for values of its parameters in their order."""
+        lines = self.kind.lines(self.order, frequency, self._numbers(values))
+        if self.factor is None:
+            return tuple(lines)
+        factor = self.factor.value(frequency)
+        return tuple(Line(order, factor * cosine, factor * sine) for order, cosine, sine in lines)
+
+    def plain_lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
+        """Give its lines without its factor over the speed."""
+        return tuple(self.kind.lines(self.order, frequency, self._numbers(values)))
+
+    @property
+    def factor(self) -> FactorOverSpeed | None:
+        """Its factor over the speed; None if it has none."""
+        data = dict(self.constants).get("over_speed")
+        return factor_over_speed(data) if data else None
+
+    def levels(self, frequency: Any, values: Iterable[Any]) -> Levels:
+        """Give its levels, for values of its parameters in their order."""
+        return self.kind.levels(self.order, frequency, self._numbers(values))
+
+    def _numbers(self, values: Iterable[Any]) -> dict[str, Any]:
         numbers = {each.name: value for each, value in zip(self.kind.parameters, values, strict=True)}
-        return tuple(self.kind.lines(self.order, frequency, numbers))
+        return {**dict(self.constants), **numbers}
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -142,15 +273,24 @@ class LoadForm:
         return tuple(line.order for line in _example(self, 1.0))
 
     @property
+    def multiples(self) -> tuple[int, ...]:
+        """The multiples of the fundamental frequency with which it repeats: the orders of its lines, or of its levels.
+
+        A constant load has none.
+        """
+        own = (self.order,) if self.kind.has_levels else ()
+        return (*own, *(order for order in self.orders if order))
+
+    @property
     def depends_on_frequency(self) -> bool:
         """True if the frequency enters its lines."""
-        return _example(self, 0.7) != _example(self, 1.3)
+        return self.factor is not None or _example(self, 0.7) != _example(self, 1.3)
 
 
 @lru_cache
 def _example(load: LoadForm, frequency: float) -> tuple[Line, ...]:
     """Give lines for numbers at which nothing vanishes by chance."""
-    return load.lines(frequency, [1.0 + 0.0123 * place for place, _ in enumerate(load.parameters, start=1)])
+    return load.plain_lines(frequency, [1.0 + 0.0123 * place for place, _ in enumerate(load.parameters, start=1)])
 
 
 LOADS: Registry[type[Load]] = Registry("load")

@@ -15,6 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
+from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, firsts_of
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.measures import Turns
 from gapwalk.orbit.method import Method
@@ -73,7 +74,8 @@ class Balance(Method):
         """Pose the orbits of a system as a harmonic balance equation."""
         from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 
-        first = max(_FIRST, 2 * max((harmonic.order for harmonic in system.structure.harmonics), default=1))
+        orders = (order for load in system.structure.harmonics for order in load.orders)
+        first = max(_FIRST, 2 * max(orders, default=1))
         return BalanceEquation(system, parameter, period, self, self.harmonics or first)
 
     @classmethod
@@ -107,7 +109,7 @@ class BalancedOrbit(Orbit):
     series
         The lines of all coordinates.
     deflections
-        The lines of the deflections of all contacts.
+        The lines of the deflections of all contacts: of a force by a formula, of all that it depends on.
     truncation
         Sum of the amplitudes of the neglected harmonics, as excited by the exact contact force, relative to the
         largest amplitude of the deflections.
@@ -125,7 +127,7 @@ class BalancedOrbit(Orbit):
         super()._check_read()
         series = (self.series, self.deflections)
         rows, widths = zip(*(each.lines.shape for each in series), strict=True)
-        if rows != (self.system.size, len(self.system.structure.contacts)) or not 0 < min(widths) == max(widths):
+        if rows != (self.system.size, deflections_in(self.system.structure)) or not 0 < min(widths) == max(widths):
             raise ValueError("the lines of an orbit are not those of its coordinates and contacts")
         if any(each.period != self.period for each in series):
             raise ValueError("the lines of an orbit are those of another period")
@@ -154,8 +156,10 @@ class BalancedOrbit(Orbit):
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:
-        """For each contact the angles at which its deflection turns, and its values there."""
-        return tuple(Turns(*found[:, np.argsort(found[0])].tolist()) for found in self.deflections.turns())
+        """For each contact the angles at which its first deflection turns, and its values there."""
+        turns = self.deflections.turns()
+        found = [turns[first] for first in firsts_of(self.system.structure)]
+        return tuple(Turns(*each[:, np.argsort(each[0])].tolist()) for each in found)
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:

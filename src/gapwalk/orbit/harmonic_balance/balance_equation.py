@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.motion import integrate
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, period_of, varying
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
@@ -28,15 +28,31 @@ from gapwalk.orbit.harmonic_balance.compliance import (
     Poles,
     poles_of,
 )
-from gapwalk.orbit.harmonic_balance.contact_forces import Forces, Laws, contact_forces_of, laws_of
-from gapwalk.orbit.harmonic_balance.kernels import balance, beyond, changed, from_real_form, real_form, share
-from gapwalk.orbit.harmonic_balance.linear_part import Linear, linear_of
-from gapwalk.orbit.harmonic_balance.monodromy import Linearised, modal_monodromy, monodromy, projected_monodromy
+from gapwalk.orbit.harmonic_balance.contact_forces import (
+    Forces,
+    Laws,
+    contact_forces_of,
+    depend_on_frequency,
+    laws_of,
+)
+from gapwalk.orbit.harmonic_balance.hill import projected_monodromy
+from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
+from gapwalk.orbit.harmonic_balance.linear_part import (
+    LOOSE,
+    Linear,
+    Share,
+    deflections_in,
+    linear_of,
+    shared,
+    shares_of,
+)
+from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
+from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy
+from gapwalk.orbit.harmonic_balance.residual_kernels import balance, beyond, changed, share
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 
-_LOOSE = 1e10  # condition number of the stiffness beyond which only contacts restrain the system
 _SHARE = 0.5  # share of each contact's stiffness that then belongs to the linear system
 _MOST = 1000  # largest automatically chosen number of harmonics
 _MANY = 16  # degrees of freedom from which stability is computed in eigenvectors
@@ -80,6 +96,11 @@ class BalanceEquation(OrbitEquation):
         """K, the number of lines."""
         return self.harmonics * self.period
 
+    @cached_property
+    def _width(self) -> int:
+        """Number of the deflections, each of which has 2K + 1 unknowns."""
+        return deflections_in(self._layout.structure)
+
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Compute residual and derivatives; see `Equation.evaluate`.
 
@@ -100,10 +121,10 @@ class BalanceEquation(OrbitEquation):
         NumericalError
             As `evaluate`.
         """
-        lines = from_real_form(unknowns.reshape(len(self._layout.contacts), -1))
+        lines = from_real_form(unknowns.reshape(self._width, -1))
         compliance = self._compliance(coefficients, slope)
-        laws = laws_of(self._layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
-        forces = contact_forces_of(lines, laws)
+        laws = self.laws(coefficients, slope) if self._fixed_laws is None else self._fixed_laws
+        forces = contact_forces_of(lines, laws, self.period)
         residual, jacobian, total, change = balance(
             lines,
             forces.parts,
@@ -112,10 +133,15 @@ class BalanceEquation(OrbitEquation):
             *compliance.lines[:2],
             compliance.free,
             compliance.flexibility,
+            *forces.pairs,
         )
         by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
+
+    def laws(self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None) -> Laws:
+        """Return the laws of the contacts for coefficients of the flow, and their derivatives along `slope`."""
+        return laws_of(self._layout, coefficients, slope, self._shares)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """Return the orbit of a solution."""
@@ -127,7 +153,8 @@ class BalanceEquation(OrbitEquation):
         # the unknowns may be one Newton step past the evaluation
         lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
         compliance, shift = evidence.compliance, self._shift
-        moved = changed(lines - evidence.lines, evidence.forces.parts, shift, compliance.lines.frequencies)
+        forces, frequencies = evidence.forces, compliance.lines.frequencies
+        moved = changed(lines - evidence.lines, forces.parts, shift, frequencies, *forces.pairs)
         series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
         return BalancedOrbit(
             system,
@@ -157,12 +184,14 @@ class BalanceEquation(OrbitEquation):
         """Return the unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
         lines = 2.0 * np.fft.rfft(q[:-1], axis=0).T[:, : self.count + 1] / (len(q) - 1)
         lines[:, 0] *= 0.5
-        return real_form(linear_of(self._layout, coefficients_of(self.system)).deflections @ lines).ravel()
+        linear = linear_of(self._layout, coefficients_of(self.system))
+        found = linear.deflections @ lines
+        found[:, np.array([0, *self._layout.orders]) * self.period] += linear.sways
+        return real_form(found).ravel()
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the amount of each unknown that counts as one length."""
-        contacts = len(self._layout.contacts)
-        return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
+        return np.full(self._width * (2 * self.count + 1), length * np.sqrt(self._width))
 
     def inaccuracy(self, orbit: Orbit) -> str:
         """Return the reason why a solution is not reliable, with advice; empty if it is reliable."""
@@ -190,16 +219,15 @@ class BalanceEquation(OrbitEquation):
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the unknowns with the same lines, and zeros beyond."""
-        contacts = len(self._layout.contacts)
-        known = from_real_form(direction.reshape(contacts, -1))
-        lines = np.zeros((contacts, (len(other.scales(1.0)) // contacts + 1) // 2), dtype=complex)
+        known = from_real_form(direction.reshape(self._width, -1))
+        lines = np.zeros((self._width, (len(other.scales(1.0)) // self._width + 1) // 2), dtype=complex)
         lines[:, : known.shape[1]] = known
         return real_form(lines).ravel()
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the lines of the motion from a state over the orbit's period; zeros for the state zero."""
         if not state.any():  # a system of a thousand degrees of freedom has no flow
-            return np.zeros(len(self._layout.contacts) * (2 * self.count + 1))
+            return np.zeros(self._width * (2 * self.count + 1))
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
@@ -207,7 +235,7 @@ class BalanceEquation(OrbitEquation):
         """Return the linearised equations for the coefficients and the laws of an evaluation."""
         if self._fixed_linearised is not None:
             return self._fixed_linearised
-        return Linearised(self._fixed or linear_of(self._layout, evidence.coefficients), evidence.laws)
+        return Linearised(self._fixed or self._linear(evidence.coefficients)[0], evidence.laws)
 
     def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
         """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names.
@@ -215,17 +243,17 @@ class BalanceEquation(OrbitEquation):
         Passing a known `linearised` saves time.
         """
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
-        forces, breaks = evidence.forces, evidence.forces.crossings[0]
-        poles, shift = self._poles, self._shift
-        if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
+        forces, laws = evidence.forces, evidence.laws
+        poles, shift, by_lines = self._poles, self._shift, self.options.stability == "hill"
+        if poles is not None and self.system.size >= _MANY and not by_lines and laws.are_slim:
             # eigenvectors that are much faster than every line respond statically
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
-            return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
+            return modal_monodromy(slow, shift, laws, evidence.lines, forces.breaks, length, self.period)
         linearised = linearised or self.linearised(evidence)
-        if self.options.stability == "hill":
+        if by_lines:
             tangents = forces.parts[:, 1::2].transpose(1, 0, 2)  # of the springs, then of the dampers
-            return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length)
-        return monodromy(linearised, evidence.lines, breaks, length)
+            return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length, forces.pairs)
+        return monodromy(linearised, evidence.lines, forces.breaks, length, self.period, forces.pairs)
 
     def _truncation(self, evidence: Evidence) -> float:
         """Return the amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
@@ -259,8 +287,18 @@ class BalanceEquation(OrbitEquation):
             return PoleCompliance.on(lines, self._poles)
         if self._fixed is not None:
             return DirectCompliance(self._fixed, None, lines, self._shift)
-        change = None if slope is None else linear_of(self._layout, slope)
-        return DirectCompliance(linear_of(self._layout, coefficients), change, lines, self._shift)
+        return DirectCompliance(*self._linear(coefficients, slope), lines, self._shift)
+
+    def _linear(
+        self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None
+    ) -> tuple[Linear, Linear | None]:
+        """Return the linear part, and its derivative along `slope`."""
+        return shared(self._layout, coefficients, slope, self._shares)
+
+    @cached_property
+    def _shares(self) -> tuple[Share, ...]:
+        """What is moved from formulas into the linear part."""
+        return shares_of(self._layout, coefficients_of(self.system)) if depend_on_frequency(self._layout) else ()
 
     @cached_property
     def _layout(self) -> CoefficientLayout:
@@ -274,28 +312,30 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _shift(self) -> NDArray[np.float64]:
         """Stiffness of each contact that is moved into the linear part; 0 if no contact is needed to restrain it."""
-        coefficients, count = coefficients_of(self.system), len(self._layout.contacts)
-        if np.linalg.cond(linear_of(self._layout, coefficients).stiffness, 1) < _LOOSE:
+        coefficients, count = coefficients_of(self.system), self._width
+        if np.linalg.cond(self._linear(coefficients)[0].stiffness, 1) < LOOSE:
             return np.zeros(count)
-        laws = laws_of(self._layout, coefficients)
-        springs = laws.stiffness
-        total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
+        laws = self.laws(coefficients)
+        always = laws.gate < 0
+        springs, contact = np.abs(laws.polynomials[always, 0, 1]), laws.contact[always]
+        total, number = np.bincount(contact, springs, count), np.bincount(contact, springs > 0.0, count)
         return _SHARE * total / np.maximum(number, 1.0)
 
     @cached_property
     def _varying(self) -> tuple[str, ...]:
         """The parameters that may change more than 1/W: the matrices or the laws."""
-        only_period = () if self._layout.frequency_in_loads else (self.system.structure.pace,)
+        enters = self._layout.frequency_in_loads or depend_on_frequency(self._layout)
+        only_period = () if enters else (self.system.structure.pace,)
         return tuple(name for name in (self.parameter, *self.others) if name not in (None, *only_period))
 
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, if no parameter changes it."""
-        for name in self._varying:
-            slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
-            if not linear_of(self._layout, slope).is_zero:
+        for mask in varying(self.system, self._varying):
+            _, change = self._linear(coefficients_of(self.system), mask.astype(float))
+            if change is not None and not change.is_zero:
                 return None
-        return linear_of(self._layout, coefficients_of(self.system))
+        return self._linear(coefficients_of(self.system))[0]
 
     @cached_property
     def _poles(self) -> Poles | None:
@@ -305,7 +345,7 @@ class BalanceEquation(OrbitEquation):
     @cached_property
     def _fixed_laws(self) -> Laws | None:
         """The laws, if no parameter changes them."""
-        return None if self._varying else laws_of(self._layout, coefficients_of(self.system))
+        return None if self._varying else self.laws(coefficients_of(self.system))
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:

@@ -2,10 +2,11 @@
 
 With the forces of the contacts on the right-hand side, the lines of the motion obey, for each frequency ``w = k W/m``,
 
-    (A + sum_k D_k s_k e_k - w^2 + i w B) q = loads - sum_k D_k (f_k - s_k x_k)
+    (A + sum_k D_k s_k e_k - w^2 + i w B) q = loads - sum_k D_k s_k u_k - sum_k D_k (f_k - s_k x_k)
 
 where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts
-restrain can be solved too. The matrices are read from the coefficients of the flow (`Linear`).
+restrain can be solved too, and ``x_k = e_k q + u_k`` with the prescribed displacement u_k. The matrices are read from
+the coefficients of the flow (`Linear`).
 
 There are two ways to solve it, with the same members. `DirectCompliance` factors the matrix of each line. Where the
 matrices stay the same along the branch, `PoleCompliance` sums over the eigenvalues of the linear system (`Poles`),
@@ -48,6 +49,8 @@ class Poles:
         Deflections of each eigenvector.
     residual : shape (contacts, contacts)
         Static flexibility of the omitted eigenvectors.
+    sways : shape (contacts, orders + 1)
+        Prescribed displacements of the deflections.
     """
 
     values: NDArray[np.complex128]
@@ -56,11 +59,17 @@ class Poles:
     outputs: NDArray[np.complex128]
     deflections: NDArray[np.complex128]
     residual: NDArray[np.float64]
+    sways: NDArray[np.complex128]
 
     @cached_property
     def residues(self) -> NDArray[np.complex128]:
         """Contribution of each eigenvalue to the flexibility, shape (poles, contacts, contacts)."""
         return np.ascontiguousarray(self.deflections.T[:, :, None] * self.inputs[:, None, :])
+
+    @cached_property
+    def are_displaced(self) -> bool:
+        """True if there are prescribed displacements."""
+        return bool(self.sways.any())
 
     def below(self, rate: float) -> Poles:
         """Return the eigenvalues up to a size; the others respond statically."""
@@ -73,6 +82,7 @@ class Poles:
             self.outputs[:, kept],
             self.deflections[:, kept],
             self.residual + flexibility,
+            self.sways,
         )
 
 
@@ -84,7 +94,7 @@ class Lines(NamedTuple):
     frequencies, slopes : shape (lines,)
         Frequencies, and their derivatives by the parameter.
     loads : shape (orders + 1,)
-        Line on which each load acts.
+        Line on which each load acts, and each displacement.
     """
 
     frequencies: NDArray[np.float64]
@@ -124,7 +134,7 @@ class DirectCompliance:
     def _solved(self) -> NDArray[np.complex128]:
         """Motions under a unit force of each contact and under the loads, shape (lines, n, contacts + 1)."""
         forces = np.broadcast_to(self.linear.contacts, (len(self._dynamic), *self.linear.contacts.shape))
-        return self._solve(np.concatenate((forces.astype(complex), self._loads(self.linear)[:, :, None]), axis=2))
+        return self._solve(np.concatenate((forces.astype(complex), self._loads()[:, :, None]), axis=2))
 
     @cached_property
     def flexibility(self) -> NDArray[np.complex128]:
@@ -134,7 +144,7 @@ class DirectCompliance:
     @cached_property
     def free(self) -> NDArray[np.complex128]:
         """Deflections under the loads only, shape (lines, contacts)."""
-        return self._solved[:, :, -1] @ self.linear.deflections.T
+        return self._solved[:, :, -1] @ self.linear.deflections.T + self._on_lines(self.linear.sways)
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the lines of all coordinates, shape (lines, n), under loads and contact forces (lines, contacts)."""
@@ -156,24 +166,38 @@ class DirectCompliance:
             return real_form((self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T).T).ravel()
         shifted = change.stiffness + (change.contacts * self.shift) @ linear.deflections
         shifted += (linear.contacts * self.shift) @ change.deflections
-        right += self._loads(change) - forces @ change.contacts.T
+        right += self._load_slopes(change) - forces @ change.contacts.T
         right -= motion @ shifted.T + 1j * w * (motion @ change.damping.T)
         moved = self._solve(right[:, :, None])[:, :, 0]
-        return real_form((moved @ linear.deflections.T + motion @ change.deflections.T).T).ravel()
+        found = moved @ linear.deflections.T + motion @ change.deflections.T + self._on_lines(change.sways)
+        return real_form(found.T).ravel()
 
-    def _loads(self, linear: Linear) -> NDArray[np.complex128]:
-        loads = np.zeros((len(self.lines.frequencies), len(linear.loads)), dtype=complex)
-        loads[self.lines.loads] = linear.loads.T
-        return loads
+    def _loads(self) -> NDArray[np.complex128]:
+        return self._on_lines(self.linear.pushed(self.shift))
+
+    def _load_slopes(self, change: Linear) -> NDArray[np.complex128]:
+        linear, shift = self.linear, self.shift
+        shares = (change.contacts * shift) @ linear.sways + (linear.contacts * shift) @ change.sways
+        return self._on_lines(change.loads - shares)
+
+    def _on_lines(self, loads: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return amplitudes of shape (rows, orders + 1) on all lines, shape (lines, rows)."""
+        found = np.zeros((len(self.lines.frequencies), len(loads)), dtype=complex)
+        found[self.lines.loads] = loads.T
+        return found
 
     def _solve(self, right: NDArray[np.complex128]) -> NDArray[np.complex128]:
         try:
             return np.asarray(np.linalg.solve(self._dynamic, right), dtype=np.complex128)
         except np.linalg.LinAlgError:
-            raise NumericalError(
-                "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
-                "the excitation; give it damping, or a spring that holds it"
-            ) from None
+            raise _singular() from None
+
+
+def _singular() -> NumericalError:
+    return NumericalError(
+        "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of the "
+        "excitation; give it damping, or a spring that holds it"
+    )
 
 
 class PoleCompliance(NamedTuple):
@@ -201,7 +225,13 @@ class PoleCompliance(NamedTuple):
     def on(cls, lines: Lines, poles: Poles) -> PoleCompliance:
         """Return the linear part on some lines."""
         applied = poles.loads, lines.loads, poles.deflections, poles.residues
-        return cls(poles, lines, *gains_of(lines.frequencies, poles.values, *applied))
+        try:
+            gains, free, flexibility = gains_of(lines.frequencies, poles.values, *applied)
+        except ZeroDivisionError:
+            raise _singular() from None
+        if poles.are_displaced:
+            free[lines.loads] += poles.sways.T
+        return cls(poles, lines, gains, free, flexibility)
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `DirectCompliance.motion`."""
@@ -229,7 +259,8 @@ def poles_of(linear: Linear, shift: NDArray[np.float64]) -> Poles | None:
     values, left, outputs = (np.asarray(each, dtype=np.complex128) for each in found)
     inputs, deflections = left @ linear.contacts, linear.deflections @ outputs
     contacts = len(deflections)
-    return Poles(values, inputs, left @ linear.loads, outputs, deflections, np.zeros((contacts, contacts)))
+    residual = np.zeros((contacts, contacts))
+    return Poles(values, inputs, left @ linear.pushed(shift), outputs, deflections, residual, linear.sways)
 
 
 def _of_modes(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> Eigen | None:

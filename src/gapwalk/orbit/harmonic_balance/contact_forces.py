@@ -12,6 +12,10 @@ touching that of ``c xi``. So neither velocities nor jumps of the force need to 
 The function that is 1 while a stage is closed has its spectrum in closed form, from the angles at which the breakpoint
 is passed. Every term of the force is that function times a power of the penetration, and a product of functions is a
 convolution of their spectra. So nothing is sampled and nothing aliases.
+
+Where numbers vary over the angle, the coefficients of the polynomials have lines too (`modulation`): one more
+convolution. Where they jump at known angles, a stage has a second row of polynomials, which acts while it is closed and
+its gate is open: such an angle is one more crossing. Only forces by formulas are sampled (`sampled_forces`).
 """
 
 from __future__ import annotations
@@ -24,9 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.coefficients import CoefficientLayout
-from gapwalk.model.spring import ForcePolynomials, polynomials_of
+from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
+from gapwalk.model.spring import ForcePolynomials, Product, arranged
+from gapwalk.orbit.harmonic_balance.impulses import add_passages
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
+from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
+from gapwalk.orbit.harmonic_balance.modulation import Gate, Jumps, add_lines, jumps_of, modulation_of, subsets
+from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Formulas, Pairs, formulas_in
 from gapwalk.orbit.harmonic_balance.series import grid
 
 _STEP = 1e-150  # of the complex step
@@ -36,16 +44,30 @@ _STEP = 1e-150  # of the complex step
 class Laws:
     """Polynomials of every stage on every side ("switch"), in the order of the flow's switches.
 
+    They are followed by rows that act only while a gate is open, if numbers jump over the angle.
+
     Attributes
     ----------
-    contact : shape (switches,)
-        Contact of each switch.
-    sign, clearance : shape (switches,)
+    contact : shape (rows,)
+        Deflection of each row.
+    sign, clearance : shape (rows,)
         The stage is closed where ``sign * x > clearance``.
-    polynomials : shape (switches, 2, degree + 1)
+    polynomials : shape (rows, 2, degree + 1)
         Coefficients of 1, xi, ... of its part of g and of P.
     clearance_slope, slopes
         Derivatives of the clearances and of the polynomials by the parameter.
+    orders : shape (orders,)
+        Orders of the excitation at which coefficients vary.
+    waves, wave_slopes : shape (rows, 2, degree + 1, 2 orders)
+        Cosines, then sines, that are added to the polynomials, and their derivatives by the parameter.
+    gate : shape (rows,)
+        Gate of each row, or -1 if it always acts.
+    jumps
+        The angles at which gates open and close.
+    formulas
+        The forces by formulas, None for none.
+    frequency
+        That of the excitation, and its derivative by the parameter.
     """
 
     contact: NDArray[np.intp]
@@ -54,77 +76,166 @@ class Laws:
     polynomials: NDArray[np.float64]
     clearance_slope: NDArray[np.float64]
     slopes: NDArray[np.float64]
+    orders: NDArray[np.intp]
+    waves: NDArray[np.float64]
+    wave_slopes: NDArray[np.float64]
+    gate: NDArray[np.intp]
+    jumps: Jumps
+    formulas: Formulas | None
+    frequency: tuple[float, float]
+
+    @cached_property
+    def has_kicks(self) -> bool:
+        """True if a damping jumps over the angle."""
+        own = self.gate >= 0
+        return bool(self.polynomials[own, 1].any() or self.waves[own, 1].any())
+
+    @property
+    def are_slim(self) -> bool:
+        """True if the derivatives of each force are by its own deflection, and momenta do not jump."""
+        return self.formulas is None and not self.has_kicks
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
-        """Absolute change of the slope of the force where each stage begins, shape (switches,)."""
-        return np.abs(self.polynomials[:, 0, 1])
+        """Absolute change of the slope of the force where each stage begins, shape (rows,); at most, if it varies."""
+        return np.abs(self.polynomials[:, 0, 1]) + np.abs(self.waves[:, 0, 1]).sum(axis=1)
 
     @cached_property
     def rates(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g' and P', derivatives by x; shape (switches, 2, degree + 1)."""
-        return self.sign[:, None, None] * self._by_depth
+        """Coefficients of each row's part of g' and P', derivatives by x; shape (rows, 2, degree + 1)."""
+        return self.sign[:, None, None] * _by_depth(self.polynomials)
+
+    @cached_property
+    def wave_rates(self) -> NDArray[np.float64]:
+        """What is added to `rates` over the angle, of the shape of `waves`."""
+        return self.sign[:, None, None, None] * _by_depth(self.waves)
 
     @cached_property
     def table(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g, g', P and P', shape (switches, 4, degree + 1)."""
-        switches, _, powers = self.polynomials.shape
-        return np.stack((self.polynomials, self.rates), axis=2).reshape(switches, 4, powers)
+        """Coefficients of each row's part of g, g', P and P', shape (rows, 4, degree + 1)."""
+        rows, _, powers = self.polynomials.shape
+        return np.stack((self.polynomials, self.rates), axis=2).reshape(rows, 4, powers)
+
+    @cached_property
+    def wave_table(self) -> NDArray[np.float64]:
+        """What is added to `table` over the angle, shape (rows, 4, degree + 1, 2 orders)."""
+        rows, _, powers, lines = self.waves.shape
+        return np.stack((self.waves, self.wave_rates), axis=2).reshape(rows, 4, powers, lines)
 
     @cached_property
     def switches(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
-        """Contact, sign and clearance of each switch."""
+        """Deflection, sign and clearance of each row."""
         return self.contact, self.sign, self.clearance
 
     @cached_property
     def slope_table(self) -> NDArray[np.float64]:
-        """Coefficients of the derivatives of g and P by the parameter, x constant; shape (switches, 2, degree + 1)."""
-        return self.slopes - self.clearance_slope[:, None, None] * self._by_depth
+        """Coefficients of the derivatives of g and P by the parameter, x constant; shape (rows, 2, degree + 1)."""
+        return self.slopes - self.clearance_slope[:, None, None] * _by_depth(self.polynomials)
 
     @cached_property
-    def _by_depth(self) -> NDArray[np.float64]:
-        """Coefficients of the derivatives of g and P by the penetration, of the same shape."""
-        found = np.zeros_like(self.polynomials)
-        found[..., :-1] = self.polynomials[..., 1:] * np.arange(1.0, self.polynomials.shape[2])
-        return found
+    def wave_slope_table(self) -> NDArray[np.float64]:
+        """What is added to `slope_table` over the angle, of the shape of `waves`."""
+        return self.wave_slopes - self.clearance_slope[:, None, None, None] * _by_depth(self.waves)
 
-    def tangents(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., contacts), of the same shape."""
-        # sign of each switch in the column of its contact
-        select = (self.contact[:, None] == np.arange(self.contact.max(initial=-1) + 1)) * self.sign[:, None]
+    def over(self, period: int) -> Variation:
+        """Return the variation over the angle phi of a motion of some forcing periods."""
+        known = self._variations.get(period)
+        if known is None:
+            known = self.orders * period, self.gate, self.jumps.first, self.jumps.over(period)
+            self._variations[period] = known
+        return known
+
+    @cached_property
+    def _variations(self) -> dict[int, Variation]:
+        return {}
+
+    def tangents(
+        self, x: NDArray[np.float64], phi: NDArray[np.float64], period: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., deflections), of the same shape.
+
+        Parameters
+        ----------
+        x
+            The deflections.
+        phi : shape (...,)
+            The angles, of a motion of `period` forcing periods.
+        period
+            m.
+        """
+        # sign of each row in the column of its deflection
+        select = (self.contact[:, None] == np.arange(x.shape[-1])) * self.sign[:, None]
         depth = np.maximum(self.sign * x[..., self.contact] - self.clearance, 0.0)
+        acts = depth > 0.0
+        if self.gate.max(initial=-1) >= 0:
+            acts &= self._open(period * phi)[..., self.gate] | (self.gate < 0)
+        angles = np.multiply.outer(period * phi, self.orders)
+        lines = np.concatenate((np.cos(angles), np.sin(angles)), axis=-1)
         found = []
-        for rates in (self._by_depth[:, 0], self._by_depth[:, 1]):
-            value = rates[:, -1]
-            for power in range(rates.shape[1] - 2, -1, -1):
-                value = value * depth + rates[:, power]
-            found.append((value * (depth > 0.0)) @ select)
+        for steady, waves in zip(
+            _by_depth(self.polynomials).transpose(1, 0, 2), _by_depth(self.waves).transpose(1, 0, 2, 3), strict=True
+        ):
+            value = np.zeros(depth.shape)
+            for power in range(steady.shape[1] - 1, -1, -1):
+                value = value * depth + steady[:, power] + (lines @ waves[:, power].T if len(self.orders) else 0.0)
+            found.append((value * acts) @ select)
         return found[0], found[1]
+
+    def _open(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return True where each gate is open, shape (..., gates)."""
+        jumps, found = self.jumps, []
+        for gate, first in enumerate(self.jumps.first):
+            passed = np.searchsorted(jumps.angles[jumps.gates == gate], theta % (2.0 * np.pi), side="right")
+            found.append((passed + int(first)) % 2 == 1)
+        return np.stack(found, axis=-1)
+
+
+Variation = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]
+"""The orders in lines of a motion, the gate of each row, 1 for each gate that is open at first, and the jumps."""
+
+
+def _by_depth(polynomials: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coefficients of the derivatives by the penetration, powers along the third axis, of the same shape."""
+    found, powers = np.zeros_like(polynomials), np.arange(1.0, polynomials.shape[2])
+    found[:, :, :-1] = polynomials[:, :, 1:] * powers.reshape(-1, *(1 for _ in polynomials.shape[3:]))
+    return found
 
 
 class Forces(NamedTuple):
-    """Contact forces ``g(x) + d/dt P(x)`` of a motion with K lines.
+    """Contact forces ``g(x) + d/dt P(x)`` of a motion with K lines, and forces by formulas.
 
     Attributes
     ----------
-    parts : shape (contacts, 4, 2K + 1)
-        Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P.
-    slopes : shape (contacts, 2, K + 1)
+    parts : shape (deflections, 4, 2K + 1)
+        Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P. The force of a formula belongs to g,
+        but its derivatives are among the `pairs`.
+    slopes : shape (deflections, 2, K + 1)
         Derivatives of the lines of g and P by the parameter, with the motion constant.
     crossings : shape (4, crossings)
         Crossings of breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the deflection by
         phi, 1 where the stage closes, and its switch.
+    pairs
+        The derivatives of forces by formulas.
+    breaks
+        The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles.
     """
 
     parts: NDArray[np.complex128]
     slopes: NDArray[np.complex128]
     crossings: NDArray[np.float64]
+    pairs: Pairs
+    breaks: NDArray[np.float64]
 
 
 def laws_of(
-    layout: CoefficientLayout, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    slope: NDArray[np.float64] | None = None,
+    shares: tuple[Share, ...] = (),
 ) -> Laws:
     """Return the laws of all contacts for the coefficients of the flow, and their derivatives along `slope`.
+
+    Of the forces by formulas some shares are taken away.
 
     Raises
     ------
@@ -132,19 +243,112 @@ def laws_of(
         If a law does not have this form.
     """
     plan = _plan_of(layout)
-    moved: NDArray[Any] = coefficients if slope is None else coefficients + 1j * _STEP * slope
-    table, clearance = plan.table(moved), moved[plan.clearances]
-    used = np.flatnonzero((table != 0.0).any(axis=(0, 1)))
-    table = table[:, :, : 1 + int(used.max(initial=1))]  # 1 and xi at least: a contact may have no force at all
-    contacts, signs = plan.contacts, plan.signs
+    moves = np.zeros_like(coefficients) if slope is None else slope
+    table, slopes = _table(plan.steady, coefficients, slope)
+    clearance, clearance_slope = coefficients[plan.steady.clearances], moves[plan.steady.clearances]
+    rows = [plan.steady.contacts, plan.steady.signs, clearance, clearance_slope]
+    gate, numbers, waves = np.full(len(clearance), -1), np.zeros(0, np.intp), np.zeros((2, *table.shape, 0))
+    jumps = _NO_JUMPS
+    if plan.varied:
+        varied = _varied(layout, plan, coefficients, moves)
+        gates = [Gate(), *sorted((each for each in varied if each), key=sorted)]
+        count, width = len(gates), max(each.shape[-1] for each in varied.values())
+        dense: NDArray[np.complex128] = np.zeros((2, count, *table.shape, width), dtype=complex)
+        for place, each in enumerate(gates):
+            if each in varied:
+                dense[:, place, ..., : varied[each].shape[-1]] = varied[each]
+        lines = dense.reshape(2, -1, *table.shape[1:], width)
+        numbers = 1 + np.flatnonzero((lines[..., 1:] != 0.0).any(axis=(0, 1, 2, 3)))
+        waves = np.concatenate((np.real(lines[..., numbers]), -np.imag(lines[..., numbers])), axis=-1)
+        steady = np.zeros((2, (count - 1) * len(table), *table.shape[1:]))
+        table, slopes = np.concatenate((np.stack((table, slopes)), steady), axis=1) + np.real(lines[..., 0])
+        rows = [np.tile(each, count) for each in rows]
+        gate = np.repeat(np.arange(-1, count - 1), len(gate))
+        jumps = jumps_of(layout, gates[1:], coefficients, moves)
+    used = np.flatnonzero((table != 0.0).any(axis=(0, 1)) | (waves != 0.0).any(axis=(0, 1, 2, 4)))
+    powers = slice(1 + int(used.max(initial=1)))  # 1 and xi at least: a contact may have no force at all
+    polynomials, slopes = table[:, :, powers].copy(), slopes[:, :, powers].copy()
+    waves, wave_slopes = (each[:, :, powers].copy() for each in waves)
+    formulas = Formulas(layout, coefficients, moves, shares) if plan.formulas else None
+    contact, sign, clearance, clearance_slope = rows
+    return Laws(
+        contact,
+        sign,
+        clearance,
+        polynomials,
+        clearance_slope,
+        slopes,
+        numbers,
+        waves,
+        wave_slopes,
+        gate,
+        jumps,
+        formulas,
+        (1.0 / float(coefficients[0]), -float(moves[0]) / float(coefficients[0]) ** 2),
+    )
+
+
+def depend_on_frequency(layout: CoefficientLayout) -> bool:
+    """Return True if the frequency enters the forces: by a damping that varies, or by a formula."""
+    plan = _plan_of(layout)
+    return plan.formulas or any(products.is_damped for _, products in plan.varied)
+
+
+def _table(
+    products: ForcePolynomials, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a table of polynomials, and its derivative along `slope`."""
     if slope is None:
-        return Laws(contacts, signs, clearance, table.copy(), np.zeros(clearance.shape), np.zeros(table.shape))
-    slopes = np.imag(clearance) / _STEP, np.imag(table) / _STEP
-    return Laws(contacts, signs, np.real(clearance).copy(), np.real(table).copy(), *slopes)
+        table = products.table(coefficients)
+        return table, np.zeros(table.shape)
+    table: NDArray[Any] = products.table(coefficients + 1j * _STEP * slope)
+    return np.real(table).copy(), np.imag(table) / _STEP
+
+
+def _varied(
+    layout: CoefficientLayout, plan: _Plan, coefficients: NDArray[np.float64], slope: NDArray[np.float64]
+) -> dict[Gate, NDArray[np.complex128]]:
+    """Return what is added to the table of polynomials while each gate is open.
+
+    They are lines and their derivatives by the parameter, of shape (2, switches, 2, degree + 1, lines).
+    """
+    found: dict[Gate, NDArray[np.complex128]] = {}
+    frequency = 1.0 / coefficients[0]
+    frequency_slope = -slope[0] * frequency**2
+    for waves, products in plan.varied:
+        table, slopes = (each[..., None] for each in _table(products, coefficients, slope))
+        for gate, (lines, moved) in modulation_of(layout, waves, coefficients, slope).items():
+            value, change = table * lines, table * moved + slopes * lines
+            # of (1 + w) dP/dt = d/dt ((1 + w) P) - w' P the last term belongs to g
+            by_angle = 1j * np.arange(len(lines)) * frequency
+            value[:, 0] -= table[:, 1] * by_angle * lines
+            faster = moved + lines * (frequency_slope / frequency)
+            change[:, 0] -= by_angle * (table[:, 1] * faster + slopes[:, 1] * lines)
+            both = np.stack((value, change))
+            add_lines(found, gate, both)
+    return found
+
+
+class _Plan(NamedTuple):
+    """The polynomials g and P of all contacts as functions of the coefficients.
+
+    Attributes
+    ----------
+    steady
+        Those of the mean values.
+    varied
+        For each product of waves those that it multiplies, in the shape of `steady`.
+    formulas
+        True if there are forces by formulas.
+    """
+
+    steady: ForcePolynomials
+    varied: tuple[tuple[tuple[Wave, ...], ForcePolynomials], ...]
+    formulas: bool
 
 
 @lru_cache(maxsize=256)
-def _plan_of(layout: CoefficientLayout) -> ForcePolynomials:
+def _plan_of(layout: CoefficientLayout) -> _Plan:
     """Return the polynomials g and P of all contacts, as functions of the coefficients.
 
     Raises
@@ -153,15 +357,56 @@ def _plan_of(layout: CoefficientLayout) -> ForcePolynomials:
         If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps.
     """
     backend = "harmonic balance"
-    for slots in layout.contacts:
-        for term in slots.form.closed_form(backend):
+    switches: list[tuple[int, StageSlots]] = []
+    steady: list[Product] = []
+    varied: dict[tuple[Wave, ...], list[Product]] = {}
+    for place, slots in zip(firsts_of(layout.structure), layout.contacts, strict=True):
+        first = len(switches)
+        switches += [(place, stage) for stage in slots.stages]
+        for term in slots.form.closed_form(backend) if slots.stages else ():
+            refused = f"{backend} cannot include {slots.form.name!r}: its"
             if term.rate > 1 or term.power == term.rate == 0:
                 reason = "is not linear in the rate" if term.rate else "jumps at a breakpoint whatever the rate"
-                law = slots.form.law.name
-                raise ModelError(f"{backend} cannot include {slots.form.name!r}: its force law {law!r} {reason}")
-    return polynomials_of(layout, backend).integrated()
+                raise ModelError(f"{refused} force law {slots.form.law.name!r} {reason}")
+            stage = slots.stages[term.stage]
+            named = [(slots.numbers[name], slots.waves.get(name)) for name in term.numbers]
+            named += [(stage.numbers[name], stage.waves.get(name)) for name in term.stage_numbers]
+            at = (first + term.stage, term.rate, term.power)
+            product: Product = (at, term.factor * stage.sign**term.power, [slot for slot, _ in named])
+            waves = [wave for _, wave in named if wave is not None]
+            steady.append(product)
+            for each in subsets(waves):
+                varied.setdefault(each, []).append(product)
+    whole = arranged(layout, switches, steady)
+    parts = [
+        (waves, arranged(layout, switches, products, whole.shape).integrated()) for waves, products in varied.items()
+    ]
+    return _Plan(whole.integrated(), tuple(parts), bool(formulas_in(layout)))
 
 
-def contact_forces_of(lines: NDArray[np.complex128], laws: Laws) -> Forces:
-    """Compute the forces along deflections with lines of shape (contacts, K + 1)."""
-    return Forces(*contact_forces(lines, *laws.switches, laws.table, laws.slope_table, *grid(lines.shape[1] - 1)))
+def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1) -> Forces:
+    """Compute the forces along deflections with lines of shape (deflections, K + 1), of some forcing periods.
+
+    Raises
+    ------
+    NumericalError
+        See `Formulas.sample`.
+    """
+    own, variation = (laws.table, laws.slope_table), (laws.wave_table, laws.wave_slope_table)
+    angles = grid(lines.shape[1] - 1)
+    parts, slopes, crossings = contact_forces(lines, *laws.switches, *own, *angles, *laws.over(period), *variation)
+    breaks = crossings[0]
+    if len(laws.jumps.angles):
+        breaks = np.sort(np.concatenate((breaks, laws.jumps.over(period)[0])))
+        if laws.jumps.move or laws.has_kicks:
+            add_passages(lines, laws, period, parts, slopes)
+    if laws.formulas is None:
+        return Forces(parts, slopes, crossings, NO_PAIRS, breaks)
+    sampled = laws.formulas.sample(lines, period)
+    parts[sampled.places, 0] += sampled.lines
+    slopes[sampled.places, 0] += sampled.slopes
+    breaks = np.sort(np.concatenate((breaks, sampled.breaks)))
+    return Forces(parts, slopes, crossings, sampled.pairs, breaks)
+
+
+_NO_JUMPS = Jumps(*np.zeros((5, 0)))

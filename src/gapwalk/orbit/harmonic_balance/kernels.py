@@ -1,4 +1,4 @@
-"""Compiled kernels of harmonic balance: zeros and turning points of series, contact forces, residual and Jacobian.
+"""Compiled kernels of harmonic balance: zeros and turning points of series, and contact forces.
 
 At every point harmonic balance computes with a few hundred numbers: the overhead of NumPy calls would cost many times
 as much as the arithmetic. Machine code is stored next to the file of each kernel, or in numba's folder of the user, so
@@ -259,6 +259,50 @@ def _add(table, powers, result):
 
 
 @part
+def _add_waves(orders, table, powers, result):
+    """Add the sum of some powers, each times a function of the angle, to each row.
+
+    With the spectrum h of a power, ``h cos l`` has the spectrum ``(h_(k-l) + h_(k+l)) / 2`` and ``h sin l`` that of
+    ``(h_(k-l) - h_(k+l)) / 2i``.
+    """
+    for row in range(len(result)):
+        for exponent in range(len(powers)):
+            for place in range(len(orders)):
+                cosine, sine = table[row, exponent, place], table[row, exponent, len(orders) + place]
+                if cosine == 0.0 and sine == 0.0:
+                    continue
+                order, down, up = orders[place], complex(0.5 * cosine, -0.5 * sine), complex(0.5 * cosine, 0.5 * sine)
+                for k in range(result.shape[1]):
+                    lower = powers[exponent, k - order] if k >= order else powers[exponent, order - k].conjugate()
+                    result[row, k] += down * lower + up * powers[exponent, k + order]
+
+
+@part
+def _gated(found, first, last, starts, gate, open_first, jumps, merged):
+    """Merge the visits of a stage with the angles at which its gate opens and closes.
+
+    Returns the number of changes of the function that is 1 while both are, and 1 if it is so at first.
+    """
+    closed, opened, number = starts, open_first, np.int64(0)
+    place, jump, begins = first, np.int64(0), 1.0 if starts and open_first else 0.0
+    while True:
+        while jump < jumps.shape[1] and int(jumps[2, jump]) != gate:
+            jump += 1
+        if place == last and jump == jumps.shape[1]:
+            return number, begins
+        before = closed and opened
+        if jump == jumps.shape[1] or (place < last and found[0, place] <= jumps[0, jump]):
+            phi, closed = found[0, place], found[2, place] > 0.0
+            place += 1
+        else:
+            phi, opened = jumps[0, jump], jumps[1, jump] > 0.0
+            jump += 1
+        if before != (closed and opened):
+            merged[0, number], merged[2, number] = phi, 0.0 if before else 1.0
+            number += 1
+
+
+@part
 def _sort(rows, number):
     """Sort the first columns by the first row, by insertion: they are few, and nearly in order."""
     for last in range(1, number):
@@ -271,10 +315,27 @@ def _sort(rows, number):
 
 @kernel(
     "Tuple((c16[:, :, ::1], c16[:, :, ::1], f8[:, ::1]))"
-    "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, ::1])"
+    "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, ::1],"
+    " i8[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, :, :, ::1])"
 )
-def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, values, slopes):
-    """Compute the forces along deflections with given lines; see `Forces`.
+def contact_forces(
+    lines,
+    contact,
+    sign,
+    clearance,
+    table,
+    slope_table,
+    phi,
+    values,
+    slopes,
+    orders,
+    gate,
+    first_open,
+    jumps,
+    wave_table,
+    wave_slope_table,
+):
+    """Compute the forces along deflections with given lines; see `Forces`, and `Laws` for the variation over the angle.
 
     Returns lines of g, the spectrum of g', and the same of P, shape (contacts, 4, 2K + 1); lines of the derivatives of
     g and P by the parameter, shape (contacts, 2, K + 1); and, by angle, the crossings of breakpoints in rows of angles,
@@ -285,6 +346,10 @@ def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, val
     moved = np.zeros((contacts, 2, count + 1), np.complex128)
     found, number = np.empty((4, 2 * len(contact) * len(phi))), np.int64(0)
     function = np.empty(count + 1, np.complex128)
+    merged = np.empty((4, 2 * len(phi) + jumps.shape[1] if len(first_open) else 0))
+    kept = 2 * count
+    for place in range(len(orders)):
+        kept = max(kept, 2 * count + orders[place])
     for j in range(len(contact)):
         c, before = contact[j], number
         for k in range(count + 1):
@@ -293,10 +358,20 @@ def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, val
         depths = _sampled(function, values)
         number = _crossings(j, function, depths, _sampled(function, slopes), phi, found, number)
         if depths[0] > 0.0 or number > before:
-            indicator = _indicator(found, before, number, depths[0] > 0.0, (2 + degree) * count)
-            powers = _powers(indicator, function, degree, 2 * count)
+            longest = degree * count + kept
+            if gate[j] < 0:
+                indicator = _indicator(found, before, number, depths[0] > 0.0, longest)
+            else:
+                opened = first_open[gate[j]] > 0.0
+                changes, begins = _gated(found, before, number, depths[0] > 0.0, gate[j], opened, jumps, merged)
+                indicator = _indicator(merged, np.int64(0), changes, begins > 0.0, longest)
+            powers = _powers(indicator, function, degree, kept)
             _add(table[j], powers, forces[c])
             _add(slope_table[j], powers, moved[c])
+            _add_waves(orders, wave_table[j], powers, forces[c])
+            _add_waves(orders, wave_slope_table[j], powers, moved[c])
+        if gate[j] >= 0:
+            number = before  # they are those of the switch itself
     for index in range(number):  # from the penetration to the deflection
         found[1, index] *= sign[int(found[3, index])]
     for c in range(contacts):  # from spectra to lines
@@ -308,106 +383,3 @@ def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, val
             moved[c, 1, k] *= 2.0
     _sort(found, number)
     return forces, moved, _first(found, number)
-
-
-@part
-def _tangent(forces, shift, w, k, j):
-    """Return the lines k of the change of a force with the cosine and with the sine j of its deflection.
-
-    With the spectrum u of the tangent, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and ``u sin j`` the line
-    ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
-    """
-    iw = complex(0.0, w)
-    far = forces[1, k + j] + iw * forces[3, k + j]
-    if k >= j:
-        near = forces[1, k - j] + iw * forces[3, k - j]
-    else:
-        near = forces[1, j - k].conjugate() + iw * forces[3, j - k].conjugate()
-    if k == j:
-        near -= shift
-        if k == 0:
-            far -= shift
-    half = 0.5 if k == 0 else 1.0
-    return half * (far + near), half * (far - near)
-
-
-@kernel(
-    "Tuple((f8[::1], f8[:, ::1], c16[:, ::1], c16[:, ::1]))"
-    "(c16[:, ::1], c16[:, :, ::1], c16[:, :, ::1], f8[::1], f8[::1], f8[::1], c16[:, ::1], c16[:, :, ::1])"
-)
-def balance(lines, forces, moved, shift, frequencies, slopes, free, flexibility):
-    """Compute residual and Jacobian in real forms; forces and derivatives by the parameter, shape (K + 1, contacts).
-
-    `free` and `flexibility` have the lines first, as have the forces that are returned.
-    """
-    contacts, count = len(lines), lines.shape[1] - 1
-    size = 2 * count + 1
-    total, change = np.empty((count + 1, contacts), np.complex128), np.empty((count + 1, contacts), np.complex128)
-    for c in range(contacts):
-        for k in range(count + 1):
-            iw = complex(0.0, frequencies[k])
-            total[k, c] = forces[c, 0, k] - shift[c] * lines[c, k] + iw * forces[c, 2, k]
-            change[k, c] = moved[c, 0, k] + iw * moved[c, 1, k] + complex(0.0, slopes[k]) * forces[c, 2, k]
-    residual, jacobian = np.empty(contacts * size), np.empty((contacts * size, contacts * size))
-    for c in range(contacts):
-        for k in range(count + 1):
-            rest = lines[c, k] - free[k, c]
-            for d in range(contacts):
-                rest += flexibility[k, c, d] * total[k, d]
-            # of line 0 the imaginary part is zero and has no place: the real part of line K is written over it
-            residual[c * size + count + k] = -rest.imag
-            residual[c * size + k] = rest.real
-    for d in range(contacts):
-        for k in range(count + 1):
-            for j in range(count + 1):
-                cosine, sine = _tangent(forces[d], shift[d], frequencies[k], k, j)
-                for c in range(contacts):
-                    row, column = c * size + k, d * size + j
-                    # again, what has no place is written over
-                    by_cosine, by_sine = flexibility[k, c, d] * cosine, flexibility[k, c, d] * sine
-                    jacobian[row + count, column + count] = -by_sine.real
-                    jacobian[row, column + count] = -by_sine.imag
-                    jacobian[row + count, column] = -by_cosine.imag
-                    jacobian[row, column] = by_cosine.real
-    for index in range(contacts * size):
-        jacobian[index, index] += 1.0
-    return residual, jacobian, total, change
-
-
-@kernel("c16[:, ::1](c16[:, ::1], c16[:, :, ::1], f8[::1], f8[::1])")
-def changed(step, forces, shift, frequencies):
-    """Compute the change of the forces with that of the deflections, shapes (K + 1, contacts), (contacts, K + 1)."""
-    contacts, count = step.shape[0], step.shape[1] - 1
-    result = np.zeros((count + 1, contacts), np.complex128)
-    for c in range(contacts):
-        for k in range(count + 1):
-            for j in range(count + 1):
-                cosine, sine = _tangent(forces[c], shift[c], frequencies[k], k, j)
-                result[k, c] += cosine * step[c, j].real
-                if j:
-                    result[k, c] -= complex(0.0, 1.0) * sine * step[c, j].imag
-    return result
-
-
-@kernel("c16[:, ::1](c16[:, :, ::1], f8[::1])")
-def beyond(forces, frequencies):
-    """Compute the forces on the lines from K + 1 to 2K, whose frequencies are given, shape (K, contacts)."""
-    count = len(frequencies)
-    result = np.empty((count, len(forces)), np.complex128)
-    for c in range(len(forces)):
-        for k in range(count):
-            result[k, c] = forces[c, 0, count + 1 + k] + complex(0.0, frequencies[k]) * forces[c, 2, count + 1 + k]
-    return result
-
-
-@kernel("f8(c16[:, ::1], c16[:, ::1])")
-def share(neglected, lines):
-    """Return the largest sum of amplitudes in neglected lines, shape (K, contacts), relative to the other lines."""
-    largest, kept = 0.0, 0.0
-    for c in range(len(lines)):
-        some, others = 0.0, 0.0
-        for k in range(len(neglected)):
-            some += abs(neglected[k, c])
-            others += abs(lines[c, k + 1])
-        largest, kept = max(largest, some), max(kept, others)
-    return largest / kept if kept > 0.0 else 0.0

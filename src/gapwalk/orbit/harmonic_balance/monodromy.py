@@ -1,4 +1,4 @@
-"""The monodromy matrix of a balanced motion: by Hill's matrix, by Magnus' series, or in eigenvectors.
+"""The monodromy matrix of a balanced motion by Magnus' series.
 
 The equations are linearised about the motion (`Linearised`). The unknowns are the changes of the positions and of the
 momenta ``p = v + sum_k D_k P_k(x)`` (over mass), where ``g + dP/dt`` is the force of a contact (see `contact_forces`).
@@ -7,13 +7,11 @@ Unlike velocities, momenta do not jump where a viscous contact closes, and their
     q' = p - sum_k D_k P_k'(x) e_k q,    p' = -(A + sum_k D_k g_k'(x) e_k) q - B q'
 
 need no velocity of the motion. At any one time the two kinds of unknowns differ by a fixed matrix, so the multipliers
-are the same. The matrix of the equations varies with the angle and jumps at breakpoints.
+are the same. The matrix of the equations varies with the angle and jumps at breakpoints. A force f by a formula, of any
+deflections and their rates, adds ``-D df/dx e q - D df/dx' e v`` to p', with the velocities v that belong to p.
 
-`projected_monodromy` projects Hill's matrix, so that no eigenvalues need be sorted. `monodromy` takes one pass over the
-period, by steps of Magnus' series between contact events. `modal_monodromy` is for many degrees of freedom, in the
-eigenvectors of the linear part: between two contacts each changes independently and exactly. While contacts are closed,
-their forces are determined by a few numbers for each contact and step, so a step changes the matrix by one of low rank.
-The cost grows with the square of the number of eigenvectors, not with its cube.
+`monodromy` takes one pass over the period, by steps of Magnus' series between contact events. Other ways are
+`gapwalk.orbit.harmonic_balance.hill`, and `gapwalk.orbit.harmonic_balance.modal_monodromy` for many degrees of freedom.
 """
 
 from __future__ import annotations
@@ -22,24 +20,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
-from gapwalk.orbit.harmonic_balance.compliance import Poles
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+from gapwalk.orbit.harmonic_balance.impulses import kicks
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
+from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
 from gapwalk.orbit.harmonic_balance.series import waves
 
-_MODAL_REACH = 0.4  # largest angle by which the fastest eigenvector, or a closed contact, turns in one step
-_MODAL_FINE = 4  # smallest number of steps per shortest wave of the motion
-_MODAL_NODES = 0.5 + np.sqrt(1.0 / 12.0) * np.array([-1.0, 1.0])  # Gauss and Legendre's two, on 0 ... 1
-_POINTS, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
-_POINTS = _POINTS + 0.5
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
 _FINE = 2  # smallest number of steps per shortest wave of the motion
+_FINE_SAMPLED = 4  # the same with forces by formulas, which have shorter waves than the motion
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])  # Gauss and Legendre's, on 0 ... 1
 _FEWEST = 8
+_NO_KICKS = np.zeros(0)
 _LANES = 16  # steps computed together: their values fill the registers, and their matrices the cache
 _INVERSE = 1.0 / np.cumprod([1.0, *range(1, 12)])  # of the factorials
 
@@ -77,52 +72,49 @@ class Linearised:
         return parts
 
     @cached_property
+    def damped(self) -> NDArray[np.intp]:
+        """The contacts that have a P."""
+        acts = self.laws.polynomials[:, 1].any(axis=1) | self.laws.waves[:, 1].any(axis=(1, 2))
+        return np.unique(self.laws.contact[acts])
+
+    def pair_parts(self, pairs: Pairs) -> NDArray[np.float64]:
+        """Return matrices of derivatives of formulas, shape (pairs (2 + damped contacts), 2n, 2n).
+
+        They belong to all derivatives by deflections, to those by rates, and to the product of each of these with each
+        P' of a damped contact.
+        """
+        linear, n = self.linear, len(self.linear.stiffness)
+        along = [np.outer(linear.contacts[:, f], linear.deflections[a]) for f, a in zip(*pairs[:2], strict=True)]
+        parts = np.zeros((2 + len(self.damped), len(along), 2 * n, 2 * n))
+        for place, each in enumerate(along):
+            parts[0, place, n:, :n] = parts[1, place, n:, n:] = -each
+            for number, k in enumerate(self.damped, start=2):
+                parts[number, place, n:, :n] = each @ np.outer(linear.contacts[:, k], linear.deflections[k])
+        return parts.reshape(-1, 2 * n, 2 * n)
+
+    @cached_property
     def rate(self) -> float:
         """Estimate of the highest frequency while every contact is closed."""
+        return self.rate_with(0.0, 0.0)
+
+    def rate_with(self, springs: NDArray[np.float64] | float, dampers: NDArray[np.float64] | float) -> float:
+        """Estimate it with other matrices added to those of stiffness and damping, of positive numbers."""
         linear = self.linear
         # slopes of each contact's stages on one side, at small penetration
         slopes = 0.5 * np.bincount(self.laws.contact, self.laws.stiffness, linear.contacts.shape[1]).astype(float)
         contacts = np.abs(linear.contacts) @ (slopes[:, None] * np.abs(linear.deflections))
-        stiffness, damping = np.abs(linear.stiffness) + contacts, np.abs(linear.damping)
+        stiffness = np.abs(linear.stiffness) + contacts + springs
+        damping = np.abs(linear.damping) + dampers
         return float(np.sqrt(stiffness.sum(axis=1).max()) + damping.sum(axis=1).max())
 
 
-def projected_monodromy(linearised: Linearised, tangents: NDArray[np.complex128], length: float) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
-
-    Parameters
-    ----------
-    linearised
-        The linearised equations.
-    tangents : shape (2 contacts, 2K + 1)
-        Spectra, k = 0 ... 2K, of the contacts' ``g'`` and ``P'``.
-    length
-        The period, in units of time.
-
-    Notes
-    -----
-    With ``z_k = exp(i k W t / m) y`` the equation ``y' = sum_l L_l exp(i l W t / m) y`` has constant coefficients,
-    ``z_k' = i k (W/m) z_k + sum_l L_l z_(k+l)``: Hill's matrix. The monodromy matrix is the middle row of its
-    exponential, applied to ``z_k(0) = y(0)`` (Bayer and Leine 2023, Nonlinear Dynamics 111, 8439-8466: the Koopman-Hill
-    projection). Classical methods take 2n of its eigenvalues, and may take the wrong ones.
-    """
-    steady, parts = linearised.steady, linearised.parts
-    size, count = len(steady), (tangents.shape[1] - 1) // 2
-    spectra = np.concatenate((tangents[:, :0:-1].conj(), tangents), axis=1)  # k = -2K ... 2K
-    harmonics = np.tensordot(spectra.T, parts, axes=1)
-    harmonics[2 * count] += steady
-    k = np.arange(2 * count + 1)
-    blocks = harmonics[2 * count + k[None, :] - k[:, None]]
-    matrix = blocks.transpose(0, 2, 1, 3).reshape(len(k) * size, len(k) * size)
-    rates = 2j * np.pi / length * (k - count)
-    matrix[np.diag_indices(len(matrix))] += np.repeat(rates, size)
-    spread = scipy.linalg.expm(matrix * length)
-    middle = spread[count * size : (count + 1) * size]
-    return middle.reshape(size, len(k), size).sum(axis=1).real
-
-
 def monodromy(
-    linearised: Linearised, lines: NDArray[np.complex128], breaks: NDArray[np.float64], length: float
+    linearised: Linearised,
+    lines: NDArray[np.complex128],
+    breaks: NDArray[np.float64],
+    length: float,
+    period: int,
+    pairs: Pairs,
 ) -> NDArray[np.float64]:
     """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
 
@@ -130,12 +122,16 @@ def monodromy(
     ----------
     linearised
         The linearised equations.
-    lines : shape (contacts, K + 1)
+    lines : shape (deflections, K + 1)
         Deflections of the motion.
     breaks
-        Angles phi at which a breakpoint is passed, in order; every step ends there.
+        Angles phi at which a breakpoint is passed or a number jumps, in order; every step ends there.
     length
         The period, in units of time.
+    period
+        The same in forcing periods.
+    pairs
+        The derivatives of forces by formulas.
 
     Notes
     -----
@@ -143,9 +139,52 @@ def monodromy(
     2009, Physics Reports 470, section 5.4) evaluates the generator at three Gauss nodes of each step; it is exact
     for a constant generator.
     """
-    steps = max(_FEWEST, _FINE * (lines.shape[1] - 1), int(np.ceil(length * linearised.rate / _REACH)))
+    laws, fine, rate = linearised.laws, _FINE, linearised.rate
+    if len(pairs.forces):
+        fine, rate = _FINE_SAMPLED, _rate_of_pairs(linearised, pairs)
+    steps = max(_FEWEST, fine * (lines.shape[1] - 1), int(np.ceil(length * rate / _REACH)))
+    size = 2 * len(linearised.linear.stiffness)
+    more, values = np.zeros((0, size, size)), np.zeros((0, 3, 1))
+    if len(pairs.forces):
+        more, values = linearised.pair_parts(pairs), _values_of_pairs(linearised, lines, steps, breaks, period)
+    jumping = (_NO_KICKS, np.zeros((0, size, size)))
+    if laws.has_kicks:
+        angles, places, changes = kicks(lines, laws, period)
+        leaps, n = np.zeros((len(angles), size, size)), size // 2
+        for each, place, change in zip(leaps, places, changes, strict=True):
+            each[n:, :n] = change * np.outer(linearised.linear.contacts[:, place], linearised.linear.deflections[place])
+        jumping = angles, leaps
+    variation = *laws.over(period), laws.wave_rates
+    own = linearised.steady, linearised.parts, *laws.switches, laws.rates
+    return _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
+
+
+def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:
+    """Estimate the highest frequency with forces by formulas, from bounds of their derivatives."""
+    bounds = np.abs(pairs.spectra)
+    bounds[:, :, 1:] *= 2.0
+    springs, dampers = np.zeros((2, *linearised.linear.stiffness.shape))
+    for f, a, (spring, damper) in zip(pairs.forces, pairs.arguments, bounds.sum(axis=2), strict=True):
+        along = np.abs(np.outer(linearised.linear.contacts[:, f], linearised.linear.deflections[a]))
+        springs += spring * along
+        dampers += damper * along
+    return linearised.rate_with(springs, dampers)
+
+
+def _values_of_pairs(
+    linearised: Linearised, lines: NDArray[np.complex128], steps: int, breaks: NDArray[np.float64], period: int
+) -> NDArray[np.float64]:
+    """Return the factors of `Linearised.pair_parts` at the nodes of all steps, shape (parts, 3, steps)."""
     laws = linearised.laws
-    return _transition(lines, steps, breaks, length, linearised.steady, linearised.parts, *laws.switches, laws.rates)
+    assert laws.formulas is not None
+    knots = np.sort(np.concatenate((2.0 * np.pi / steps * np.arange(steps + 1), breaks)))
+    phi = (knots[:-1] + _NODES[:, None] * np.diff(knots)).ravel()
+    tangents = laws.formulas.tangents(lines, phi, period)
+    groups = [tangents[:, 0], tangents[:, 1]]
+    if len(linearised.damped):
+        dampers = laws.tangents((waves(phi, lines.shape[1] - 1) @ lines.T).real, phi, period)[1]
+        groups += [tangents[:, 1] * dampers[:, k] for k in linearised.damped]
+    return np.concatenate(groups).reshape(-1, 3, len(knots) - 1)
 
 
 @part
@@ -251,13 +290,85 @@ def _polynomial(coefficients, x):
 
 
 @part
-def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result):
-    """Compute the generators at some angles."""
+def _is_open(phi, gate, first_open, jumps):
+    """Return 1 if a gate is open at an angle."""
+    opened = first_open[gate]
+    for jump in range(jumps.shape[1]):
+        if jumps[0, jump] > phi:
+            break
+        if int(jumps[2, jump]) == gate:
+            opened = jumps[1, jump]
+    return opened
+
+
+@part
+def _vary(orders, phi, result):
+    """Compute the cosines, then the sines, of some orders at some angles."""
+    for place in range(len(orders)):
+        for s in range(_LANES):
+            result[place, s] = np.cos(orders[place] * phi[s])
+            result[len(orders) + place, s] = np.sin(orders[place] * phi[s])
+
+
+@part
+def _wave(coefficients, x, lines, s):
+    """Evaluate what is added to a polynomial over the angle."""
+    value = 0.0
+    for power in range(len(coefficients) - 1, -1, -1):
+        value *= x
+        for place in range(coefficients.shape[1]):
+            value += coefficients[power, place] * lines[place, s]
+    return value
+
+
+@part
+def _add_more(more, values, first, result):
+    """Add some matrices with their values in each step."""
+    for m in range(len(more)):
+        for a in range(more.shape[1]):
+            for b in range(more.shape[1]):
+                if more[m, a, b] != 0.0:
+                    for s in range(_LANES):
+                        result[a, b, s] += more[m, a, b] * values[m, min(first + s, values.shape[1] - 1)]
+
+
+@part
+def _add_slopes(depth, j, rates, wave_rates, waves, s, slopes):
+    """Add the slopes of one row of polynomials at a depth."""
+    for kind in range(2):
+        slopes[kind, s] += _polynomial(rates[j, kind], depth)
+        if len(waves):
+            slopes[kind, s] += _wave(wave_rates[j, kind], depth, waves, s)
+
+
+@part
+def _generate(
+    lines,
+    phi,
+    steady,
+    parts,
+    contact,
+    sign,
+    clearance,
+    rates,
+    orders,
+    gate,
+    first_open,
+    jumps,
+    wave_rates,
+    waves,
+    more,
+    values,
+    first,
+    result,
+):
+    """Compute the generators at some angles; `values` are those of `more`, from the step `first` on."""
     x = np.empty(_LANES)
     for a in range(len(steady)):
         for b in range(len(steady)):
             for s in range(_LANES):
                 result[a, b, s] = steady[a, b]
+    _vary(orders, phi, waves)
     for c in range(len(lines)):
         _deflections(lines[c], phi, x)
         slopes = np.zeros((2, _LANES))
@@ -265,9 +376,8 @@ def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result
             if contact[j] == c:
                 for s in range(_LANES):
                     depth = sign[j] * x[s] - clearance[j]
-                    if depth > 0.0:
-                        slopes[0, s] += _polynomial(rates[j, 0], depth)
-                        slopes[1, s] += _polynomial(rates[j, 1], depth)
+                    if depth > 0.0 and (gate[j] < 0 or _is_open(phi[s], gate[j], first_open, jumps) > 0.0):
+                        _add_slopes(depth, j, rates, wave_rates, waves, s, slopes)
         for kind in range(2):
             for a in range(len(steady)):
                 for b in range(len(steady)):
@@ -275,10 +385,49 @@ def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result
                     if part != 0.0:
                         for s in range(_LANES):
                             result[a, b, s] += part * slopes[kind, s]
+    _add_more(more, values, first, result)
 
 
-@kernel("f8[:, ::1](c16[:, ::1], i8, f8[::1], f8, f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1])")
-def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clearance, rates):
+@part
+def _kick(knots, knot, angles, changes, matrix):
+    """Let momenta jump with positions, which do not, at the last of all knots with the same angle."""
+    half = len(matrix) // 2
+    if knot + 1 < len(knots) and knots[knot + 1] == knots[knot]:
+        return
+    for kick in range(len(angles)):
+        if angles[kick] == knots[knot]:
+            for a in range(half):
+                for b in range(len(matrix)):
+                    for k in range(half):
+                        matrix[half + a, b] += changes[kick, half + a, k] * matrix[k, b]
+
+
+@kernel(
+    "f8[:, ::1](c16[:, ::1], i8, f8[::1], f8, f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1],"
+    " i8[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, :, ::1], f8[:, :, ::1],"
+    " f8[::1], f8[:, :, ::1])"
+)
+def _transition(
+    lines,
+    steps,
+    breaks,
+    length,
+    steady,
+    parts,
+    contact,
+    sign,
+    clearance,
+    rates,
+    orders,
+    gate,
+    first_open,
+    jumps,
+    wave_rates,
+    more,
+    values,
+    kick_angles,
+    kick_matrices,
+):
     """Multiply the transitions of all steps, some of them at a time."""
     size, knots = len(steady), _knots(steps, breaks)
     matrix, moved = np.zeros((size, size)), np.zeros((size, size))
@@ -287,6 +436,7 @@ def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clea
     nodes, work = np.zeros((3, size, size, _LANES)), np.zeros((6, size, size, _LANES))
     logarithms, exponentials = np.zeros((size, size, _LANES)), np.zeros((size, size, _LANES))
     starts, widths, phi, times = np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES)
+    waves = np.empty((2 * len(orders), _LANES))
     for first in range(0, len(knots) - 1, _LANES):
         for s in range(_LANES):  # steps beyond the last one have no width
             step = min(first + s, len(knots) - 1)
@@ -295,7 +445,26 @@ def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clea
             for s in range(_LANES):
                 phi[s] = starts[s] + widths[s] * _NODES[node]
                 times[s] = widths[s] * length / (2.0 * np.pi)
-            _generate(lines, phi, steady, parts, contact, sign, clearance, rates, nodes[node])
+            _generate(
+                lines,
+                phi,
+                steady,
+                parts,
+                contact,
+                sign,
+                clearance,
+                rates,
+                orders,
+                gate,
+                first_open,
+                jumps,
+                wave_rates,
+                waves,
+                more,
+                values[:, node],
+                first,
+                nodes[node],
+            )
         _logarithms(times, nodes, work, logarithms)
         _exponentials(logarithms, work, exponentials)
         for s in range(min(_LANES, len(knots) - 1 - first)):
@@ -305,109 +474,6 @@ def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clea
                     for k in range(size):
                         moved[a, b] += exponentials[a, k, s] * matrix[k, b]
             matrix, moved = moved, matrix
+            if len(kick_angles):
+                _kick(knots, first + s + 1, kick_angles, kick_matrices, matrix)
     return matrix
-
-
-def modal_monodromy(
-    poles: Poles,
-    shift: NDArray[np.float64],
-    laws: Laws,
-    lines: NDArray[np.complex128],
-    breaks: NDArray[np.float64],
-    length: float,
-) -> NDArray[np.float64]:
-    """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles).
-
-    Parameters
-    ----------
-    poles
-        Eigenvalues of the linear part.
-    shift : shape (contacts,)
-        Stiffness of each contact that is included in the eigenvalues.
-    laws, lines, breaks, length
-        The contacts, their deflections, the angles at which breakpoints are passed, and the period.
-
-    Notes
-    -----
-    With ``z' = lambda z - (inputs g' + lambda inputs P') x`` and ``x = deflections z`` (P as at the head of this file),
-    the forces over a step are interpolated between two Gauss nodes, at which they are solved for: an exponential method
-    of collocation, of fourth order, exact for the linear part.
-
-    Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
-    """
-    times, spring, damper = _steps(poles, shift, laws, lines, breaks, length)
-    half = poles.values.imag >= 0.0
-    values, inputs = poles.values[half], poles.inputs[half]
-    paired = values.imag > 0.0
-    deflections = poles.deflections[:, half] * (1.0 + paired)
-    ends = np.exp(times[:, None] * values)
-    outer = _weights(values, times, 1.0)
-    solution = np.linalg.inv(_coupling(poles.residual, values, inputs, deflections, times, spring, damper))
-    identity = np.eye(len(values), dtype=np.complex128)
-    matrix = np.concatenate((identity, 1j * identity[:, paired]), axis=1)
-    touched = (spring != 0.0).any(axis=1) | (damper != 0.0).any(axis=1)
-    for p, active in enumerate(touched):
-        if not active.any():
-            matrix *= ends[p][:, None]
-            continue
-        both = np.concatenate((active, active))
-        rows = np.concatenate([deflections[active] * np.exp(times[p] * node * values) for node in _MODAL_NODES])
-        at_nodes = solution[p][both][:, both] @ (rows @ matrix).real
-        tangents = spring[p][:, active, None] + damper[p][:, active, None] * values
-        pushes = (tangents * inputs[:, active].T * outer[p][:, None]).reshape(-1, len(values)).T
-        matrix *= ends[p][:, None]
-        matrix.real -= pushes.real @ at_nodes
-        matrix.imag -= pushes.imag @ at_nodes
-    return np.vstack((matrix.real, matrix.imag[paired]))
-
-
-def _steps(poles: Poles, shift, laws: Laws, lines, breaks, length: float):
-    """Return the steps' lengths in time, and the tangents of the contacts' springs and dampers at their nodes.
-
-    There is one step for each interval in which no contact is closed and no share is moved.
-    """
-    slopes = np.bincount(laws.contact, laws.stiffness, len(lines))
-    contact = np.sqrt(np.abs(np.diagonal((poles.deflections * poles.values) @ poles.inputs)) * slopes).max(initial=0.0)
-    fastest = max(float(np.abs(poles.values).max()), float(contact))
-    count = max(8, _MODAL_FINE * (lines.shape[1] - 1), int(np.ceil(length * fastest / _MODAL_REACH)))
-    knots = np.sort(np.concatenate((2.0 * np.pi / count * np.arange(count + 1), breaks)))
-    knots = knots[np.append(True, np.diff(knots) > 0.0)]
-    widths = np.diff(knots)
-    phi = knots[:-1, None] + widths[:, None] * _MODAL_NODES
-    deflections = (waves(phi, lines.shape[1] - 1) @ lines.T).real
-    spring, damper = laws.tangents(deflections)
-    spring = spring - shift
-    free = ~((spring != 0.0).any(axis=(1, 2)) | (damper != 0.0).any(axis=(1, 2)))
-    # consecutive steps without contact forces are joined into one
-    first = np.flatnonzero(~(free & np.append(False, free[:-1])))
-    times = np.add.reduceat(widths, first) * (length / (2.0 * np.pi))
-    return times, spring[first], damper[first]
-
-
-def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: float) -> NDArray[np.complex128]:
-    """Compute the effect of forces linear between two nodes up to a share `end` of a step, shape (steps, 2, poles).
-
-    It is the integral of ``exp(lambda (end h - s)) l_j(s)`` over s from 0 to ``end h``.
-    """
-    s = end * _POINTS
-    gains = np.exp(times[:, None, None] * (end - s)[:, None] * values)
-    other = _MODAL_NODES[::-1]
-    shapes = (end * _WEIGHTS)[:, None] * (s[:, None] - other) / (_MODAL_NODES - other)
-    weights = np.tensordot(gains, shapes.astype(complex), axes=(1, 0)).transpose(0, 2, 1) * times[:, None, None]
-    return np.asarray(weights, dtype=np.complex128)
-
-
-def _coupling(residual, values, inputs, deflections, times, spring, damper) -> NDArray[np.float64]:
-    """Compute how deflections at the nodes of a step affect each other, shape (steps, 2 contacts, 2 contacts)."""
-    contacts = len(deflections)
-    residues = (deflections.T[:, :, None] * inputs[:, None, :]).reshape(len(values), -1)
-    coupling = np.tile(np.eye(2 * contacts), (len(times), 1, 1))
-    for i, node in enumerate(_MODAL_NODES):
-        inner = _weights(values, times, node)
-        for j in range(2):
-            flexible = (inner[:, j] @ residues).real.reshape(-1, contacts, contacts)
-            moving = ((inner[:, j] * values) @ residues).real.reshape(-1, contacts, contacts)
-            part = coupling[:, i * contacts : (i + 1) * contacts, j * contacts : (j + 1) * contacts]
-            part += (flexible + (i == j) * residual) * spring[:, None, j]
-            part += moving * damper[:, None, j]
-    return coupling

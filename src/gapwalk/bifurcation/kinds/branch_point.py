@@ -19,8 +19,8 @@ from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
-from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, scales_of
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.method import Method

@@ -1,4 +1,4 @@
-"""A path from some values of parameters to others as one more parameter, which can be continued like any other."""
+"""Homotopy: a path from some values of parameters to others as one more parameter, continued like any other."""
 
 from __future__ import annotations
 

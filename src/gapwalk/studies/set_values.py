@@ -12,7 +12,7 @@ from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import MAX_STUDIES
 from gapwalk.model.problems import ModelFileError, Path, Problem, given
 from gapwalk.model.system import System
-from gapwalk.model.units import PACES, kind_of
+from gapwalk.model.units import PACES
 
 
 def parse_changes(texts: Iterable[str]) -> dict[str, object]:
@@ -152,7 +152,7 @@ def _check_units(system: System, values: Mapping[str, Any]) -> None:
     """Raise a ModelError for plain numbers and wrong units if the system has units; 0 needs no unit."""
     lines = []
     for name, value in values.items():
-        if system.units and kind_of(name) and isinstance(value, int | float | str) and value != 0:
+        if system.units and system.units.parameter(name) and isinstance(value, int | float | str) and value != 0:
             try:
                 system.units.read(name, value)
             except ValueError as error:

@@ -5,7 +5,7 @@ import pytest
 from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.changes import parse_change
+from gapwalk.studies.set_values import parse_change
 from gapwalk.studies.study_file import Study, check_study
 
 TEXT = """\

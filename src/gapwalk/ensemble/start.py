@@ -1,0 +1,213 @@
+"""The start of a run of the batch integrator: what the first steps need of the time before it.
+
+A step needs the contact forces at earlier steps, so the motion is integrated backwards. Where a level of a variation
+jumps, the samples of the force around the jump are smoothed: their sum is right two steps after it. The state of the
+kernel differs from that of the motion until then. `lag` is this difference at theta = 0, where motions start and end.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.ensemble.excitation import share_at, smooth_step
+from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of
+from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
+from gapwalk.model.coefficients import ContactSlots, CycleSlots
+from gapwalk.model.laws import Stages, StageTerms
+
+_STEP = 1e-150  # of the complex step
+_Moves = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Compute the contact forces at theta = 0 and at the steps before it, shape (HISTORY, contacts, lanes).
+
+    The motion is integrated backwards by the classical Runge-Kutta method, which is accurate enough for two steps.
+
+    Parameters
+    ----------
+    linear
+        The systems, one for each state or one for all.
+    states : shape (lanes, 2n)
+        Positions, then velocities, at theta = 0.
+    steps
+        Steps per forcing period.
+    """
+    turn = -2.0 * np.pi / steps
+    h = (turn * linear.rate)[:, None]
+    levels: list[Any] = [is_at_high(cycle, linear.coefficients, 0.0) * 1.0 for cycle in linear.layout.cycles]
+    forces = [_contact_forces(linear, 0.0, states, _shares(linear, 0.0, steps))]
+    for number in range(HISTORY - 1):
+        theta = number * turn
+        k1 = _slopes(linear, theta, states, levels)
+        k2 = _slopes(linear, theta + turn / 2, states + h / 2 * k1, levels)
+        k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2, levels)
+        k4 = _slopes(linear, theta + turn, states + h * k3, levels)
+        states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        forces.append(_contact_forces(linear, theta + turn, states, _shares(linear, theta + turn, steps)))
+    return np.array(forces).transpose(0, 2, 1)
+
+
+def _shares(linear: Linear, theta: float, steps: int) -> list[NDArray[np.float64]]:
+    return [share_at(linear.coefficients, cycle, theta, steps) for cycle in linear.layout.cycles]
+
+
+def guards_of(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the guards of all modes of laws at theta = 0, shape (modes, lanes)."""
+    angles, found = Angles(linear.layout, linear.coefficients, 0.0), []
+    for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True):
+        if slots.form.law.mode_count:
+            numbers = angles.named(slots.numbers, slots.waves)
+            with np.errstate(all="ignore"):
+                guards = slots.form.law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
+            found += [np.broadcast_to(each, len(states)) for each in guards]
+    return np.array(found).reshape(len(found), len(states))
+
+
+def slopes_of(linear: Linear, states: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Estimate the largest slope of the force by each deflection, shapes (1,) or (lanes,); 0 if it is not positive.
+
+    A contact has all stages of one side closed, each with the slope at its breakpoint. A force without stages has the
+    median of its slopes at some states, because those of a formula far outside may be any.
+    """
+    found, angles = [], Angles(linear.layout, linear.coefficients, 0.0)
+    moved = _moves(linear, angles, states)
+    for slots, moves in zip(linear.layout.contacts, moved, strict=True):
+        if slots.stages:
+            found.append(_slope_of_stages(slots, linear.coefficients.T))
+            continue
+        for place, (x, rate) in enumerate(moves):
+            shifted = [*moves[:place], (x + 1j * _STEP, rate), *moves[place + 1 :]]
+            with np.errstate(all="ignore"):
+                slopes = np.imag(contact_force(slots, angles, shifted)) / _STEP
+            slopes = slopes[np.isfinite(slopes)]
+            found.append(np.array([max(np.median(slopes), 0.0) if len(slopes) else 0.0]))
+    return found
+
+
+def _slope_of_stages(slots: ContactSlots, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the larger of the sums of the slopes of all stages on either side, for coefficients in columns."""
+    law, sums = slots.form.law, {1: np.zeros(coefficients.shape[1]), -1: np.zeros(coefficients.shape[1])}
+    own = {name: coefficients[slot] for name, slot in slots.numbers.items()}
+    for stage in slots.stages:
+        numbers = {name: coefficients[slot] for name, slot in stage.numbers.items()}
+        terms = Stages(
+            [StageTerms(stage.sign, 1j * _STEP, 1.0, stage.innermost, numbers)], modes=[0.0] * law.mode_count
+        )
+        sums[stage.sign] += np.maximum(np.imag(law.force(0.0, terms, own)) / _STEP, 0.0)
+    return np.maximum(sums[1], sums[-1])
+
+
+def _moves(linear: Linear, angles: Angles, states: NDArray[np.float64]) -> list[_Moves]:
+    """Return the deflections with their rates of each contact."""
+    moved = np.einsum("lakz,lz->akl", linear.deflections, states)
+    found: list[_Moves] = [[] for _ in linear.layout.contacts]
+    for place, (contact, argument) in enumerate(deflections_of(linear.layout)):
+        slots = linear.layout.contacts[contact]
+        x, rate = (moved[which, place] + angles.sway(slots, argument, which) for which in (0, 1))
+        found[contact].append((x, rate))
+    return found
+
+
+def _contact_forces(
+    linear: Linear, theta: float, states: NDArray[np.float64], levels: list[Any]
+) -> NDArray[np.float64]:
+    """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
+    angles = Angles(linear.layout, linear.coefficients, theta, levels)
+    with np.errstate(all="ignore"):  # a formula may overflow far outside
+        forces = [
+            np.broadcast_to(contact_force(slots, angles, moves), len(states))
+            for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True)
+        ]
+    return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
+
+
+def _slopes(linear: Linear, theta: float, states: NDArray[np.float64], levels: list[Any]) -> NDArray[np.float64]:
+    """Compute the time derivatives of the states, shape (lanes, 2n)."""
+    angles = theta * np.array(linear.layout.orders, dtype=float)
+    basis = np.ones(linear.loads.shape[2])
+    basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)
+    return (
+        np.einsum("lij,lj->li", linear.matrix, states)
+        + np.einsum("lik,lk->li", linear.push, _contact_forces(linear, theta, states, levels))
+        + linear.loads @ basis
+    )
+
+
+def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return the state of the motion less that of the kernel at theta = 0, shape (lanes, 2n) or broadcast to it.
+
+    It is 0 unless a level of a variation jumps a few steps before or after theta = 0. The force of the motion jumps;
+    that of the kernel is the polynomial through samples. The zeroth and the first moment of their difference over all
+    time vanish, but not those over the time before theta = 0.
+
+    Parameters
+    ----------
+    linear
+        The systems, one for each state or one for all.
+    states : shape (lanes, 2n)
+        Positions, then velocities, of either.
+    steps
+        Steps per forcing period.
+    """
+    total = np.zeros((1, states.shape[1]))
+    shares, h = _shares(linear, 0.0, steps), (2.0 * np.pi / steps * linear.rate)[:, None]
+    for number, cycle in enumerate(linear.layout.cycles):
+        zeroth, first, sampled = (each[:, None] for each in _later_moments(cycle, linear.coefficients, steps))
+        if not np.any(zeroth) and not np.any(first):
+            continue
+        high, low = ([*shares[:number], level, *shares[number + 1 :]] for level in (1.0, 0.0))
+
+        def jump(theta: float, states: NDArray[np.float64], high: list[Any] = high, low: list[Any] = low) -> Any:
+            forces = _contact_forces(linear, theta, states, high) - _contact_forces(linear, theta, states, low)
+            return np.einsum("lik,lk->li", linear.push, forces)
+
+        now, later = jump(0.0, states), jump(2.0 * np.pi / steps, states + h * _slopes(linear, 0.0, states, shares))
+        turned = h * np.einsum("lij,lj->li", linear.matrix, now)
+        total = total + h * (first * turned - sampled * (later - now) - zeroth * now)
+    return total
+
+
+def _later_moments(cycle: CycleSlots, coefficients: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return moments, over the time after theta = 0, of the share of the high level less that of the kernel.
+
+    Shape (3, lanes): the zeroth moment; the first; the zeroth of the share times a force that grows with the time, of
+    which the kernel interpolates the samples too. The unit of time is a step.
+    """
+    per_radian, length = steps / (2.0 * np.pi), 2.0 * np.pi / cycle.order
+    # sums of 1 and of i over all i >= 1 exceed the integrals from 0 on by zeta(0) and zeta(-1)
+    total, weights = np.zeros((3, len(coefficients))), np.stack((*_MOMENTS, -np.arange(HISTORY) * _MOMENTS[0]))
+    ahead, behind = np.arange(1.0, 5.0)[:, None], -np.arange(0.0, HISTORY)[:, None]
+    for slot, sign in ((cycle.up, 1.0), (cycle.down, -1.0)):
+        angle = coefficients[:, slot]
+        # place of the jump, in steps from theta = 0
+        t = (angle - length * np.round(angle / length)) * per_radian
+        missing, early = (smooth_step(each - t, lambda u: np.clip(u, 0.0, 1.0)) for each in (ahead, behind))
+        missing, early = missing - 1.0, early - (t <= 0.0)
+        found = -np.stack((np.ones_like(ahead), ahead, ahead))[:, :, 0] @ missing - weights @ early
+        found += np.where(t > 0.0, np.stack((0.5 - t, 1.0 / 12.0 - t**2 / 2.0, 1.0 / 12.0 - t**2 / 2.0)), 0.0)
+        total += sign * np.where((t > -4.0) & (t < 2.0), found, 0.0)
+    return total
+
+
+def _moments() -> NDArray[np.float64]:
+    """Compute the integrals, over the time after the start, of the polynomials that each earlier value multiplies.
+
+    Shape (2, HISTORY): multiplied by 1 and by the time in steps.
+    """
+    nodes = np.arange(1.0, -HISTORY, -1.0)
+    lagrange = np.linalg.inv(np.vander(nodes, increasing=True))  # coefficients in columns
+    powers = np.arange(1 + HISTORY)
+    zeroth, first = lagrange.T @ (1.0 / (powers + 1.0)), lagrange.T @ (1.0 / (powers + 2.0))
+    found = np.zeros((2, HISTORY))
+    for step in range(HISTORY):
+        for earlier in range(HISTORY - step):
+            node = 1 + step + earlier
+            found[:, earlier] += zeroth[node], first[node] + step * zeroth[node]
+    return found
+
+
+_MOMENTS = _moments()

@@ -1,0 +1,72 @@
+"""The depth of a motion beyond the breakpoint of a switch, with its derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.model.coefficients import CoefficientLayout
+
+
+class Gauge:
+    """Gauge of the depth of a motion beyond the breakpoint of a switch: positive where the stage is closed.
+
+    The deflection may contain a prescribed displacement, so the depth depends on the angle too.
+
+    Parameters
+    ----------
+    layout
+        The layout of the coefficients.
+    switch
+        Stage and side of the breakpoint: index into `Equations.switches`.
+    """
+
+    def __init__(self, layout: CoefficientLayout, switch: int) -> None:
+        stages = [(contact, stage) for contact in layout.contacts for stage in contact.stages]
+        self._layout = layout
+        self._contact, stage = stages[switch]
+        self._clearance, self._sign = stage.clearance, stage.sign
+
+    @property
+    def sways(self) -> bool:
+        """True if the deflection contains a prescribed displacement."""
+        return self._contact.sway is not None
+
+    def vector(self, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of the depth by the positions, shape (n,)."""
+        return self._sign * coefficients[self._contact.deflection]
+
+    def read(
+        self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
+    ) -> tuple[float, float, float]:
+        """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
+        n, vector = len(state) // 2, self.vector(coefficients)
+        motion = (state[:n], state[n:], accelerations(self._layout, coefficients, theta, state[:n], state[n:]))
+        depth, rate, turning = (float(vector @ each) for each in motion)
+        if self._contact.sway is not None:
+            angles = Angles(self._layout, coefficients, theta)
+            sways = [self._sign * float(angles.sway(self._contact, 0, order)) for order in range(3)]
+            depth, rate, turning = depth + sways[0], rate + sways[1], turning + sways[2]
+        return depth - float(coefficients[self._clearance]), rate, turning
+
+    def slopes(
+        self,
+        coefficients: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        theta: float,
+        state: NDArray[np.float64],
+    ) -> tuple[float, float]:
+        """Return the derivatives of the depth and of its rate along a direction of the coefficients, at one state."""
+        n, vector = len(state) // 2, self.vector(direction)
+        depth, rate = float(vector @ state[:n]), float(vector @ state[n:])
+        if (sway := self._contact.sway) is not None:
+            count, orders = len(self._layout.orders), np.array(self._layout.orders, dtype=float)
+            waves, (cosines, sines) = Angles(self._layout, coefficients, theta).waves, np.split(coefficients[sway], 2)
+            by_time = np.concatenate((-orders * waves[count:], orders * waves[:count])) / coefficients[0]
+            depth += self._sign * float(direction[sway] @ waves)
+            # the rate over time is that over theta times the frequency, which may be along the direction
+            over_theta = orders @ (sines * waves[:count] - cosines * waves[count:])
+            by_frequency = -float(over_theta) * direction[0] / coefficients[0] ** 2
+            rate += self._sign * (float(direction[sway] @ by_time) + by_frequency)
+        return depth - float(direction[self._clearance]), rate

@@ -1,0 +1,118 @@
+"""The general rule by which derivatives of a motion pass an event.
+
+Over theta the motion is ``y' = F(y, theta)``, with ``F-`` before the event and ``F+`` after it. The event is where a
+guard ``g(y, theta)`` vanishes, and there the state may be reset to ``R(y, theta)``. With ``den = g_y F- + g_theta``
+
+    S  = R_y + (F+ - R_y F- - R_theta) (x) g_y / den                              state transition
+    s+ = R_y s- + R_p + (F+ - R_y F- - R_theta) (g_y s- + g_p) / den              sensitivity to a parameter
+
+(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). All derivatives are taken by a complex step, so a force
+law provides its formulas only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.forces import Angles, contact_force
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
+from gapwalk.model.laws import closed_form_of
+
+_AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
+_STEP = 1e-150  # of the complex step
+
+Formula = Callable[[NDArray[Any], NDArray[Any], Any], NDArray[Any]]
+"""A function of states, shape (..., 2n), coefficients, shape (..., number of coefficients), and theta."""
+Quotient = Callable[[float, float], float]
+"""A function of a rate and of theta."""
+
+
+def pass_event(
+    changes: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    state: NDArray[np.float64],
+    coefficients: NDArray[np.float64],
+    theta: float,
+    guard: Formula,
+    reset: Formula,
+    flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return the changes of the state after an event by the general rule, shape (columns, 2n).
+
+    Parameters
+    ----------
+    changes : shape (columns, 2n)
+        Changes before the event.
+    directions : shape (columns, number of coefficients)
+        Change of the coefficients along each column; zero for a change of the initial state.
+    state, coefficients, theta
+        State and coefficients at the event, before the reset, and its angle.
+    guard, reset
+        The functions g and R.
+    flow
+        The right-hand sides F at a state, before (False) and after (True) the event.
+    """
+
+    def along(formula: Formula, change: NDArray, direction: NDArray | float, angle: float = 0.0) -> NDArray[np.float64]:
+        step = 1j * _STEP
+        found: NDArray[np.complex128] = formula(
+            state + step * change, coefficients + step * direction, theta + step * angle
+        )
+        return found.imag / _STEP
+
+    before, after = flow(state, False), flow(reset(state, coefficients, theta), True)
+    still = np.zeros_like(coefficients)
+    slip = after - along(reset, before, still, 1.0)
+    late = along(guard, changes, directions) / along(guard, before, still, 1.0)
+    return along(reset, changes, directions) + np.outer(late, slip)
+
+
+def jump_of(layout: CoefficientLayout, contact: int, stage: int) -> Callable[[NDArray[np.float64]], Quotient] | None:
+    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
+
+    The result is a function of the coefficients that returns a function of the rate and of theta.
+    """
+    slots = layout.contacts[contact]
+    products = closed_form_of(slots.form.law, slots.form.shapes)
+    if products is None or (slots.varies and any(term.power == 0 for term in products)):
+        return lambda coefficients: (
+            lambda rate, theta: _difference(layout, slots, stage, coefficients, rate, theta) / (rate or _AT_REST)
+        )
+    numbers = slots.stages[stage].numbers
+    terms = [
+        (term.factor, [*(slots.numbers[e] for e in term.numbers), *(numbers[e] for e in term.stage_numbers)], term.rate)
+        for term in products
+        if term.stage == stage and term.power == 0
+    ]
+
+    def quotients(coefficients: NDArray[np.float64]) -> Quotient:
+        known = [(factor * math.prod(coefficients[places].tolist()), rate - 1) for factor, places, rate in terms]
+        if all(power == 0 for _, power in known):
+            total = sum(factor for factor, _ in known)
+            return lambda rate, theta: total
+        return lambda rate, theta: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
+
+    return quotients if terms else None
+
+
+def _difference(
+    layout: CoefficientLayout,
+    slots: ContactSlots,
+    stage: int,
+    coefficients: NDArray[np.float64],
+    rate: float,
+    theta: float,
+) -> float:
+    """Return the jump of a contact's force where a stage closes, with only the stages inside of it closed."""
+    here = slots.stages[stage]
+    clearance = coefficients[here.clearance]
+    inside = [each.sign == here.sign and coefficients[each.clearance] < clearance for each in slots.stages]
+    after = [closed or number == stage for number, closed in enumerate(inside)]
+    moves, angles = [(np.asarray(here.sign * clearance), np.asarray(rate))], Angles(layout, coefficients, theta)
+    forces = [contact_force(slots, angles, moves, closed) for closed in (after, inside)]
+    return float(forces[0] - forces[1])

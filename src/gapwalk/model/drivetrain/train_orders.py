@@ -1,0 +1,262 @@
+"""Orders of the loads of a drive train: per turn of an inertia or per tooth of a mesh, with their common period.
+
+The excitation repeats after the shortest time in which each load repeats a whole number of times. Where two wheels
+share no factor of their numbers of teeth (a hunting tooth), that is a long time: 27 teeth against 41 repeat after 41
+turns of the first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+from gapwalk.errors import ModelError
+from gapwalk.model.drivetrain.train_parts import GROUND, Force, Gear
+from gapwalk.model.loads import Load
+from gapwalk.model.problems import did_you_mean
+
+if TYPE_CHECKING:
+    from gapwalk.model.drivetrain.train import Train
+
+LONGEST = 30
+"""Periods of the slowest load in the common period, beyond which a train is refused unless it allows more."""
+
+_LARGEST_PART = 1000  # of an order that is a fraction
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A load of a drive train whose order counts teeth of a mesh, or turns of another inertia than the reference.
+
+    Parameters
+    ----------
+    load
+        The load. Its order is multiplied by the number of teeth of the first gear of the mesh, and by the speed of that
+        gear (or of the inertia) over that of the reference shaft. Phases are those of the excitation, at ``W t = 0``.
+    mesh
+        Name of a gear with `Gear.teeth`.
+    turns_of
+        Name of an inertia instead.
+    order
+        The order in place of that of the load; it may be a fraction, such as 0.5 for a cycle of four strokes.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> Counted(gw.Harmonic(0.2, varies="mesh1.stiffness", order=2), mesh="mesh1").exact_order
+    Fraction(2, 1)
+    """
+
+    load: Load
+    mesh: str = ""
+    turns_of: str = ""
+    order: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.mesh and self.turns_of:
+            raise ModelError(f"{self.name} has both mesh and turns_of; leave one of the two out")
+        given = self.load.order if self.order is None else self.order
+        if isinstance(given, bool) or not isinstance(given, int | float | Fraction) or not 0 < given < math.inf:
+            raise ModelError(f"{self.name} has the order {given!r}; it must be a number > 0")
+        if abs(self.exact_order - Fraction(given)) > Fraction(1, 10**9) * self.exact_order:
+            raise ModelError(
+                f"{self.name} has the order {given!r}, which is no fraction of small numbers, so the excitation would "
+                "not repeat; write one such as 0.5 or 1.5"
+            )
+
+    @property
+    def name(self) -> str:
+        """The name of the load."""
+        return self.load.name
+
+    @property
+    def exact_order(self) -> Fraction:
+        """The order as a fraction, counted as it says."""
+        return Fraction(self.load.order if self.order is None else self.order).limit_denominator(_LARGEST_PART)
+
+
+def plain_load(load: Load | Counted) -> Load:
+    """Return the load without the way in which its order is counted."""
+    return load.load if isinstance(load, Counted) else load
+
+
+def with_load(counted: Load | Counted, load: Load) -> Load | Counted:
+    """Return a load whose order is counted as that of another one."""
+    if not isinstance(counted, Counted):
+        return load
+    return Counted(load, counted.mesh, counted.turns_of, counted.order)
+
+
+def real_orders(train: Train) -> list[Fraction]:
+    """Return the orders of the loads: per turn of the reference shaft, or as multiples of the frequency.
+
+    Raises
+    ------
+    ModelError
+        If an order cannot be counted.
+    """
+    unit = Fraction((train.units and train.units.turns) or 1)
+    paths = _speeds(train)
+    found = []
+    for load in train.harmonics:
+        if not isinstance(load, Counted):
+            # until they are counted, the orders of a curve over a cycle of two turns are halves
+            found.append(load.turn_order if train.speed is not None else load.order * unit)
+            continue
+        order, at = load.exact_order, load.turns_of
+        if load.mesh:
+            gear = _gear(train, load)
+            order, at = order * (gear.first_teeth or 0), gear.between[0]
+        if at:
+            order *= abs(_speed(train, load, at, paths)[0])
+        found.append(order)
+    return found
+
+
+def fixed_ratios(train: Train) -> frozenset[str]:
+    """Return the gears on whose ratios orders depend; these are no parameters, for the orders would change with them.
+
+    Raises
+    ------
+    ModelError
+        If an order cannot be counted.
+    """
+    paths, found = _speeds(train), set()
+    for load in train.harmonics:
+        if isinstance(load, Counted) and (load.mesh or load.turns_of):
+            at = _gear(train, load).between[0] if load.mesh else load.turns_of
+            found |= {*_speed(train, load, at, paths)[1]}
+            found |= {load.mesh} - {""}
+    return frozenset(found)
+
+
+def common_orders(train: Train) -> tuple[Fraction, list[int]]:
+    """Return the order at which all loads repeat together, and theirs as multiples of it.
+
+    Raises
+    ------
+    ModelError
+        If they cannot be counted, or repeat together after a very long time only.
+    """
+    orders = real_orders(train)
+    turns = _common(orders)
+    periods = min(filter(None, orders), default=turns) / turns
+    if periods > train.longest:
+        raise ModelError(_too_long(train, orders, turns, periods))
+    return turns, [int(order / turns) for order in orders]
+
+
+def multiples_of(train: Train, turns: Fraction) -> list[int]:
+    """Return the orders of the loads as multiples of the frequency W, of which a turn has `turns` periods.
+
+    Raises
+    ------
+    ModelError
+        If one is no whole multiple.
+    """
+    found = []
+    for load, order in zip(train.harmonics, real_orders(train), strict=True):
+        multiple = order / turns
+        if multiple.denominator != 1:
+            counted = "per turn of the reference shaft" if turns != 1 else "in multiples of the frequency"
+            raise ModelError(
+                f"{load.name} has the order {order} {counted}, which is no whole multiple of {turns}; write "
+                'speed = "1000 rpm" in place of the frequency: the period is then the common one of all loads'
+            )
+        found.append(int(multiple))
+    return found
+
+
+def _common(orders: Sequence[Fraction]) -> Fraction:
+    def divisor(first: Fraction, second: Fraction) -> Fraction:
+        bottom = first.denominator * second.denominator
+        return Fraction(math.gcd(first.numerator * second.denominator, second.numerator * first.denominator), bottom)
+
+    return reduce(divisor, orders) if orders else Fraction(1)
+
+
+def _too_long(train: Train, orders: Sequence[Fraction], turns: Fraction, periods: Fraction) -> str:
+    """Say that the common period is long, and which loads to leave out."""
+    groups: dict[str, list[int]] = {}
+    for place, load in enumerate(train.harmonics):
+        groups.setdefault((load.mesh or load.turns_of) if isinstance(load, Counted) else "", []).append(place)
+    hints = []
+    for name, places in groups.items():
+        left = [order for place, order in enumerate(orders) if place not in places and order]
+        common = _common(left)
+        if left and min(left) / common <= train.longest:
+            what = f"the loads counted by {name}" if name else "the loads counted per turn of the reference shaft"
+            hints.append(f"{what} ({_turns(1 / common)} remain)")
+    first = [load.name for load in train.harmonics][orders.index(min(filter(None, orders)))]
+    return (
+        f"{first} repeats {periods} times before all loads repeat together, after {_turns(1 / turns)} of the reference "
+        "shaft (a hunting tooth): each computation of an orbit takes that long"
+        + (f"; leave out {' or '.join(hints)}" if hints else "; leave some orders out")
+        + f", choose numbers of teeth with common factors, or write longest = {math.ceil(periods)} to allow it"
+    )
+
+
+def _turns(count: Fraction) -> str:
+    return f"{count} turn" if count <= 1 else f"{count} turns"
+
+
+def _gear(train: Train, load: Counted) -> Gear:
+    gears = {gear.name: gear for gear in train.gears}
+    if load.mesh not in gears:
+        raise ModelError(f"{load.name}.mesh is {load.mesh!r}, which is no gear; {did_you_mean(load.mesh, [*gears])}")
+    if gears[load.mesh].teeth is None:
+        raise ModelError(
+            f"{load.name} counts its order per tooth of {load.mesh}, which has no teeth; write teeth = 27 for "
+            f"{load.mesh}, the number of {gears[load.mesh].between[0]}"
+        )
+    return gears[load.mesh]
+
+
+_Paths = Mapping[str, tuple[Fraction | None, tuple[str, ...]]]
+
+
+def _speeds(train: Train) -> _Paths:
+    """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
+    links: dict[str, list[tuple[str, Any, bool]]] = {}
+    for link in train.links:
+        if GROUND not in link.between and not isinstance(link, Force) and not link.is_drag:
+            first, second = link.between
+            links.setdefault(first, []).append((second, link, True))
+            links.setdefault(second, []).append((first, link, False))
+    found: dict[str, tuple[Fraction | None, tuple[str, ...]]] = {train.reference: (Fraction(1), ())}
+    waiting = [train.reference]
+    for name in waiting:
+        speed, path = found[name]
+        for other, link, forward in links.get(name, ()):
+            if other in found:
+                continue
+            waiting.append(other)
+            if isinstance(link, Gear):
+                ratio, new = link.exact_ratio, None
+                if speed is not None and ratio is not None:
+                    new = speed / ratio if forward else speed * ratio
+                found[other] = new, (*path, link.name)
+            else:
+                found[other] = speed, path
+    return found
+
+
+def _speed(train: Train, load: Counted, name: str, paths: _Paths) -> tuple[Fraction, tuple[str, ...]]:
+    inertias = [inertia.name for inertia in train.inertias]
+    if name not in inertias:
+        raise ModelError(f"{load.name}.turns_of is {name!r}, which is no inertia; {did_you_mean(name, inertias)}")
+    if name not in paths:
+        raise ModelError(f"{load.name} counts turns of {name}, which no shafts and gears join to {train.reference}")
+    speed, path = paths[name]
+    if speed is None:
+        gears = {gear.name: gear for gear in train.gears}
+        wrong = next(gear for gear in path if gears[gear].exact_ratio is None)
+        raise ModelError(
+            f"{load.name} counts turns behind {wrong}, whose ratio {gears[wrong].ratio!r} is no fraction of small "
+            f"numbers, so the excitation would not repeat; write teeth = [27, 41] for {wrong}"
+        )
+    return speed, path

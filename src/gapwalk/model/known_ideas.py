@@ -1,0 +1,89 @@
+"""What to write for ideas of mechanics that a model file calls by another name, and what cannot be modelled.
+
+An unknown key is often such an idea. The same list, in more words, is the page docs/scope.md.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+PAGE = "docs/scope.md"
+
+
+class Idea(NamedTuple):
+    """An idea of mechanics: the words by which keys are recognised, and what to write, or why it cannot be."""
+
+    words: str
+    answer: str
+
+
+IDEAS = (
+    Idea(
+        "friction|coulomb|slip_?torque|stiction|stick|mu_?[sk]|jenkins|iwan|hysteresis",
+        "dry friction, which sticks, cannot be modelled yet; a drag that depends on the rate alone is a [[force]] with "
+        'law = "c*v*abs(v)", say',
+    ),
+    Idea(
+        "restitution|bounce|rigid_?(stop|impact)|impulse",
+        "rigid impacts cannot be modelled yet; write a stiff spring with law = "
+        '"hunt-crossley" and impact_damping = 1.5 * (1 - restitution) / (approach velocity)',
+    ),
+    Idea(
+        "backlash|gap|play|lash|freeplay|free_?play|deadband|dead_?zone|half_?gap|slack",
+        "a gap is the clearance of a [[contact]] (half the backlash), or of a [[gear]] or [[shaft]]: clearance = 0.5",
+    ),
+    Idea(
+        "stop|bumper|wall|barrier|obstacle",
+        'a stop on one side is a [[contact]] with side = "positive", a clearance and a stiffness',
+    ),
+    Idea("preload|pretension|prestress", 'a spring with a preload is a [[contact]] with law = "piecewise" and preload'),
+    Idea(
+        "hertz|exponent|power_?law|nonlinear\\w*|duffing|quadratic|polynomial|spring_?law|formula|expression|equation",
+        'a smooth force is a [[force]] with a formula, as in law = "k*x + a*x**3", and its numbers as further keys',
+    ),
+    Idea("drag|stribeck|aero\\w*|viscous_?drag", 'a drag is a [[force]], as in law = "c*v*abs(v)" and c = 0.1'),
+    Idea(
+        "curve|table|lookup|csv|points|characteristic|data",
+        'a measured spring is curve = "clutch.csv" in a [[contact]]',
+    ),
+    Idea(
+        "mesh_?(stiffness|variation)|parametric|time_?varying|modulation|contact_?ratio|varying",
+        'a stiffness that varies over the angle is a [[harmonic]] with varies = "mesh.stiffness", or a [[rectangle]]',
+    ),
+    Idea(
+        "transmission_?error|runout|base_?(motion|displacement|acceleration)|ground_?motion|kinematic|prescribed",
+        'a prescribed displacement is a [[harmonic]] with varies = "mesh.deflection"',
+    ),
+    Idea(
+        "unbalance|imbalance|eccentric\\w*|rotating_?(mass|force)|growth_?(order|power)",
+        "the force of an unbalance is a [[harmonic]] with growth = 2: it grows with the square of the frequency",
+    ),
+    Idea("delay|time_?delay|retard\\w*", "delays cannot be modelled: the state is that of now"),
+    Idea(
+        "noise|random|psd|stochastic|sweep_?rate|run_?up|transient\\w*",
+        "loads repeat with the excitation; noise and run-ups cannot be modelled",
+    ),
+    Idea("gyroscopic|coriolis", "gyroscopic terms belong in the matrix damping, which need not be symmetric"),
+    Idea(
+        "control\\w*|feedback|pid",
+        "a feedback of positions and velocities belongs in stiffness and damping, or in a [[force]]",
+    ),
+    Idea("pressure|fluid|thermal|temperature|magnet\\w*|electric\\w*", "only mechanical coordinates exist"),
+)
+"""All ideas, the most specific first."""
+
+
+def idea_of(key: str) -> str:
+    """Return what to write for an idea that a key names, with the page that says more; empty if it names none.
+
+    Examples
+    --------
+    >>> idea_of("restitution")[:35]
+    'rigid impacts cannot be modelled ye'
+    """
+    word = key.lower().replace("-", "_")
+    for idea in IDEAS:
+        if re.fullmatch(rf"(\w+_)?({idea.words})s?(_\w+)?", word):
+            return f"{idea.answer} (see {PAGE})"
+    return ""

@@ -1,0 +1,381 @@
+"""A measured spring: a piecewise polynomial force through points of a measured curve, in pieces between corners.
+
+The force is measured from the piece that contains the deflection 0 outwards, so that no piece is the difference of
+large numbers: corners at positive deflections act to the right, those at negative ones to the left. Points that are
+the same on both sides of 0 make a curve that is exactly so: its corners are pairs of opposite numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.measured.curve_points import CurvePoints, check_zigzag, curve_points
+from gapwalk.model.measured.polyline_thinning import thin_polyline
+
+Array = NDArray[np.float64]
+Polynomial = tuple[float, float, float, float]
+"""Coefficients of 1, d, d**2 and d**3."""
+
+MAX_CORNERS = 50
+"""Largest number of corners of a curve."""
+ERROR = 1e-3
+"""Default of the largest error of thinning, as a share of the largest force."""
+
+_ROUNDING = 1e-14  # as a share of the largest force; smaller differences are none
+_LOST = 1e-10  # as a share of the largest force: what rounding may change
+_TRIALS = 5  # of an error that needs few enough corners
+
+
+@dataclass(frozen=True, slots=True)
+class Corner:
+    """A place where the polynomial of a curve changes.
+
+    With ``d = x - position``, the force changes by ``step + slope * d + quadratic * d**2 + cubic * d**3`` where
+    ``side * d > 0``.
+
+    Parameters
+    ----------
+    position
+        Deflection of the corner.
+    side
+        +1 if the change acts to its right, -1 if it acts to its left.
+    step
+        Change of the force at the corner itself, from within outwards.
+    slope, quadratic, cubic
+        Changes of the coefficients.
+    """
+
+    position: float
+    side: int
+    step: float = 0.0
+    slope: float = 0.0
+    quadratic: float = 0.0
+    cubic: float = 0.0
+
+    @property
+    def change(self) -> Polynomial:
+        """The change of the force as a polynomial of ``x - position``."""
+        return self.step, self.slope, self.quadratic, self.cubic
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The force of a spring over its deflection, a piecewise polynomial.
+
+    Parameters
+    ----------
+    kind
+        ``"linear"`` or ``"cubic"``.
+    base
+        Coefficients of 1, x, x**2 and x**3 of the piece that contains the deflection 0. If 0 is a corner, it is the
+        piece to the left of it.
+    corners
+        The corners, by increasing position: those at negative positions act to the left, the others to the right.
+    first, last
+        Smallest and largest measured deflection. Beyond them the force continues along a line.
+    thinning_error
+        Largest difference from the measured points, as a share of the largest measured force.
+    points
+        Number of measured points.
+    """
+
+    kind: str
+    base: Polynomial
+    corners: tuple[Corner, ...]
+    first: float
+    last: float
+    thinning_error: float
+    points: int
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts are inconsistent."""
+        places = [each.position for each in self.corners]
+        numbers = [*self.base, self.first, self.last, self.thinning_error, *places]
+        numbers += [number for each in self.corners for number in each.change]
+        if not np.isfinite(numbers).all() or not self.first < self.last:
+            raise ValueError("a curve needs finite numbers, and deflections that increase")
+        if sorted({*places}) != places or any(each.side != (-1 if each.position < 0.0 else 1) for each in self.corners):
+            raise ValueError("the corners of a curve increase, and act away from the deflection 0")
+
+    @property
+    def words(self) -> str:
+        """Write what the curve is made of in one line."""
+        steps = [each for each in self.corners if each.step]
+        of_steps = f", {len(steps)} of them with a step" if steps else ""
+        return (
+            f"{self.kind}, {len(self.corners)} corners{of_steps}, within {100.0 * self.thinning_error:.2g} % of the "
+            f"largest force at {self.points:,} points"
+        )
+
+    def force(self, deflection: ArrayLike) -> Any:
+        """Return the force at some deflections, of their shape; complex deflections are given for derivatives.
+
+        At a step it is the force on the inner side, towards the deflection 0.
+        """
+        return self._sum(deflection, _value)
+
+    def slope(self, deflection: ArrayLike) -> Any:
+        """Return the derivative of the force by the deflection; at a corner, that on the inner side."""
+        return self._sum(deflection, _slope)
+
+    def covers(self, deflection: ArrayLike) -> bool:
+        """Return True if all deflections are within the measured ones."""
+        x = np.asarray(deflection)
+        return bool(np.all((x >= self.first) & (x <= self.last)))
+
+    def _sum(self, deflection: ArrayLike, part: Any) -> Any:
+        x = np.asarray(deflection)
+        total = part(self.base, x)
+        for corner in sorted(self.corners, key=lambda each: abs(each.position)):  # opposite sums are exactly so
+            depth = x - corner.position
+            total = total + np.where(corner.side * depth.real > 0.0, part(corner.change, depth), 0.0)
+        return total[()]
+
+
+def spring_curve(
+    deflection: ArrayLike,
+    force: ArrayLike,
+    kind: Literal["linear", "cubic"] = "linear",
+    error: float = ERROR,
+) -> Curve:
+    """Make the curve of a spring from measured points.
+
+    Parameters
+    ----------
+    deflection, force : shape (points,)
+        The points, in any units. Two points with the same deflection and different forces are a step (a preload), in
+        the order of the file.
+    kind
+        ``"linear"`` for straight lines between points. ``"cubic"`` for a smooth curve that rises and falls only where
+        its points do (Fritsch and Butland 1984, as in `scipy.interpolate.PchipInterpolator`); it continues beyond its
+        ends along lines.
+    error
+        The largest difference from the points, as a share of the largest force. The straight lines are the fewest that
+        stay within it.
+
+    Raises
+    ------
+    ModelError
+        If the points are no curve (see `curve_points`), need more than 50 corners (the message gives the error to
+        write), or are so close to each other that the sum over the corners would lose digits.
+
+    Examples
+    --------
+    A clearance of 2 on both sides:
+
+    >>> curve = spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> curve.force([-3.0, 1.0, 5.0])
+    array([-5.,  0., 15.])
+    >>> [(each.position, each.slope) for each in curve.corners]
+    [(-2.0, 5.0), (2.0, 5.0)]
+    """
+    if kind not in ("linear", "cubic"):
+        raise ModelError(f'kind is {kind!r}; a curve is "linear" or "cubic"')
+    if isinstance(error, bool) or not isinstance(error, int | float) or not 0.0 <= error <= 0.5:
+        raise ModelError(f"error is {error!r}; it is a share of the largest force, from 0 to 0.5")
+    data = curve_points(deflection, force, error)
+    base, corners = (_lines if kind == "linear" else _cubics)(data, error)
+    if data.is_odd:
+        base, corners = _exactly_odd(base, corners)
+    first, last = float(data.x[0]), float(data.x[-1])
+    curve = Curve(kind, base, corners, first, last, 0.0, np.size(deflection))
+    difference = np.abs(curve.force(data.x) - np.where(data.x < 0.0, data.right, data.left))
+    kept = np.searchsorted(data.x, [first, *(each.position for each in corners), last]).clip(max=len(data.x) - 1)
+    if (lost := float(np.max(difference[kept]))) > _LOST * data.scale:  # where the pieces go through the points
+        close = int(np.argmin(np.diff(data.x[np.unique(kept)])))
+        a, b = data.x[np.unique(kept)][close : close + 2]
+        raise ModelError(
+            f"rounding changes the force by {lost:.1g}, since some points are very close to each other, as at {a:.10g} "
+            f"and {b:.10g}; give their mean, or a larger error, so that one is left out"
+        )
+    return replace(curve, thinning_error=float(np.max(difference)) / data.scale)
+
+
+Piece = tuple[float, Polynomial]
+"""A place, and the coefficients of a polynomial about it."""
+Break = tuple[float, int]
+"""A place between two pieces, and the first of its coefficients that may change: 0 at a step, 2 in a smooth curve."""
+
+
+def _lines(data: CurvePoints, error: float) -> tuple[Polynomial, tuple[Corner, ...]]:
+    """Return the fewest straight lines: the one at the deflection 0, and the corners."""
+    chosen = _fewest(data, error)
+    if chosen is None:
+        raise _too_many(lambda trial: _fewest(data, trial) is not None, error)
+    breaks: list[Break] = []
+    pieces: list[Piece] = []
+    for x, y in chosen:
+        check_zigzag(x, y, data.scale)
+        slopes = np.diff(y) / np.diff(x)
+        pieces += [(float(a), (float(b), float(slope), 0.0, 0.0)) for a, b, slope in zip(x, y, slopes, strict=False)]
+        breaks += [*((float(place), 1) for place in x[1:-1]), (float(x[-1]), 0)]  # between sections is a step
+    return _from_within(breaks[:-1], pieces)
+
+
+def _fewest(data: CurvePoints, error: float) -> list[tuple[Array, Array]] | None:
+    """Return the points to keep of each section; None if there are too many corners."""
+    if data.is_odd:
+        return _fewest_of_odd(data, error)
+    found, left = [], MAX_CORNERS - len(data.steps)
+    for x, y in data.sections:
+        kept = thin_polyline(x, y, max(error, _ROUNDING) * data.scale, left + 2)
+        if kept is None:
+            return None
+        found.append((x[kept], y[kept]))
+        left -= len(kept) - 2
+    return found
+
+
+def _fewest_of_odd(data: CurvePoints, error: float) -> list[tuple[Array, Array]] | None:
+    """Return the points to keep of a curve that is the same on both sides of 0: opposite ones on both.
+
+    A line over 0 then passes through the origin. So the origin is the first point of one half, and not kept.
+    """
+    half = data.right_half()
+    left = (MAX_CORNERS - (half.right[0] != 0.0)) // 2 - len(half.steps)
+    found: list[tuple[Array, Array]] = []
+    for x, y in half.sections:
+        kept = thin_polyline(x, y, max(error, _ROUNDING) * data.scale, left + 2)
+        if kept is None:
+            return None
+        found.append((x[kept], y[kept]))
+        left -= len(kept) - 2
+    opposite = [(-x[::-1], -y[::-1]) for x, y in reversed(found)]
+    if half.right[0] != 0.0:
+        return opposite + found
+    (x, y), (before_x, before_y) = found[0], opposite[-1]
+    centre = np.concatenate((before_x[:-1], x[1:])), np.concatenate((before_y[:-1], y[1:]))
+    return [*opposite[:-1], centre, *found[1:]]
+
+
+def _too_many(suffices: Any, error: float) -> ModelError:
+    """Make the error for too many corners, with an error that suffices: a share written with two digits."""
+    low, high = math.log(max(error, 1e-9)), 0.0
+    for _ in range(_TRIALS + round(-math.log10(max(error, 1e-9)))):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if suffices(math.exp(middle)) else (middle, high)
+    return _refusal(math.exp(high), error)
+
+
+def _refusal(needed: float, error: float) -> ModelError:
+    digits = 1 - math.floor(math.log10(needed))
+    written = math.ceil(needed * 10**digits) / 10**digits
+    reason = f"within {error:g} of the largest force the curve needs more than {MAX_CORNERS} corners"
+    if written > 0.5:
+        return ModelError(f"{reason}, and within half of it too; these points are noise, and no curve")
+    return ModelError(f"{reason}; write error = {written:g}, or smooth its noise")
+
+
+def _cubics(data: CurvePoints, error: float) -> tuple[Polynomial, tuple[Corner, ...]]:
+    """Return a monotone cubic with the lines beyond its ends: the piece at the deflection 0, and the corners."""
+    if len(data.steps):
+        raise ModelError(
+            f"the curve has a step at the deflection {data.x[data.steps[0]]:g} (two points with different forces), but "
+            'a cubic curve is smooth; write kind = "linear", or leave out one of the two points'
+        )
+    x, y = data.x, data.left
+    allowed = max(error, _ROUNDING) * data.scale
+    kept, reached = _insert(x, y, allowed, odd=data.is_odd)
+    if reached > allowed:
+        raise _refusal(reached / data.scale, error)
+    kept = _without_needless(x, y, kept, allowed, odd=data.is_odd)
+    check_zigzag(x[kept], y[kept], data.scale)
+    smooth = _monotone(x[kept], y[kept])
+    slopes = smooth.derivative()(x[kept])
+    pieces = [(float(x[0]), (float(y[0]), float(slopes[0]), 0.0, 0.0))]
+    for place, (cubic, quadratic, slope, value) in zip(x[kept][:-1], smooth.c.T, strict=True):
+        pieces.append((float(place), (float(value), float(slope), float(quadratic), float(cubic))))
+    pieces.append((float(x[-1]), (float(y[-1]), float(slopes[-1]), 0.0, 0.0)))
+    return _from_within([(float(place), 2) for place in x[kept]], pieces)
+
+
+def _monotone(x: Array, y: Array) -> Any:
+    from scipy.interpolate import PchipInterpolator  # only where curves are used
+
+    return PchipInterpolator(x, y)
+
+
+def _insert(x: Array, y: Array, allowed: float, *, odd: bool) -> tuple[list[int], float]:
+    """Keep points until the cubic is within the allowed difference: each time the one that is farthest from it.
+
+    Returns
+    -------
+    tuple
+        The points, or if they do not suffice the most that there may be; and the least difference that was reached.
+    """
+    kept, reached = {0, len(x) - 1}, math.inf
+    while True:
+        places = sorted(kept)
+        difference = np.abs(_monotone(x[places], y[places])(x) - y)
+        difference[places] = 0.0
+        worst = int(np.argmax(difference))
+        reached = min(reached, float(difference[worst]))
+        more = kept | {worst, len(x) - 1 - worst if odd else worst}
+        if reached <= allowed or len(more) > MAX_CORNERS:
+            return places, reached
+        kept = more
+
+
+def _without_needless(x: Array, y: Array, kept: list[int], allowed: float, *, odd: bool) -> list[int]:
+    """Leave out each point (each pair of opposite ones) without which the cubic is within the difference too."""
+    for place in kept[1:-1]:
+        left_out = {place, len(x) - 1 - place if odd else place}
+        fewer = [each for each in kept if each not in left_out]
+        if np.max(np.abs(_monotone(x[fewer], y[fewer])(x) - y)) <= allowed:
+            kept = fewer
+    return kept
+
+
+def _from_within(breaks: Sequence[Break], pieces: Sequence[Piece]) -> tuple[Polynomial, tuple[Corner, ...]]:
+    """Write pieces as the one that contains 0, and the changes from it outwards."""
+    middle = sum(place < 0.0 for place, _ in breaks)
+    corners = []
+    for index, (place, first) in enumerate(breaks):
+        side = -1 if index < middle else 1
+        left, right = (_about(place, piece) for piece in pieces[index : index + 2])
+        # what does not change differs by rounding only
+        change = [
+            side * (b - a) + 0.0 if power >= first else 0.0
+            for power, (a, b) in enumerate(zip(left, right, strict=True))
+        ]
+        corners.append(Corner(place, side, *change))
+    return _about(0.0, pieces[middle]), tuple(corners)
+
+
+def _exactly_odd(base: Polynomial, corners: Sequence[Corner]) -> tuple[Polynomial, tuple[Corner, ...]]:
+    """Replace the corners on the left by the opposites of those on the right; so no rounding breaks the symmetry."""
+    right = [each for each in corners if each.position > 0.0]
+    left = [
+        Corner(-each.position, -1, 0.0 - each.step, each.slope, 0.0 - each.quadratic, each.cubic)
+        for each in reversed(right)
+    ]
+    centre = [Corner(0.0, 1, each.step, 0.0, each.quadratic) for each in corners if each.position == 0.0]
+    step, quadratic = (centre[0].step, centre[0].quadratic) if centre else (0.0, 0.0)
+    return (0.0 - 0.5 * step, base[1], 0.0 - 0.5 * quadratic, base[3]), (*left, *centre, *right)
+
+
+def _about(place: float, piece: Piece) -> Polynomial:
+    """Return the coefficients of a polynomial about another place."""
+    origin, (value, slope, quadratic, cubic) = piece
+    d = place - origin
+    return (
+        value + d * (slope + d * (quadratic + d * cubic)),
+        slope + d * (2.0 * quadratic + d * 3.0 * cubic),
+        quadratic + 3.0 * d * cubic,
+        cubic,
+    )
+
+
+def _value(c: Polynomial, d: Any) -> Any:
+    return c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+
+
+def _slope(c: Polynomial, d: Any) -> Any:
+    return c[1] + d * (2.0 * c[2] + d * (3.0 * c[3]))

@@ -1,0 +1,191 @@
+"""The picture of a system: forces of its contacts, what varies over the angle, and its loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.flow.characteristics import AngleCurve, Characteristics, ForceCurve, characteristics_of
+from gapwalk.model.system import System
+from gapwalk.model.units import Units
+from gapwalk.model.words import pace_words, parameter_words, signal_words
+from gapwalk.plot.picture import draws
+from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
+from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GREY, GUIDE, PURPLE, SHADE, VERMILLION, points, stroke, symbols
+
+_PANELS = 12  # most panels of forces
+_CURVES = 5  # most curves in a panel over the angle
+_STYLES = ((BLACK, "-"), (VERMILLION, (0, (5, 1.5))), (BLUE, (0, (1.4, 1.3))), (GREEN, "-."), (PURPLE, (0, (7, 2))))
+_FEW = 6  # breakpoints up to which each has a guide line
+
+Points = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Measured deflections and forces by the name of a contact."""
+
+
+def _size(system: System, **_: object) -> Inches:
+    panels = _panels(characteristics_of(system))
+    rows = -(-len(panels) // _columns(len(panels)))
+    return WIDE[0], 0.6 + (3.0 if len(panels) > 1 else 3.9) * rows
+
+
+def _columns(panels: int) -> int:
+    return 1 if panels == 1 else 2 if panels != 3 and panels < 7 else 3 if panels > 6 else 2
+
+
+def _panels(found: Characteristics) -> list[ForceCurve | AngleCurve]:
+    loads = [] if found.loads is None else [found.loads]
+    return [*found.forces[:_PANELS], *found.variations, *loads]
+
+
+@draws(System, panels=True, size=_size, shows="forces and loads")
+def draw_system(system: System, figure: AnyFigure, points: Points | None = None, *, title: str = "") -> None:
+    """Draw what is in a system: the force of each contact at rest, what varies over the angle, and the loads.
+
+    Parameters
+    ----------
+    system, figure
+        The system and the figure.
+    points
+        Measured points that are drawn beside the forces of contacts, by their names: deflections and forces.
+    title
+        Title above the picture.
+
+    Raises
+    ------
+    ModelError
+        If it has neither contacts nor loads.
+    """
+    found = characteristics_of(system)
+    panels = _panels(found)
+    if not panels:
+        raise ModelError("there is nothing to draw: the model has no force of one deflection, and no periodic load")
+    write_heading(figure, title)
+    columns = _columns(len(panels))
+    axes = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    for ax, panel in zip(axes, panels, strict=False):
+        if isinstance(panel, ForceCurve):
+            _draw_force(ax, panel, system, points or {}, columns)
+        else:
+            _draw_angle(ax, panel, system, columns)
+    notes = [f"{name} = {law}" for name, law in found.others]
+    notes += [f"{curve.name}" for curve in found.forces[_PANELS:]]
+    if notes:
+        figure.supxlabel(f"not drawn: {'; '.join(notes)}", x=0.01, ha="left", **_small(GREY), wrap=True)
+
+
+def _small(color: str = BLACK) -> dict[str, Any]:
+    return {"fontsize": points(8.0), "color": color}
+
+
+def _draw_force(ax: Axes, curve: ForceCurve, system: System, measured: Points, columns: int) -> None:
+    units, entries = system.units, []
+    own = [measured[name] for name in curve.names if name in measured]
+    if own:
+        curve = _within(curve, own[0][0])
+    if curve.band is not None:
+        ax.fill_between(curve.x, *curve.band, color=SHADE, linewidth=0.0, zorder=1)
+        for edge in curve.band:
+            ax.plot(curve.x, edge, **stroke(GREY, 0.6), zorder=2)
+    for x, force in own[:1]:
+        size = float(np.clip(40.0 / math.sqrt(len(x)), 1.2, 4.0))
+        ax.plot(x, force, **symbols("o", size, VERMILLION, VERMILLION, 0.0, zorder=2.5))
+    line = stroke(BLACK, 1.4, solid_joinstyle="round")
+    ax.plot(curve.x, curve.force, **line, zorder=3)
+    levels = [level for level in curve.breakpoints if curve.x[0] <= level <= curve.x[-1]]
+    corners = symbols("o", 4.2, "white", BLACK, 0.9)
+    if levels:
+        ax.plot(levels, np.interp(levels, curve.x, curve.force), **corners, zorder=4)
+    if len(levels) <= _FEW:
+        for level in levels:
+            ax.axvline(level, **GUIDE.options(zorder=1))
+    ax.axhline(0.0, **AXIS.options(zorder=1))
+    ax.set_xlim(float(curve.x[0]), float(curve.x[-1]))
+    ax.xaxis.set_major_locator(MaxNLocator(9 if columns == 1 else 5))
+    what = "rate" if curve.over_rate else "deflection"
+    where = " at deflection 0" if curve.over_rate and curve.is_at_zero else ""
+    unit = units and units.state("'" if curve.over_rate else "")
+    ax.set_xlabel(f"{what} of {curve.name}{where}" + (f" [{unit}]" if unit else ""))
+    ax.set_ylabel("torque [N m]" if units else "force")
+    _title(ax, f"{curve.name}: {curve.law}" + "; shaded: over the angle" * (curve.band is not None), columns)
+    if own:
+        entries.append(("measured points", symbols("o", 3.0, VERMILLION, VERMILLION, 0.0)))
+        entries.append(("stages", line))
+    if levels and own:
+        entries.append(("beginning of a stage", corners))
+    if entries:
+        _legend(ax, entries)
+
+
+def _within(curve: ForceCurve, measured: NDArray[np.float64]) -> ForceCurve:
+    """Return the part of a curve that was measured, with a margin."""
+    margin = 0.04 * float(np.ptp(measured))
+    shown = (curve.x > measured.min() - margin) & (curve.x < measured.max() + margin)
+    band = None if curve.band is None else (curve.band[0][shown], curve.band[1][shown])
+    return replace(curve, x=curve.x[shown], force=curve.force[shown], band=band)
+
+
+def _legend(ax: Axes, entries: list[tuple[str, Any]]) -> None:
+    """Write a legend inside, on white, so that guide lines do not cross its text."""
+    write_legend(ax, entries, "inside")
+    legend = ax.get_legend()
+    if legend is not None:
+        legend.set_frame_on(True)
+        legend.get_frame().set(facecolor="white", edgecolor="none", alpha=0.85)
+
+
+def _title(ax: Axes, text: str, columns: int) -> None:
+    """Write a title above a panel, cut off where the next panel begins."""
+    most = (96, 58, 36)[columns - 1]
+    ax.set_title((text if len(text) <= most else f"{text[: most - 4]} ...").replace("$", r"\$"), **_small())
+
+
+def _draw_angle(ax: Axes, curve: AngleCurve, system: System, columns: int) -> None:
+    units, entries = system.units, []
+    order = np.argsort(-np.ptp(curve.values, axis=1), kind="stable")
+    shown = sorted(order[:_CURVES].tolist())
+    factor = float(units.turns) if units and units.turns else 1.0
+    angle = np.degrees(curve.theta) / factor
+    for (color, dashes), place in zip(_STYLES, shown, strict=False):
+        line = stroke(color, 1.3, dashes)
+        ax.plot(angle, curve.values[place], **line)
+        entries.append((curve.names[place], line))
+        ax.axhline(float(curve.means[place]), **stroke(color, 0.6, (0, (4, 2)), zorder=1))
+    ax.set_xlim(float(angle[0]), float(angle[-1]))
+    if curve.repeats == 1 and factor in (1.0, 2.0):
+        ax.xaxis.set_major_locator(MultipleLocator(90.0 / factor))
+    ax.margins(y=0.12)
+    if len(entries) > 1:  # room for the legend
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.1 * (1 + len(entries)) * (high - low))
+    again = "" if curve.repeats == 1 else f", {curve.repeats} times per period"
+    whose = "angle of the excitation" if factor == 1.0 and not (units and units.turns) else "angle of the shaft"
+    ax.set_xlabel(f"{whose} [deg]")
+    ax.set_ylabel(_number_words(curve, units))
+    rest = len(curve.names) - len(shown)
+    name = "loads" if curve.parameter == "load" else parameter_words(curve.parameter).split(" [")[0]
+    growing = any(load.depends_on_frequency for load in system.structure.driving)
+    at = f" at {pace_words(system)}" if curve.parameter == "load" and growing else ""
+    _title(ax, f"{name}{at}{again}{f' (and {rest} more)' * (rest > 0)}", columns)
+    if len(entries) > 1:
+        _legend(ax, entries)
+
+
+def _number_words(curve: AngleCurve, units: Units | None) -> str:
+    if curve.parameter == "load":
+        on = f" on {curve.names[0]}" if len(curve.names) == 1 else ""
+        return f"torque{on} [N m]" if units else f"load{on}"
+    if curve.is_relative:
+        return f"{curve.parameter}, relative to its mean"
+    if not curve.means.any():
+        return f"displacement in {signal_words(curve.names[0], units)}"
+    return parameter_words(curve.names[0] if len(curve.names) == 1 else curve.parameter, units)

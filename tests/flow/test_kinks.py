@@ -1,0 +1,68 @@
+"""Kinks of formulas that coincide with one another, with breakpoints, and with turning points, beside SciPy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gapwalk as gw
+from gapwalk.flow.flow import FlowError, flow_of
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.contact import Contact, Side, Stage, force
+from gapwalk.model.loads import Harmonic
+
+W = 0.7
+LOAD = Harmonic(1.0, {"x": 1.0})
+
+
+def system(*contacts: Contact) -> gw.System:
+    return gw.System(["x"], [[1.0]], [[0.05]], contacts=contacts, harmonics=[LOAD], frequency=W)
+
+
+def reference(law, periods: int) -> np.ndarray:
+    def rates(t, y):
+        return [y[1], math.cos(W * t) - y[0] - 0.05 * y[1] - law(*y)]
+
+    end = periods * 2.0 * math.pi / W
+    return solve_ivp(rates, (0.0, end), [0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-13, max_step=0.02).y[:, -1]
+
+
+def test_two_forces_with_the_same_kink_are_as_one() -> None:
+    two = [force("first", {"x": 1.0}, "c*v*abs(v)", c=0.1), force("second", {"x": -2.0}, "b*abs(v)*v", b=0.025)]
+    found = gw.integrate(system(*two), np.zeros(2), 20, samples=4)
+    expected = reference(lambda x, v: 0.3 * v * abs(v), 20)
+    np.testing.assert_allclose([found.q[-1, 0], found.v[-1, 0]], expected, atol=1e-10)
+
+
+def test_a_kink_at_a_breakpoint_changes_both() -> None:
+    spring = Contact("spring", {"x": 1.0}, [Stage(0.3, 2.0, side=Side.POSITIVE)])
+    formula = force("formula", {"x": 1.0}, "k*max(x - gap, 0)", k=3.0, gap=0.3)
+    found = gw.integrate(system(spring, formula), np.zeros(2), 20, samples=4)
+    expected = reference(lambda x, v: 5.0 * max(x - 0.3, 0.0), 20)
+    np.testing.assert_allclose([found.q[-1, 0], found.v[-1, 0]], expected, atol=2e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_extremes_are_found_where_the_rate_has_a_kink(count: int) -> None:
+    drags = [force(f"drag{k}", {"x": 1.0}, "c*v*abs(v)", c=0.3 / count) for k in range(count)]
+    orbit = gw.find_orbit(system(*drags), 1, [1.0, 0.0])
+    motion = orbit.motion(8192)
+    largest = orbit.extremes[0]
+    assert motion.q.max() <= largest[0] + 1e-12
+    assert largest[:2] == pytest.approx([motion.q.max(), motion.q.min()], abs=1e-6)
+    for turns in orbit.turns:
+        assert len(turns.thetas) == 2
+        assert sorted(turns.values) == pytest.approx(sorted(largest[:2]), abs=1e-13)
+
+
+def test_a_motion_that_begins_where_a_formula_has_no_slope_is_refused_with_the_way_out():
+    radial = {"x": {"x": 1.0}, "y": {"y": 1.0}}
+    law = "k*max(sqrt(x**2 + y**2) - g, 0)*x/sqrt(x**2 + y**2)"
+    ring = force("ring", radial, law, acts_on={"x": 1.0}, k=10.0, g=1.0)
+    rotor = gw.System(["x", "y"], np.eye(2), 0.1 * np.eye(2), contacts=[ring], harmonics=[Harmonic(0.2, {"x": 1.0})])
+    with pytest.raises(FlowError, match=r"cannot begin in the state \(0, 0, 0, 0\).*no finite value or slope"):
+        flow_of(rotor).integrate(coefficients_of(rotor), np.zeros(4), 0.0, 1.0)
+    assert np.isfinite(flow_of(rotor).integrate(coefficients_of(rotor), np.full(4, 0.1), 0.0, 1.0).state).all()
