@@ -285,7 +285,8 @@ def test_mathieu_s_equation_has_a_multiplier_of_1_at_its_characteristic_value():
 
 
 @pytest.mark.parametrize(
-    ("name", "to", "count"), [("stiffness", 1.13, 3), in_campaign("formulas", 1.3, 3), in_campaign("kinks", 1.26, 1)]
+    ("name", "to", "count"),
+    [in_campaign("stiffness", 1.13, 3), in_campaign("formulas", 1.3, 3), in_campaign("kinks", 1.26, 1)],
 )
 def test_a_balanced_branch_has_the_special_points_of_shooting(name, to, count):
     method = gw.Balance(30, error=1.0)
