@@ -9,6 +9,7 @@ from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
 from gapwalk.loads import Harmonic, Measured, Rectangle, SpeedTable, Steady, orders_of
 from gapwalk.methods import Balance, Shooting
 from gapwalk.orbit.sensitivity import sensitivity
+from tests.tiers import some_of
 
 W, STIFFNESS = 0.9, 4.0
 PLAIN = Harmonic(0.5, {"x": 1.0}, phase=0.3)
@@ -33,6 +34,7 @@ VARYING = {
     "rectangle": [Harmonic(0.5, {"x": 1.0}, growth=2), Rectangle(0.3, {"stop.stiffness": 1.0}, order=3, phase=0.7)],
 }
 STATE = np.array([0.6, -0.4, 0.3, 0.5])
+SOME = some_of([*ACTING, *VARYING], "growth 1", "unbalance", "table", "growing displacement", "stiffness", "rectangle")
 
 
 def system_of(loads, frequency: float = W) -> gw.System:
@@ -64,7 +66,7 @@ def assert_close(found, expected) -> None:
 
 
 @pytest.mark.parametrize("period", [1, 2])
-@pytest.mark.parametrize("name", [*ACTING, *VARYING])
+@pytest.mark.parametrize("name", SOME)
 def test_the_slope_of_shooting_is_exact(name: str, period: int) -> None:
     equation = Shooting().pose(system_of((ACTING | VARYING)[name]), "frequency", period)
     expected = difference(lambda value: equation.evaluate(STATE, value).residual)
@@ -82,7 +84,7 @@ def test_so_is_that_of_harmonic_balance(name: str) -> None:
     assert_close(plane.place(lines, W, STIFFNESS).jacobian[:, -2], expected)
 
 
-@pytest.mark.parametrize("name", [*ACTING, *VARYING])
+@pytest.mark.parametrize("name", SOME)
 def test_so_are_those_of_loci(name: str) -> None:
     plane = ShotPlane(system_of((ACTING | VARYING)[name]), ("frequency", "stop.stiffness"), 1, Shooting())
     place = plane.place(STATE, W, STIFFNESS)

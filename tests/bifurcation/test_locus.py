@@ -222,6 +222,7 @@ def islands():
     return found
 
 
+@pytest.mark.slow
 def test_the_islands_of_figures_27_and_28_lie_on_one_fold_locus():
     folds = islands()
     assert [len(specials) for specials in folds.values()] == [2, 2]

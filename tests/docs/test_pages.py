@@ -24,8 +24,20 @@ NAMES = [page.relative_to(DOCS).as_posix() for page in PAGES]
 # `make docs` runs them too
 LONG = {
     f"gallery/{name}.md"
-    for name in ("collide", "stop", "clutch", "duffing", "drivetrain", "rod", "bearing", "mesh", "engine")
-} | {"howto/nothing-missing.md"}
+    for name in (
+        "collide",
+        "stop",
+        "clutch",
+        "duffing",
+        "drivetrain",
+        "rod",
+        "bearing",
+        "mesh",
+        "engine",
+        "rub",
+        "pendulum",
+    )
+} | {"howto/nothing-missing.md", "howto/loads.md"}
 
 
 @pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))

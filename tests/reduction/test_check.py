@@ -51,6 +51,7 @@ def test_a_chain_of_a_hundred_with_three_clearances_has_its_special_points_withi
         assert each.corrected == pytest.approx(exact.value, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_too_few_modes_are_told() -> None:
     """The reduced system has other special points; each is off by no more than its estimate, or not vouched for."""
     full = rod(60, 2)

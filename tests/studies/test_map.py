@@ -82,6 +82,7 @@ def test_the_islands_overlap_once_their_bounds_have_crossed(chart):
     assert gaps[0.2565] > 0 > gaps[0.259]
 
 
+@pytest.mark.slow
 def test_cusps_are_marked(chart):
     cusps = [point for locus in chart.loci for point in locus.codim2(Codim2.CUSP)]
     assert len(cusps) >= 3

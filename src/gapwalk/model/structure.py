@@ -444,7 +444,7 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
                 if not values[structure.block(vector, n)].any():
                     yield f"{vector} is zero for every coordinate; it must name at least one that moves it"
     for load in structure.harmonics:
-        if load.parameters and load.parameters[0] not in structure.names:
+        if not all(name in structure.names for name in load.parameters):
             continue  # a train makes loads of its own
         given = {each.name: float(values[structure.place(f"{load.name}.{each.name}")]) for each in load.kind.parameters}
         yield from (f"{load.name}.{problem}" for problem in load.kind.problems(given))
