@@ -122,6 +122,11 @@ class Equations:
         return self.length + 1
 
     @cached_property
+    def formulas(self) -> bool:
+        """True if any force is a formula, which may have no value somewhere."""
+        return any(not contact.form.law.stage_parameters for contact in self.layout.contacts)
+
+    @cached_property
     def modes(self) -> tuple[tuple[int, int], ...]:
         """(contact, mode of its law) of every mode."""
         return tuple(

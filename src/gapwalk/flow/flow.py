@@ -386,7 +386,9 @@ class _Integrator:
         self._max_steps = int(_STEPS * periods)
         self._scaled = coefficients
         self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
-        if not math.isfinite(self._taylor.time):  # the Taylor series of the first step is not finite
+        if self.equations.formulas and not math.isfinite(
+            self._taylor.time
+        ):  # the Taylor series of the first step is not finite
             raise FlowError(
                 f"the motion cannot begin in the state {_short(state * unit)}: a formula has no finite value or slope "
                 "there. Begin in another state, or write the formula so that it has one: k*(1 - g/sqrt(max(x**2 + "

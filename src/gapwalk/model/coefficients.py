@@ -251,14 +251,21 @@ class CoefficientLayout:
     def _set_loads(self, found: NDArray[Any], table: NDArray[Any], lines: NDArray[Any]) -> None:
         """Set the accelerations by the loads, and the waves of what varies, from the lines of all loads."""
         s, count = self.structure, len(self.orders)
-        first, driving = table.shape[1] - 1 - len(s.driving), [not load.varies for load in s.harmonics]
-        last = 1 + s.size * self._columns
-        found[1:last].reshape(-1, self._columns)[:, first:] = table[:, first:] @ lines[[True, *driving]]
+        first, last = table.shape[1] - 1 - len(s.driving), 1 + s.size * self._columns
+        acting = lines[self._acting] if s.variations else lines
+        found[1:last].reshape(-1, self._columns)[:, first:] = table[:, first:] @ acting
+        if not s.variations:
+            return
         waves = found[last : last + 2 * count * len(s.variations)].reshape(len(s.variations), 2 * count)
         waves[:] = 0.0
         for wave, variation in zip(waves, s.variations, strict=True):
             for load, factor in variation.loads:
                 wave += factor * lines[1 + load, 1:]
+
+    @cached_property
+    def _acting(self) -> NDArray[np.intp]:
+        """The rows of the lines of loads that act on coordinates; the first is the constant load."""
+        return np.array([0, *(1 + row for row, load in enumerate(self.structure.harmonics) if not load.varies)])
 
     def _load_lines(self, values: NDArray[Any], *, only_factors: bool = False) -> NDArray[Any]:
         """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders).
