@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.event_rule import Quotient, jump_of, pass_event
-from gapwalk.flow.forces import Angles, accelerations, named
+from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
@@ -377,10 +377,10 @@ class Switchboard:
 
         def reset(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
             vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
-            rate = np.sum(vector * state[..., n:], axis=-1) + Angles(layout, coefficients, theta).sway(slots, 0, 1)
-            change = (slots.form.law.rebound(rate, named(slots.numbers, coefficients)) - rate) / np.sum(
-                vector * push, axis=-1
-            )
+            angles = Angles(layout, coefficients, theta)
+            rate = np.sum(vector * state[..., n:], axis=-1) + angles.sway(slots, 0, 1)
+            after = slots.form.law.rebound(rate, angles.named(slots.numbers, slots.waves))
+            change = (after - rate) / np.sum(vector * push, axis=-1)
             return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
 
         def guard(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:

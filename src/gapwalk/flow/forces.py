@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, CycleSlots, Wave
 from gapwalk.model.laws import Stages, StageTerms
-
-FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")} | {"pow": np.power}
-"""Functions of formulas, of arrays."""
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 
 
 class Angles:
@@ -179,16 +177,11 @@ def stages_of(
         stages.append(StageTerms(stage.sign, np.where(inside, depth, 0.0), inside * 1.0, stage.innermost, values))
     deflections = dict(zip(law.arguments, moves, strict=True))
     modes: list[Any] = [0.0] * law.mode_count
-    found = Stages(stages, deflections=deflections, modes=modes, functions=FUNCTIONS)
+    found = Stages(stages, deflections=deflections, modes=modes, functions=NUMPY_FUNCTIONS)
     for mode in range(law.mode_count):  # a guard may depend on earlier modes
         guard = law.guards(moves[0][1], found, angles.named(slots.numbers, slots.waves) | dict(extra or {}))[mode]
         modes[mode] = np.where(np.real(guard) > 0.0, 1.0, 0.0) if decide is None else decide(mode, guard)
     return found
-
-
-def named(slots: Mapping[str, int], coefficients: NDArray) -> dict[str, NDArray]:
-    """Return the values of some parameters by name, without what they vary by."""
-    return {name: coefficients[..., slot] for name, slot in slots.items()}
 
 
 def accelerations(

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, reduce
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, coefficients_of, layout_of
 from gapwalk.model.laws import Stages, StageTerms, Term, closed_form_of
 from gapwalk.model.structure import ContactForm
@@ -84,29 +83,6 @@ class ForcePolynomials:
         factors = np.where(rate == 1, self._factors * self.signs[switch] / (power + 1), self._factors)
         places = np.ravel_multi_index((switch, rate, power + rate), shape)
         return replace(self, shape=shape, _factors=factors, _places=places)
-
-
-@lru_cache(maxsize=256)
-def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
-    """Read the polynomials of all contacts from the terms of their force laws.
-
-    Raises
-    ------
-    ModelError
-        If the force of a contact is no polynomial of the penetration; the message names the backend that needs it.
-    """
-    if varying := [slots.form.name for slots in layout.contacts if slots.varies]:
-        raise ModelError(f"{backend} cannot include {varying[0]!r}: it varies over the angle")
-    terms: list[Product] = []
-    switches = []
-    for index, slots in enumerate(layout.contacts):
-        first = len(switches)
-        switches += [(index, stage) for stage in slots.stages]
-        for factor, own, of_stage, number, power, rate in slots.form.closed_form(backend):
-            stage = slots.stages[number]
-            found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
-            terms.append(((first + number, rate, power), factor * stage.sign**power, found))
-    return arranged(layout, switches, terms)
 
 
 Product = tuple[tuple[int, int, int], float, list[int]]

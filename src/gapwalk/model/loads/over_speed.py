@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from gapwalk.errors import ModelError, OutsideError
-from gapwalk.model.laws.formula import Formula
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS, Formula
 from gapwalk.model.laws.grammar import formula_of
 from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_heads, read_table
 from gapwalk.model.measured.speed_table import SpeedTable, speed_table
 from gapwalk.model.units import QuantityKind, Units
 
-_FUNCTIONS = {name: getattr(np, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")} | {"pow": np.power}
 _NAMES = ("W", "speed")
 
 
@@ -98,7 +97,7 @@ class FactorOverSpeed:
         if self.table is not None:
             return self.table.value(speed, continued=True)
         with np.errstate(all="ignore"):
-            found = self._read.value({"W": frequency, "speed": speed}, _FUNCTIONS, ())
+            found = self._read.value({"W": frequency, "speed": speed}, NUMPY_FUNCTIONS, ())
         if not np.all(np.isfinite(found)):
             raise OutsideError(f"over_speed is {self.formula!r}, which has no value at W = {np.real(frequency)}")
         return found
