@@ -8,7 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.coefficients import ParameterLine
 from tests.machines.equations import MACHINES
 from tests.models import read_system
 
@@ -59,4 +59,3 @@ def test_an_orbit_is_that_of_scipy(name: str, number: int) -> None:
         assert slope == pytest.approx(wanted, abs=1e-8 * (1.0 + np.abs(wanted).max()))
     extremes = orbit.extremes[:, :2].T
     assert extremes == pytest.approx(np.array([reference["max"], reference["min"]]), abs=1e-9 * size)
-    assert coefficients_of(system).size

@@ -1,4 +1,4 @@
-"""What varies over the angle in a kernel: the table of the excitation step by step, and the lines that read it.
+"""Variations over the angle in a kernel: the table of the excitation step by step, and the lines that read it.
 
 If all lanes have the same coefficients, the table holds the loads, the displacements and the variations of numbers
 themselves. Otherwise it holds cosines and sines, which each lane multiplies by its own coefficients.

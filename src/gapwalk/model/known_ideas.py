@@ -1,4 +1,4 @@
-"""What to write for ideas of mechanics that a model file calls by another name, and what cannot be modelled.
+"""Answers to keys that name a known idea of mechanics: the line to write, or the reason why it cannot be modelled.
 
 An unknown key is often such an idea. The same list, in more words, is the page docs/scope.md.
 """

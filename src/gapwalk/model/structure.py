@@ -174,8 +174,12 @@ class ContactForm:
     @property
     def vectors(self) -> tuple[str, ...]:
         """Names of the vectors of its deflections."""
-        arguments = self.law.arguments
-        return tuple(f"{self.name}.{each}" for each in (arguments if arguments[1:] else ("deflection",)))
+        return tuple(f"{self.name}.{each}" for each in self.deflections)
+
+    @property
+    def deflections(self) -> tuple[str, ...]:
+        """Names of its deflections among its numbers: a single one is ``deflection``."""
+        return self.law.arguments if self.law.arguments[1:] else ("deflection",)
 
     @property
     def push(self) -> str:

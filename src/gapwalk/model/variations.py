@@ -1,4 +1,4 @@
-"""What loads vary over the angle: numbers of contacts and forces, and their deflections."""
+"""Variations over the angle by loads: numbers of contacts and forces, and their deflections."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterat
     contact = contacts[index]
     stage_name, _, last = rest.rpartition(".")
     stages = [place for place, stage in enumerate(contact.stages) if stage_name in ("", stage.name)]
-    displaced = contact.law.arguments if contact.law.arguments[1:] else ("deflection",)
+    displaced = contact.deflections
     jumps = load.kind.has_levels
     if not stage_name and last in displaced:
         if jumps:
@@ -92,6 +92,5 @@ def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterat
 
 def _varying_numbers(contact: ContactForm) -> list[str]:
     """List the names of what can vary in a contact, without that of the contact."""
-    arguments = contact.law.arguments if contact.law.arguments[1:] else ("deflection",)
     of_stages = [each.name for each in contact.law.stage_parameters if contact.stages]
-    return [*arguments, *of_stages, *(each.name for each in contact.law.parameters)]
+    return [*contact.deflections, *of_stages, *(each.name for each in contact.law.parameters)]

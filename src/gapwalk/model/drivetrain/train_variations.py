@@ -1,4 +1,4 @@
-"""What the loads of a drive train vary: stiffnesses of links, transmission errors, and prescribed motions of inertias.
+"""Numbers of a train that its loads vary: stiffnesses of links, transmission errors, prescribed motions of inertias.
 
 Only springs in a contact vary over the angle. So a spring that acts always becomes a stage without a gap if, and only
 if, a load varies its stiffness. A displacement of a spring or damper that acts always is a load, and needs no contact.

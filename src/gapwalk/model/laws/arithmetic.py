@@ -55,7 +55,7 @@ class Guard(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """What a formula is evaluated with: numbers by name, functions by name, and modes by the key of their guard."""
+    """Values with which a formula is evaluated: numbers and functions by name, modes by the key of their guard."""
 
     environment: Mapping[str, Any]
     functions: Mapping[str, Callable[..., Any]]

@@ -69,7 +69,7 @@ class FactorOverSpeed:
 
     @property
     def words(self) -> str:
-        """What it is, in a few words."""
+        """Description in a few words."""
         return f"times {self._read.text}" if self.table is None else f"times the table {self.table.name}"
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.measured.csv_columns import number_row
 
 Array = NDArray[np.float64]
 
@@ -257,7 +258,7 @@ def displacement_orders(
 
 def _one_period(angle: ArrayLike, values: ArrayLike, turns: int) -> tuple[Array, Array]:
     """Return the samples of one period, without the one that ends it."""
-    x, y = _row(angle, "angles"), _row(values, "values")
+    x, y = number_row(angle, "angles"), number_row(values, "values")
     if len(x) != len(y):
         raise ModelError(f"there are {len(x)} angles, but {len(y)} values; a sample has one of each")
     if len(x) < 3:
@@ -308,16 +309,6 @@ def _not_a_period(x: Array, turns: int, step: float) -> str:
 
 def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.6g} deg"
-
-
-def _row(values: ArrayLike, what: str) -> Array:
-    try:
-        row = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"the {what} must be a list of numbers") from None
-    if row.ndim != 1 or not np.isfinite(row).all():
-        raise ModelError(f"the {what} must be one row of finite numbers")
-    return row
 
 
 def _of_samples(angles: Array, values: Array, turns: int, _: float | int) -> tuple[list[OrderLine], float, float]:

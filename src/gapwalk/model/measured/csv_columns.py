@@ -84,6 +84,17 @@ class CsvColumns:
         return dict(zip(places, table, strict=True))
 
 
+def number_row(values: object, what: str) -> NDArray[np.float64]:
+    """Return one row of finite numbers; refuse anything else, with the reason."""
+    try:
+        row = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"the {what} must be a list of numbers") from None
+    if row.ndim != 1 or not np.isfinite(row).all():
+        raise ModelError(f"the {what} must be one row of finite numbers")
+    return row
+
+
 def parse_csv(content: bytes, example: str, most: int, hint: str = "") -> CsvColumns:
     """Divide the content of a CSV file into its line of names and its rows.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.measured.csv_columns import number_row
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def curve_points(deflection: object, force: object, error: float) -> CurvePoints
         If they are no curve: fewer than two deflections, no force, two branches, noise, or more than two forces at one
         deflection.
     """
-    x, y = _row(deflection, "deflections"), _row(force, "forces")
+    x, y = number_row(deflection, "deflections of a curve"), number_row(force, "forces of a curve")
     if len(x) != len(y):
         raise ModelError(f"there are {len(x)} deflections, but {len(y)} forces; a point of a curve has one of each")
     scale = float(np.max(np.abs(y), initial=0.0))
@@ -172,16 +173,6 @@ def check_zigzag(x: Array, force: Array, scale: float) -> None:
 def _changes(numbers: Array) -> int:
     """Count the changes of the sign."""
     return int(np.count_nonzero(np.sign(numbers[1:]) != np.sign(numbers[:-1])))
-
-
-def _row(values: object, what: str) -> Array:
-    try:
-        row = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"the {what} of a curve must be a list of numbers") from None
-    if row.ndim != 1 or not np.isfinite(row).all():
-        raise ModelError(f"the {what} of a curve must be one row of finite numbers")
-    return row
 
 
 def _runs(x: Array) -> list[slice]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 EXACT = 1000
-"""Of up to so many points, the fewest are found; of more, the fewest among so many candidates."""
+"""Number of points up to which the fewest are found; of more points, the fewest among so many candidates."""
 
 _CHUNK = 64
 

@@ -297,7 +297,7 @@ class BalanceEquation(OrbitEquation):
 
     @cached_property
     def _shares(self) -> tuple[Share, ...]:
-        """What is moved from formulas into the linear part."""
+        """The shares of formulas that are moved into the linear part."""
         return shares_of(self._layout, coefficients_of(self.system)) if depend_on_frequency(self._layout) else ()
 
     @cached_property

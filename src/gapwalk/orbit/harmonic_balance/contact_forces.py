@@ -107,7 +107,7 @@ class Laws:
 
     @cached_property
     def wave_rates(self) -> NDArray[np.float64]:
-        """What is added to `rates` over the angle, of the shape of `waves`."""
+        """Changes of `rates` over the angle, of the shape of `waves`."""
         return self.sign[:, None, None, None] * _by_depth(self.waves)
 
     @cached_property
@@ -118,7 +118,7 @@ class Laws:
 
     @cached_property
     def wave_table(self) -> NDArray[np.float64]:
-        """What is added to `table` over the angle, shape (rows, 4, degree + 1, 2 orders)."""
+        """Changes of `table` over the angle, shape (rows, 4, degree + 1, 2 orders)."""
         rows, _, powers, lines = self.waves.shape
         return np.stack((self.waves, self.wave_rates), axis=2).reshape(rows, 4, powers, lines)
 
@@ -134,7 +134,7 @@ class Laws:
 
     @cached_property
     def wave_slope_table(self) -> NDArray[np.float64]:
-        """What is added to `slope_table` over the angle, of the shape of `waves`."""
+        """Changes of `slope_table` over the angle, of the shape of `waves`."""
         return self.wave_slopes - self.clearance_slope[:, None, None, None] * _by_depth(self.waves)
 
     def over(self, period: int) -> Variation:
