@@ -201,9 +201,18 @@ class CoefficientLayout:
         ]
         return first + 4 * len(cycles), tuple(waves), tuple(cycles)
 
+    @cached_property
+    def reactions(self) -> NDArray[np.intp]:
+        """Slots of the reactions, shape (reactions, columns): each is a sum over the columns of `accelerations`.
+
+        They follow all other slots, and are 0 unless a contact is held; see `gapwalk.flow.constraints`.
+        """
+        shape = len(self.structure.reactions), self._columns
+        return self._variations[0] + self._contacts[1].size + np.arange(shape[0] * shape[1]).reshape(shape)
+
     def __len__(self) -> int:
         """Number of coefficients."""
-        return self._variations[0] + self._contacts[1].size
+        return self._variations[0] + self._contacts[1].size + self.reactions.size
 
     @cached_property
     def _column_places(self) -> NDArray[np.intp]:
@@ -227,7 +236,9 @@ class CoefficientLayout:
             for cycle, number in zip(self.cycles, jumps, strict=True):
                 numbers = map(values.item, self._load_places[number])
                 found[[*cycle[1:]]] = s.harmonics[number].levels(values.item(0), numbers)
-        found[self._variations[0] :] = values[places]
+        first = self._variations[0]
+        found[first : first + places.size] = values[places]
+        found[first + places.size :] = 0.0
         return found
 
     @cached_property

@@ -8,7 +8,7 @@ from enum import StrEnum
 from itertools import accumulate, pairwise
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws import Expression, Law, law_of, law_with
+from gapwalk.model.laws import Coulomb, Expression, Jenkins, Law, law_of, law_with
 from gapwalk.model.parameter import Parameter
 
 
@@ -191,6 +191,61 @@ def force(
             '{"q1": 1.0}'
         )
     return Contact(name, deflection, (), acts_on, Expression(law, names), numbers, **more)  # type: ignore
+
+
+def friction(
+    name: str,
+    deflection: Mapping[str, float],
+    limit: float | None = None,
+    *,
+    coefficient: float | None = None,
+    normal: str = "",
+    stiffness: float | None = None,
+    static: float | None = None,
+    speed: float | None = None,
+    force: Mapping[str, float] | None = None,
+) -> Contact:
+    """Make dry friction on a deflection: rigid (Coulomb), or in series with a spring (a Jenkins element).
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    deflection
+        The vector by coordinate name; friction acts against its rate.
+    limit
+        The force in slip, >= 0.
+    coefficient, normal
+        Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
+    stiffness
+        Stiffness of the spring in series; without it friction sticks rigidly.
+    static
+        Force at which slip begins over that in slip, >= 1; for friction that sticks rigidly.
+    speed
+        Constant rate of the base, as of a belt: the slip rate is that of the deflection less this one.
+    force
+        The vector along which it acts, on the left-hand side of the equations of motion; by default its deflection.
+
+    Raises
+    ------
+    ModelError
+        If its numbers are not allowed, or the limit is given twice or not at all.
+
+    Examples
+    --------
+    >>> friction("brake", {"x": 1.0}, 0.3, static=1.2).numbers
+    {'limit': 0.3, 'static': 1.2, 'speed': 0.0}
+    """
+    if (limit is None) is (coefficient is None) or bool(normal) is (coefficient is None):
+        raise ModelError(
+            f"friction {name!r} has limit = {limit}, coefficient = {coefficient} and normal = {normal!r}; give a "
+            'limit, or a coefficient with the contact that presses: coefficient=0.3, normal="stop"'
+        )
+    kind = Coulomb if stiffness is None else Jenkins
+    law = kind("normal", normal) if normal else kind()
+    given = {"limit": limit, "coefficient": coefficient, "stiffness": stiffness, "static": static, "speed": speed}
+    numbers = {each: value for each, value in given.items() if value is not None}
+    return Contact(name, deflection, (), force, law, numbers)
 
 
 def backlash(

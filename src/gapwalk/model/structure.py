@@ -303,8 +303,35 @@ class Structure:
 
     @property
     def size(self) -> int:
-        """Number of degrees of freedom."""
+        """Number of degrees of freedom, n."""
         return len(self.coordinates)
+
+    @cached_property
+    def memories(self) -> tuple[int, ...]:
+        """Numbers of the contacts with a state of their own, which follows positions and velocities in a state."""
+        return tuple(index for index, contact in enumerate(self.contacts) if contact.law.has_memory)
+
+    @cached_property
+    def state_size(self) -> int:
+        """Size of a state: n positions, n velocities, and the state of each contact with a memory."""
+        return 2 * len(self.coordinates) + len(self.memories)
+
+    @cached_property
+    def reactions(self) -> tuple[tuple[int, int], ...]:
+        """(contact, number of its switch or -1) of all reactions: friction that sticks rigidly, and rigid stops."""
+        found, switch = [], 0
+        for index, contact in enumerate(self.contacts):
+            if contact.law.is_dry and not contact.law.has_memory:
+                found.append((index, -1))
+            if contact.law.is_rigid:
+                found += [(index, switch + place) for place in range(len(contact.sides))]
+            switch += len(contact.sides)
+        return tuple(found)
+
+    def host(self, contact: int) -> int | None:
+        """Return the number of the contact that hosts another one; None if it has no host."""
+        name = self.contacts[contact].law.host
+        return next((place for place, each in enumerate(self.contacts) if each.name == name), None) if name else None
 
     def __hash__(self) -> int:
         return self._hash

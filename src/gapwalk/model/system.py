@@ -212,6 +212,11 @@ class System(Shown):
         return self.structure.size
 
     @property
+    def state_size(self) -> int:
+        """Size of a state: n positions, n velocities, and the state of each contact with a memory."""
+        return self.structure.state_size
+
+    @property
     def frequency(self) -> float:
         """The fundamental angular frequency W of the excitation, irrespective of the unit of the first parameter."""
         return self._at(0) * self.structure.frequency

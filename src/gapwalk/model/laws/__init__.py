@@ -4,9 +4,10 @@
 """
 
 from gapwalk.model.laws.arithmetic import KINKS
-from gapwalk.model.laws.closed_form import Stages, StageShape, StageTerms, Term, closed_form_of
+from gapwalk.model.laws.closed_form import Host, Stages, StageShape, StageTerms, Term, closed_form_of
 from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
 from gapwalk.model.laws.expression import Expression
+from gapwalk.model.laws.friction import HYSTERESIS, Coulomb, Friction, Hysteretic, Jenkins
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
@@ -23,22 +24,31 @@ from gapwalk.model.laws.law import (
 )
 from gapwalk.model.laws.piecewise import Piecewise
 from gapwalk.model.laws.pushing import Pushing
+from gapwalk.model.laws.rigid import Rigid
 
-register_formula(Expression)
-for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted, Piecewise, Pushing):
+for _kind in (Expression, Coulomb, Jenkins, Hysteretic):
+    register_formula(_kind)
+for _law in (Elastic, Viscous, HuntCrossley, HuntCrossleyAsPrinted, Piecewise, Pushing, Rigid):
     register(_law())
 
 __all__ = [
     "CLEARANCE",
     "CUBIC",
     "FORMULAS",
+    "HYSTERESIS",
     "KINKS",
     "LAWS",
     "STIFFNESS",
+    "Coulomb",
     "Expression",
+    "Friction",
+    "Host",
+    "Hysteretic",
+    "Jenkins",
     "Law",
     "Piecewise",
     "Pushing",
+    "Rigid",
     "StageShape",
     "StageTerms",
     "Stages",

@@ -46,6 +46,13 @@ class StageTerms:
         return self.numbers[name]
 
 
+class Host(NamedTuple):
+    """Another contact on which a formula depends: its stages, and its force."""
+
+    stages: Stages
+    force: Any
+
+
 class Stages:
     """All stages of a contact, on each side on which they act, and the other arguments of a formula.
 
@@ -61,7 +68,21 @@ class Stages:
         The modes of the law, 1 or 0 each, if it has any (`Law.guards`).
     functions
         Functions such as ``"sin"`` by name, as the backend has them.
+
+    Attributes
+    ----------
+    slip, stick
+        For dry friction: 1 or -1 in slip by its direction, and 0 in stick; 1 in stick, and otherwise 0.
+    extension
+        For friction with a memory: the extension of its spring.
+    host
+        For a law with a host: the stages and the force of that contact.
     """
+
+    slip: Any = 0.0
+    stick: Any = 1.0
+    extension: Any = 0.0
+    host: Host | None = None
 
     def __init__(
         self,

@@ -39,6 +39,8 @@ class Law(ABC):
         The parameters of the contact as a whole.
     stage_parameters
         Parameters of each stage; the first is the clearance.
+    host
+        Name of another contact on whose stages and force it depends, as friction does; empty for none.
 
     Notes
     -----
@@ -77,6 +79,7 @@ class Law(ABC):
 
     name: ClassVar[str]
     words: ClassVar[str]
+    host: str = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     stage_parameters: ClassVar[tuple[Parameter, ...]] = (CLEARANCE, STIFFNESS, CUBIC)
 
@@ -135,6 +138,21 @@ class Law(ABC):
     @property
     def has_edges(self) -> bool:
         """True if the force has no higher derivatives where a guard vanishes, as fractional powers have none at 0."""
+        return False
+
+    @property
+    def is_dry(self) -> bool:
+        """True for dry friction, whose modes are slip in either direction and stick; see `Friction`."""
+        return False
+
+    @property
+    def has_memory(self) -> bool:
+        """True if it has a state of its own: the extension of a spring that slips."""
+        return False
+
+    @property
+    def is_rigid(self) -> bool:
+        """True if a contact may be held by a reaction."""
         return False
 
     @property
