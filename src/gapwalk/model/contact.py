@@ -11,7 +11,6 @@ from gapwalk.errors import ModelError
 from gapwalk.model.laws import HYSTERESIS, LAWS, Coulomb, Expression, Hysteretic, Jenkins, Law, law_of, law_with
 from gapwalk.model.parameter import Parameter
 
-
 RIGID = "rigid"
 """The stiffness, in a model file or a drive train, of a stage that is a rigid stop."""
 
@@ -347,7 +346,7 @@ def _stage_problems(contact: Contact):
                 yield f"stage name {name!r}: write another word of letters, digits and underscores"
     for stage in contact.stages:
         if stage.stiffness == RIGID:
-            yield f'the stiffness of a stage is {RIGID!r}; write the rigid stop as a contact of its own, by rigid_stop'
+            yield f"the stiffness of a stage is {RIGID!r}; write the rigid stop as a contact of its own, by rigid_stop"
         if not stage.clearance >= 0:
             yield f"clearance is {stage.clearance}; it must be a number >= 0"
     yield from (f"stages {each}" for each in order_problems((each.side, each.clearance) for each in contact.stages))

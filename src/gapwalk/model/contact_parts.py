@@ -121,7 +121,9 @@ class ContactParts:
             stages = [replace(stages[0], name="")]
         name = self.name if alone else stop_name(self.name)
         (bounce,) = bounces
-        return Contact(name, self.deflection, stages, self.force, RIGID, {**(self._own if alone else {}), _BOUNCE: bounce})
+        return Contact(
+            name, self.deflection, stages, self.force, RIGID, {**(self._own if alone else {}), _BOUNCE: bounce}
+        )
 
     def _problems(self) -> Iterator[str]:
         given, rigid = self._friction_numbers, self._rigid
@@ -143,7 +145,7 @@ class ContactParts:
             yield f"restitution is {whole}, but a stage has a stiffness; {where}, or leave it out"
         bounces = {stage.numbers.get(_BOUNCE, whole) for stage in rigid}
         if rigid and None in bounces:
-            yield "restitution is missing beside the stiffness \"rigid\"; write restitution = 0.8, say"
+            yield 'restitution is missing beside the stiffness "rigid"; write restitution = 0.8, say'
         elif len(bounces) > 1:
             shown = " and ".join(f"{each:g}" for each in sorted(bounces))
             yield f"its rigid stages have the restitutions {shown}; write two contacts, one for each side"

@@ -27,7 +27,7 @@ class FrictionBase(Part):
     def hint_for(cls, key: str, value: object) -> str:
         """Return the line to write in place of a key of another name."""
         words = {
-            "mu": "the coefficient of friction is coefficient, beside normal = \"stop\", the contact that presses",
+            "mu": 'the coefficient of friction is coefficient, beside normal = "stop", the contact that presses',
             "force": "the force in slip is limit",
             "torque": "the torque in slip is limit",
             "damping": "a damper beside it belongs in the matrix damping, or in a [[shaft]]",

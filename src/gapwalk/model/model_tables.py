@@ -112,7 +112,9 @@ def or_rigid() -> WrapValidator:
 
     def check(value: object, handler: Callable[[object], Any]) -> Any:
         if isinstance(value, str) and value.isalpha() and value != RIGID:
-            raise ValueError(f'is {given(value)}; it must be a stiffness, or "rigid" for a rigid stop with a restitution')
+            raise ValueError(
+                f'is {given(value)}; it must be a stiffness, or "rigid" for a rigid stop with a restitution'
+            )
         return value if value == RIGID else handler(value)
 
     return WrapValidator(check)
@@ -304,9 +306,7 @@ class ContactBase(LawTable):
         of_friction = {name: value for name in OF_FRICTION if (value := getattr(self, name)) is not None}
         if not tables:
             of_friction.pop(HYSTERESIS.name, None)  # it is that of the stage
-        return ContactParts(
-            self.name, self.deflection, stages, self.force, self.law, {**own, **of_friction}
-        ).contacts()
+        return ContactParts(self.name, self.deflection, stages, self.force, self.law, {**own, **of_friction}).contacts()
 
 
 def _is_in_one_place(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:

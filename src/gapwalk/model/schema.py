@@ -30,8 +30,8 @@ from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import Path, Problem, did_you_mean, given
-from gapwalk.model.structure import mass_problems
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
+from gapwalk.model.value_checks import mass_problems
 
 MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""

@@ -40,7 +40,7 @@ from gapwalk.model.drivetrain.train_variations import (
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.structure import ContactForm
-from gapwalk.model.system import System, checked
+from gapwalk.model.system import System
 from gapwalk.model.units import (
     PLAIN,
     Quantity,
@@ -53,6 +53,7 @@ from gapwalk.model.units import (
     read_quantity,
     units_of,
 )
+from gapwalk.model.value_checks import checked
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from gapwalk.model.drivetrain.train_form import tree_of
-from gapwalk.model.drivetrain.train_orders import plain_load
 from gapwalk.model.contact import RIGID
 from gapwalk.model.contact_parts import OF_FRICTION, friction_name, stop_name
+from gapwalk.model.drivetrain.train_form import tree_of
+from gapwalk.model.drivetrain.train_orders import plain_load
 from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Link
-from gapwalk.model.drivetrain.train_torques import Force, Friction
+from gapwalk.model.drivetrain.train_torques import Friction
 from gapwalk.model.problems import did_you_mean
 
 if TYPE_CHECKING:
@@ -84,7 +84,11 @@ def part_problems(train: Train) -> Iterator[str]:
             yield f"{link.name} joins {ends[0]} to itself; name two different inertias"
         elif ends[0] == GROUND:
             yield f"{link.name} begins at the ground; write the ground second"
-        if isinstance(link, Gear | Friction) and isinstance(link.ratio, int | float) and not 0 < abs(link.ratio) < math.inf:
+        if (
+            isinstance(link, Gear | Friction)
+            and isinstance(link.ratio, int | float)
+            and not 0 < abs(link.ratio) < math.inf
+        ):
             meaning = "it must be the speed of the first inertia over that of the second"
             yield f"{link.name}.ratio is {link.ratio:g}; {meaning}"
     torques = [

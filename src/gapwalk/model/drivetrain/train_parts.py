@@ -205,7 +205,8 @@ class Link:
                 yield f"has {' and '.join(own)}; {error}: leave one of the two out"
                 return
         for what in ("law", *own):
-            if (what != "law" or self.law is not None) and self.clearance is None and not self.stages:
+            free = self.clearance is None and not self.stages and self.stiffness != RIGID
+            if free and (what != "law" or self.law is not None):
                 yield f"has {what}, but no clearance; write damping = ... for a damper that acts always"
         try:
             self.contacts()
