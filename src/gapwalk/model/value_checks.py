@@ -141,8 +141,8 @@ def _host_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
             )
         elif law.by == "stages" and not isinstance(host.law, Hysteretic):
             yield (
-                f"{form.name}.{key} is {law.host!r}, whose stages have no hysteresis; give one of them a hysteresis, or "
-                f"give {form.name} a limit"
+                f"{form.name}.{key} is {law.host!r}, whose stages have no hysteresis; give one of them a hysteresis, "
+                f"or give {form.name} a limit"
             )
         elif law.by == "normal" and (reason := _pull(host, structure, values)):
             yield f"{form.name}.{key} is {law.host!r}, {reason}"

@@ -163,8 +163,8 @@ class TrainAssembly:
                 if any(each.law.is_dry for each in link.parts[:1]):
                     yield (
                         f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
-                        f"slips all the time as the train turns; write ratio = {wanted:.10g}, or join two inertias that "
-                        "turn at one speed"
+                        f"slips all the time as the train turns; write ratio = {wanted:.10g}, or join two inertias "
+                        "that turn at one speed"
                     )
                     continue
                 if link.drag or link.loose:

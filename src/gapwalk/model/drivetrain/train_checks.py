@@ -126,8 +126,8 @@ def connection_problems(train: Train) -> Iterator[str]:
         if GROUND in link.between and link.is_drag and not held:
             if isinstance(link, Friction):
                 yield (
-                    f"{link.name} is friction against the ground, and nothing holds the train to the ground: its slip is "
-                    "the speed at which the train turns as a whole, which is no part of the equations, and it never "
+                    f"{link.name} is friction against the ground, and nothing holds the train to the ground: its slip "
+                    "is the speed at which the train turns as a whole, which is no part of the equations, and it never "
                     f"sticks; give {link.between[0]} its torque as a mean torque instead, or hold the train by a shaft"
                 )
                 continue

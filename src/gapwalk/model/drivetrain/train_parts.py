@@ -84,7 +84,7 @@ class Link:
         The parameter of Hunt and Crossley's law, or of a damper which acts while they touch. One of the two at most.
     hysteresis, hysteresis_stiffness
         The torque of dry friction beside its springs, and the stiffness of the spring with which it sticks; without one
-        it sticks rigidly. It always acts, but for that of a single spring with a clearance, which acts while it touches.
+        it sticks rigidly. It always acts; beside a single spring with a clearance it acts while that touches.
     numbers
         Parameters of any law by name; they may also be given as arguments.
     """
@@ -115,6 +115,8 @@ class Link:
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
+        if stiffness is None and clearance is not None and (law == RIGID or (law is None and "restitution" in given)):
+            stiffness: Any = RIGID
         parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
         for each, value in zip(fields(Link), parts, strict=True):
             object.__setattr__(self, each.name, value)

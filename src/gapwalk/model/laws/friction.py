@@ -31,8 +31,8 @@ class Friction(Law):
 
     In *slip* the force has the size of its limit and the sign of the slip rate, which is the rate of the deflection
     less the constant `speed` of the base. In *stick* it is whatever keeps the element from slipping, up to the limit;
-    so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are the modes of
-    the flow (`gapwalk.flow.dry_friction`); `Stages.slip` is 1, -1 or 0 in them.
+    so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are the
+    modes of the flow (`gapwalk.flow.dry_friction`); `Stages.slip` is 1, -1 or 0 in them.
 
     Parameters
     ----------
@@ -59,6 +59,12 @@ class Friction(Law):
     @property
     def _limits(self) -> tuple[Parameter, ...]:
         return {"limit": (_LIMIT,), "stages": (_MORE,), "normal": (_COEFFICIENT,)}[self.by]
+
+    @property
+    def title(self) -> str:
+        """See `Law.title`."""
+        by = {"limit": "", "stages": f" by the stages of {self.host}", "normal": f" by the force of {self.host}"}
+        return f"{self.words}{by[self.by]}"
 
     @property
     def is_dry(self) -> bool:
