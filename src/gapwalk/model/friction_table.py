@@ -8,13 +8,8 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, friction
-from gapwalk.model.laws import Coulomb, Jenkins
-from gapwalk.model.parameter import Parameter
+from gapwalk.model.laws import FRICTION
 from gapwalk.model.schema import Direction, Name, Names, Part, Vector, claim, number_of
-
-_LAWS = (Coulomb(), Coulomb("normal", "host"), Jenkins())
-NUMBERS: dict[str, Parameter] = {each.name: each for law in _LAWS for each in law.parameters}
-"""The numbers of friction in a model file: those of all its forms."""
 
 
 class FrictionBase(Part):
@@ -70,7 +65,7 @@ class FrictionBase(Part):
     @property
     def given(self) -> dict[str, Any]:
         """The numbers that the table gives."""
-        found = {name: getattr(self, name) for name in NUMBERS}
+        found = {name: getattr(self, name) for name in FRICTION}
         return {name: value for name, value in found.items() if value is not None}
 
 
@@ -102,6 +97,7 @@ def friction_part(base: type[FrictionBase] = PlainFrictionBase) -> Any:
         The keys of it that are no numbers of its law.
     """
     fields: dict[str, Any] = {
-        name: (Annotated[number_of(each) | None, Field(description=each.words)], None) for name, each in NUMBERS.items()
+        name: (Annotated[number_of(each) | None, Field(description=each.words)], None)
+        for name, each in FRICTION.items()
     }
     return create_model(base.__name__.replace("Base", "Part"), __base__=base, **fields)

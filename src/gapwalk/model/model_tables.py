@@ -70,9 +70,14 @@ class StageBase(Part):
     @classmethod
     def hint_for(cls, key: str, value: object) -> str:
         """Return the line to write in place of a key of the contact as a whole."""
-        if key != SPRING_OF_FRICTION:
-            return ""
-        return "the friction of all stages has one spring; write it above the tables of the stages"
+        if key == SPRING_OF_FRICTION:
+            return "the friction of all stages has one spring; write it above the tables of the stages"
+        return _hysteresis_for(key)
+
+
+def _hysteresis_for(key: str) -> str:
+    """Return the line to write in place of friction in the table of springs; empty for any other key."""
+    return "write hysteresis = ..., the limit of friction beside these springs" if key == "friction" else ""
 
 
 def stage_of(part: Part, name: str) -> Stage:
@@ -213,6 +218,11 @@ class LawTable(Part):
 
     law: LawName | None = None
 
+    @classmethod
+    def hint_for(cls, key: str, value: object) -> str:
+        """See `Part.hint_for`."""
+        return _hysteresis_for(key)
+
     @model_validator(mode="wrap")
     @classmethod
     def _knows_its_law(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
@@ -268,7 +278,7 @@ class ContactBase(LawTable):
     def hint_for(cls, key: str, value: object) -> str:
         """Return the line to write in place of ``damping``, which is a key of the system as a whole."""
         if key != "damping":
-            return ""
+            return _hysteresis_for(key)
         if isinstance(value, str):
             return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)

@@ -413,6 +413,8 @@ def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[P
     if owner and (hint := owner.hint_for(key, value)):
         return hint
     if owner is not root and key in _fields(root):
+        if any(_parts_in([root.model_fields[key].annotation])):
+            return f"it is a table of its own, [[{key}]]"
         above = f"the {at[0]}, above the first of its tables" if at else _TOP
         return f"{key} belongs to {above}"
     for name, info in root.model_fields.items() if owner is root else ():

@@ -16,8 +16,7 @@ from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
 from gapwalk.model.contact import RIGID, Side
 from gapwalk.model.contact_parts import OF_FRICTION
-from gapwalk.model.friction_table import NUMBERS
-from gapwalk.model.laws import law_parameters
+from gapwalk.model.laws import FRICTION, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, read_source
@@ -123,7 +122,7 @@ def _spring(table: Mapping[str, Any]) -> dict[str, Any]:
 
 def _friction(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a placeholder for friction, with the same parameters and its own deflection."""
-    return {**_taken(table, ("name", "normal", "deflection")), **{key: 1.0 for key in NUMBERS if key in table}}
+    return {**_taken(table, ("name", "normal", "deflection")), **{key: 1.0 for key in FRICTION if key in table}}
 
 
 def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:

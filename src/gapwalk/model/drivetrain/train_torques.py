@@ -12,8 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.contact import friction as make_friction
 from gapwalk.model.drivetrain.train_parts import OF_LINKS, Change, Link
-from gapwalk.model.friction_table import NUMBERS
-from gapwalk.model.laws import Expression
+from gapwalk.model.laws import FRICTION, Expression
 
 _OF_FORCES = {*OF_LINKS, "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
 _NOTHING = (None, 0.0, (), {})  # values of a link that has no springs
@@ -159,7 +158,7 @@ class Friction(Link):
         super().__init__(name, between, numbers=given)
         wrong = [what for what, value in others.items() if what not in _OF_FORCES or value not in _NOTHING]
         if wrong:
-            known = ", ".join((*NUMBERS, "normal", "ratio"))
+            known = ", ".join((*FRICTION, "normal", "ratio"))
             raise ModelError(f"friction {name!r} has {wrong[0]}, which is none of its numbers; they are {known}")
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "ratio", ratio)

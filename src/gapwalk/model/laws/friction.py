@@ -164,6 +164,12 @@ class Jenkins(Friction):
         return super().force(rate, stages, numbers) + stages.stick * self.sticking(stages, numbers)
 
 
+FRICTION: dict[str, Parameter] = {
+    each.name: each for law in (Coulomb(), Coulomb("normal", "host"), Jenkins()) for each in law.parameters
+}
+"""The parameters of friction in all its forms, by name."""
+
+
 @dataclass(frozen=True)
 class Hysteretic(Law):
     """Springs with clearances that host friction: each stage has a number more, its `hysteresis`.
