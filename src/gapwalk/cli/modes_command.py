@@ -72,9 +72,9 @@ def _closed(system: System) -> tuple[Modes | None, str]:
 def _closed_words(system: System, *, stuck: bool = False) -> str:
     """Describe the linearisation that does not depend on the load."""
     contacts = system.structure.contacts
-    stages = [form for form in contacts if form.stages and not form.law.is_rigid]
+    stages = [form for form in contacts if form.stages and not form.law.rebounds]
     words = ["with the first stage of every contact closed"] * bool(stages)
-    words += ["with rigid stops open"] * any(form.law.is_rigid for form in contacts)
+    words += ["with rigid stops open"] * any(form.law.rebounds for form in contacts)
     formulas = any(not (form.stages or form.law.is_dry) for form in contacts)
     words += ["at zero deflection of the forces by formulas"] * formulas
     words += ["with the springs of friction that sticks"] * stuck

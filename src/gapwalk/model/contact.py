@@ -122,7 +122,7 @@ class Contact:
                 '{"impact_damping": 0.1}'
             )
         known, given = law_of(law), {**(numbers or {}), **more}
-        if any(HYSTERESIS.name in stage.numbers for stage in stages) and known in LAWS.values() and not known.is_rigid:
+        if any(HYSTERESIS.name in stage.numbers for stage in stages) and known in LAWS.values() and not known.rebounds:
             known = Hysteretic(known.name)
         own = {each.name: given.get(each.name, each.default) for each in known.parameters}
         parts = (name, deflection, tuple(stages), force, known, own)

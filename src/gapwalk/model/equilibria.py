@@ -153,7 +153,7 @@ def tangent(
 def left_out(system: System) -> tuple[str, ...]:
     """Say how dry friction and rigid stops enter static equilibria and modes, a sentence each."""
     forms = system.structure.contacts
-    dry, rigid = ([form.name for form in forms if getattr(form.law, which)] for which in ("is_dry", "is_rigid"))
+    dry, rigid = ([form.name for form in forms if getattr(form.law, which)] for which in ("is_dry", "rebounds"))
     notes = []
     if dry:
         notes.append(
@@ -181,13 +181,8 @@ def find_equilibria(system: System) -> Rest:
     ------
     ConvergenceError
         If the least energy is not found.
-    ModelError
-        If the force law of a contact reverses the rate at an impact.
     """
     springs, forces = springs_of(system), static_forces_of(system)
-    for each in forces:
-        if each.form.law.rebounds and not each.form.law.is_rigid:
-            each.form.closed_form("an equilibrium")  # raises the error
     stiffness, load = system.matrix("stiffness"), static_load(system)
     formulas = [each for each in forces if each.is_formula]
     if any(slope.curved for spring in springs for slope in spring.slopes) or not all(
@@ -227,7 +222,7 @@ def _rest(system: System, positions: Sequence[NDArray[np.float64]], springs: Seq
             break
     nearest = [*found.values()][:most]
     ordered = sorted(nearest, key=lambda each: not each.stable)
-    complete = complete and len(found) == len(nearest) and not any(each.form.law.is_rigid for each in springs)
+    complete = complete and len(found) == len(nearest) and not any(each.form.law.rebounds for each in springs)
     return Rest(tuple(ordered), complete, left_out(system))
 
 
@@ -244,7 +239,7 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
             continue
         margin = _TINY * max(abs(depth), *(each.clearance for each in spring.slopes), 0.0)
         slopes = spring.closed(depth, margin)
-        if slopes and spring.form.law.is_rigid:
+        if slopes and spring.form.law.rebounds:
             return None
         names, side = tuple(each.stage for each in slopes), slopes[0].sign if slopes else 0
         own = float(law.force) if slopes or force.is_formula else 0.0

@@ -154,7 +154,7 @@ def _pull(host: ContactForm, structure: Structure, values: NDArray[np.float64]) 
     presses = 'write law = "elastic" or "pushing", or a limit in place of the coefficient'
     if isinstance(base, Friction):
         return "which is friction itself; name the contact that presses"
-    if base.is_rigid:
+    if base.rebounds:
         return "which is rigid: its force is a reaction, which friction cannot depend on; give that stop a stiffness"
     if not host.stages:
         return "which is a formula, without stages, and may pull; name a contact with a clearance"
@@ -182,7 +182,7 @@ def _pull(host: ContactForm, structure: Structure, values: NDArray[np.float64]) 
 def _dissipation_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
     """List friction and rigid stops that would feed energy in, and friction whose reactions are not determined."""
     forms = structure.contacts
-    found = [place for place, form in enumerate(forms) if form.law.is_dry or form.law.is_rigid]
+    found = [place for place, form in enumerate(forms) if form.law.is_dry or form.law.rebounds]
     if not found:
         return
     plain, n = structure.equations, structure.size
