@@ -12,7 +12,7 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import RIGID, Contact, Side, Stage, friction
-from gapwalk.model.laws import HYSTERESIS, Law, law_of, law_with
+from gapwalk.model.laws import HYSTERESIS, Law, Rigid, law_of, law_with
 
 SPRING_OF_FRICTION = "hysteresis_stiffness"
 """The number of a contact by which its hysteresis is that of Jenkins elements."""
@@ -84,7 +84,7 @@ class ContactParts:
 
     @property
     def _rigid(self) -> tuple[Stage, ...]:
-        whole = self.law is not None and law_of(self.law).rebounds
+        whole = self.law is not None and isinstance(law_of(self.law), Rigid)
         return tuple(stage for stage in self.stages if whole or stage.stiffness == RIGID)
 
     @property
@@ -135,7 +135,7 @@ class ContactParts:
         if any(HYSTERESIS.name in stage.numbers for stage in rigid):
             yield "a rigid stage has hysteresis; its impacts lose energy by the restitution: leave hysteresis out"
         law, whole = None if self.law is None else law_of(self.law), (self.numbers or {}).get(_BOUNCE)
-        if rigid and not self._soft and not (law is None or law.rebounds):
+        if rigid and not self._soft and not (law is None or isinstance(law, Rigid)):
             yield f'law is {law.name!r}, but the stiffness is "rigid"; leave law out'
         for stage in rigid:
             if stage.stiffness not in (RIGID, Stage(0.0).stiffness):

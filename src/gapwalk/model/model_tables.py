@@ -27,7 +27,7 @@ from gapwalk.model.contact_parts import OF_FRICTION, SPRING_OF_FRICTION, Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
 from gapwalk.model.friction_table import friction_part
-from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, law_of, law_parameters, law_with
+from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, Rigid, law_of, law_parameters, law_with
 from gapwalk.model.load_table import load_fields, loads_of
 from gapwalk.model.loads import LOADS
 from gapwalk.model.parameter import Parameter
@@ -139,7 +139,7 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
             raise ValueError(f"is {given(value)}, but the stage is rigid; leave it out")
         return value
     parameter = next((each for each in law.stage_parameters if each.name == name), None)
-    if name == "stiffness" and law.rebounds and value is not None:
+    if name == "stiffness" and isinstance(law, Rigid) and value is not None:
         raise ValueError(f'is {given(value)}, but the contact is rigid; write stiffness = "rigid", or another law')
     if parameter is None and value is not None:
         raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")
@@ -201,11 +201,11 @@ def _stage_part() -> type[StageBase]:
 def _suits_the_stiffness(cls: type[Part], value: float | None, info: ValidationInfo[Names]) -> float | None:
     """Refuse a restitution of springs, and hysteresis of a rigid stop; ask for a restitution."""
     bounces, rigid = info.field_name == "restitution", info.data.get("stiffness") == RIGID
-    if bounces and value is not None and not rigid and not info.context.law.rebounds:
+    if bounces and value is not None and not rigid and not isinstance(info.context.law, Rigid):
         raise ValueError(f'is {given(value)}, but the stage is a spring; write stiffness = "rigid", or leave it out')
-    if not bounces and value is not None and (rigid or info.context.law.rebounds):
+    if not bounces and value is not None and (rigid or isinstance(info.context.law, Rigid)):
         raise ValueError(f"is {given(value)}, but the stage is rigid, and loses energy by restitution; leave it out")
-    if bounces and value is None and rigid and not info.context.law.rebounds:
+    if bounces and value is None and rigid and not isinstance(info.context.law, Rigid):
         raise ValueError("is missing; it is the rate after an impact over that before it, as in restitution = 0.8")
     return value
 

@@ -198,7 +198,7 @@ def scales_of(system: System) -> Scales:
     stiffness, clearance = assembly.numbers(system.values).stiffness[number], 0.0
     if contact is not None:
         stages = [contact.stage_prefix(stage) for stage in contact.stages]
-        if not contact.law.rebounds:
+        if contact.law.has_stage_parameter("stiffness"):
             stiffness += abs(equations[f"{stages[0]}.stiffness"])
         gaps = (equations[f"{stage}.clearance"] for stage in stages)
         clearance = next((gap for gap in gaps if gap > 0.0), 0.0)
