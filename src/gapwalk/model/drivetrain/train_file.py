@@ -252,16 +252,18 @@ def describes_train(data: Mapping[str, Any]) -> bool:
 def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
     places: dict[str, Path] = {name: (name,) for name in _TOP}
+    beside: dict[str, Path] = {}  # of contacts that a table makes beside its springs
     for kind in (*_KEYS, "force", "friction", *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
             name = table.get("name") or default_name(kind, table, places)
             places[name] = (kind, number)
-            if kind in ("shaft", "gear"):
-                places |= dict.fromkeys((stop_name(name), friction_name(name)), (kind, number))
+            beside |= dict.fromkeys((stop_name(name), friction_name(name)), (kind, number))
     for line in dict.fromkeys(str(error).splitlines()):
         subject, _, rest = line.partition(" ")
         name, *keys = subject.split(".")
         if name in places:
             yield source.problem(rest, (*places[name], *keys))
+        elif name in beside:
+            yield source.problem(f"is refused: {line}", beside[name])
         else:
             yield source.problem(line)

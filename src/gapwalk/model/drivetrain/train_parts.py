@@ -14,7 +14,7 @@ from typing import Any, Self
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import RIGID, Contact, Stage
 from gapwalk.model.contact_parts import OF_FRICTION, ContactParts
-from gapwalk.model.laws import HYSTERESIS, Law, law_with
+from gapwalk.model.laws import HYSTERESIS, Law, Rigid, law_with
 
 GROUND = "ground"
 """The name of the ground, which does not move; a shaft may end there."""
@@ -115,7 +115,11 @@ class Link:
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
-        if stiffness is None and clearance is not None and (law == RIGID or (law is None and "restitution" in given)):
+        if (
+            stiffness is None
+            and clearance is not None
+            and (law in (RIGID, Rigid()) or (law is None and "restitution" in given))
+        ):
             stiffness: Any = RIGID
         parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
         for each, value in zip(fields(Link), parts, strict=True):
