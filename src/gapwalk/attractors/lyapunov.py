@@ -43,7 +43,7 @@ class Lyapunov:
 
     Attributes
     ----------
-    exponents, errors : shape (2n,)
+    exponents, errors : shape (state_size,)
         Exponents per unit of time, in descending order, and their standard errors.
     periods
         Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
@@ -69,12 +69,12 @@ class Lyapunov:
 
     @property
     def per_period(self) -> NDArray[np.float64]:
-        """The exponents per forcing period, shape (2n,)."""
+        """The exponents per forcing period, shape (state_size,)."""
         return self.exponents * (PERIOD / self.frequency)
 
     @property
     def errors_per_period(self) -> NDArray[np.float64]:
-        """The errors per forcing period, shape (2n,)."""
+        """The errors per forcing period, shape (state_size,)."""
         return self.errors * (PERIOD / self.frequency)
 
     @cached_property
@@ -151,7 +151,7 @@ def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOption
 def lyapunov_run(
     system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
 ) -> tuple[Lyapunov, NDArray[np.float64]]:
-    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, 2n)."""
+    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, state_size)."""
     options = options or LyapunovOptions()
     stretching = _Stretching(system, check_state(system, state))
     length = min(_FIRST, options.max_periods)
@@ -197,7 +197,7 @@ class _Stretching:
             self._strobes.append(state)
 
     def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return state and frame after one period, and the logarithms of each segment of it, shape (segments, 2n)."""
+        """Return state and frame after one period, and the logarithms of each segment of it, in rows."""
         state, frame, logs = self._state, self._frame, []
         for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
             arc = self._flow.integrate(self._coefficients, state, start, stop)

@@ -56,9 +56,9 @@ class TrappingRegion:
 
     Attributes
     ----------
-    strobes : shape (m, 2n)
+    strobes : shape (m, state_size)
         The states of the orbit, one forcing period apart.
-    shapes : shape (m, 2n, 2n)
+    shapes : shape (m, state_size, state_size)
         A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x - strobes[j])| <= 1``.
     """
 
@@ -89,7 +89,7 @@ class Approach:
         orbit this may take arbitrarily long.
     distance
         Distance of the motion from the orbit, relative to the size of the motion.
-    strobes : shape (periods, 2n)
+    strobes : shape (periods, state_size)
         Strobes of the motion while it was compared with the orbit, one forcing period apart; may be empty.
     """
 
@@ -265,7 +265,7 @@ class _Modes(NamedTuple):
         return cls(values, vectors, np.linalg.pinv(vectors))
 
     def sizes(self, deviations: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the components of deviations, shape (..., 2n), in the modes."""
+        """Return the components of deviations, shape (..., state_size), in the modes."""
         return deviations.astype(np.complex128) @ self.inverse.T
 
     def are_linear(self, track: NDArray[np.float64]) -> bool:

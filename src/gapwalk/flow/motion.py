@@ -10,7 +10,7 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -44,6 +44,8 @@ class Motion:
         Positions and velocities (over time).
     events
         The crossings of breakpoints, in order.
+    z : shape (samples, memories)
+        Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
     """
 
     system: System
@@ -51,6 +53,28 @@ class Motion:
     q: NDArray[np.float64]
     v: NDArray[np.float64]
     events: tuple[ContactEvent, ...]
+    z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.z.size:
+            object.__setattr__(self, "z", np.zeros((len(self.theta), len(self.system.structure.memories))))
+
+    @classmethod
+    def of(
+        cls,
+        system: System,
+        theta: NDArray[np.float64],
+        states: NDArray[np.float64],
+        events: Iterable[ContactEvent] = (),
+    ) -> Motion:
+        """Make a motion from its states, shape (samples, state_size); real or complex."""
+        n = system.size
+        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :])
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """Positions, velocities and extensions, shape (samples, state_size)."""
+        return np.hstack((self.q, self.v, self.z))
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -151,8 +175,8 @@ def integrate(
     ----------
     system
         The system.
-    start : shape (2n,)
-        Positions, then velocities, at `phase`.
+    start : shape (state_size,)
+        Positions, velocities and extensions at `phase`; extensions that are left out are zero.
     periods
         Length in forcing periods.
     samples
@@ -175,19 +199,27 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
     states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
-    return Motion(system, theta, states[:, : system.size], states[:, system.size :], tuple(events))
+    return Motion.of(system, theta, states, events)
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """Return the state as an array of 2n finite numbers; raise a ModelError that states what is allowed."""
+    """Return the state as an array of finite numbers, with extensions of zero if it has none.
+
+    Raises
+    ------
+    ModelError
+        If it is no state; the message says what is allowed.
+    """
     try:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):
         array = np.array([np.nan])
-    if array.shape != (2 * system.size,) or not np.all(np.isfinite(array)):
-        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
-        raise ModelError(f"a state of this system is {2 * system.size} finite numbers ({order}), not {state!r}")
-    return array
+    size, count = system.state_size, 2 * system.size
+    if array.shape not in {(size,), (count,)} or not np.all(np.isfinite(array)):
+        order = f"{size} finite numbers ({', '.join(system.state_names)})"
+        without = f", or the first {count} of them, and the others are 0" if size > count else ""
+        raise ModelError(f"a state of this system is {order}{without}, not {state!r}")
+    return np.append(array, np.zeros(size - len(array)))
 
 
 def switch_names(system: System) -> list[tuple[str, str, int]]:

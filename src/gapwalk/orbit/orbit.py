@@ -41,9 +41,9 @@ class Orbit(Shown):
         The system, with the parameter values at which this orbit exists.
     period
         m: the orbit repeats after m forcing periods.
-    state : shape (2n,)
-        Positions, then velocities, at theta = 0.
-    multipliers : shape (2n,)
+    state : shape (state_size,)
+        Positions, velocities and extensions at theta = 0.
+    multipliers : shape (state_size,)
         Floquet multipliers, largest modulus first.
     events
         Crossings of breakpoints in one full period.
@@ -75,9 +75,10 @@ class Orbit(Shown):
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
-        n, switches = self.system.size, len(self.system.structure.breakpoints)
+        structure = self.system.structure
+        size, switches = structure.state_size, len(structure.breakpoints)
         shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
-        if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
+        if shapes != ((size,), (size,), (structure.size, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
         if not all(0 <= event.switch < switches for event in self.events):
             raise ValueError("a contact event has the number of a switch that the system does not have")
@@ -160,7 +161,7 @@ class Orbit(Shown):
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         for number in range(count - 1):
             start = number * apart % PERIOD
@@ -232,7 +233,7 @@ def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
 
 
 def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
-    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
+    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, state_size)."""
     return orbit.strobes(orbit.period)
 
 
@@ -248,7 +249,7 @@ def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
 
 
 def phases(orbit: Orbit) -> NDArray[np.float64]:
-    """Return the states at theta = 0 of all orbits that are this motion with another phase; shape (m * `repeats`, 2n).
+    """Return the states at theta = 0 of all orbits that are this motion with another phase, m * `repeats` of them.
 
     If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
     that is the same motion.

@@ -61,7 +61,7 @@ class Sensitivity:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """Derivative of the orbit's state at theta = 0, shape (2n, k).
+        """Derivative of the orbit's state at theta = 0, shape (state_size, k).
 
         Raises
         ------
@@ -89,9 +89,9 @@ class Sensitivity:
     def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
         """Return a signal at any angles, with its derivatives by the parameters and by the angle."""
         grid, back = _grid(self.orbit, theta)
-        system, n = self.orbit.system, self.orbit.system.size
+        system = self.orbit.system
         found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
-        motion = Motion(system, grid, found.states[:, :n], found.states[:, n:], tuple(found.contacts))
+        motion = Motion.of(system, grid, found.states, found.contacts)
         states = found.transitions @ self.state + found.sensitivities
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):

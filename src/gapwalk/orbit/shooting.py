@@ -61,7 +61,7 @@ class Shooting(Method):
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Shooting:
         """Return the method with as many segments as the orbit has states."""
-        return cls(max(1, count // (2 * orbit.system.size)))
+        return cls(max(1, count // orbit.system.state_size))
 
     def for_loci(self) -> Shooting:
         """Return the method with one segment."""
@@ -115,7 +115,7 @@ class ShootingEquation(OrbitEquation):
         return Orbit(
             self.system_at(value),
             self.period,
-            unknowns[: 2 * self.system.size].copy(),
+            unknowns[: self.system.state_size].copy(),
             multipliers([_transition(arc) for arc in arcs]),
             tuple(event for arc in arcs for event in arc.contacts),
             max(map(abs, evaluation.residual.tolist())),
@@ -128,9 +128,9 @@ class ShootingEquation(OrbitEquation):
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""
-        size, segments = self.system.size, len(self.knots) - 1
-        unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
-        return np.tile(unit, segments) * np.sqrt(size * segments)
+        segments = len(self.knots) - 1
+        unit = self.system.state_scales(length, frequency)
+        return np.tile(unit, segments) * np.sqrt(self.system.size * segments)
 
     def otherwise(self) -> ShootingEquation:
         """Return the equation with one segment more: its steps and its rounding differ."""
@@ -138,7 +138,7 @@ class ShootingEquation(OrbitEquation):
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the change of the state at theta = 0, with zeros for the other states, which it determines."""
-        size = 2 * self.system.size
+        size = self.system.state_size
         return np.concatenate((direction[:size], np.zeros(len(other.scales(1.0)) - size)))
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -165,7 +165,10 @@ class ShootingEquation(OrbitEquation):
 
 
 def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
-    """Assemble residual and derivatives from the segments' arcs and their initial states, shape (segments, 2n)."""
+    """Assemble residual and derivatives from the segments' arcs and their initial states.
+
+    The states have the shape (segments, state_size).
+    """
     count, size = states.shape
     residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
     by_parameter = None if arcs[0].sensitivity is None else np.concatenate([_sensitivity(arc) for arc in arcs])

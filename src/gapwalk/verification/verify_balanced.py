@@ -178,8 +178,8 @@ def _compare_with_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     except NumericalError as error:
         ledger.enter(Check.TRUTH, spot, math.inf, f"no exact motion is found from it: {error}")
         return
-    size = np.repeat(np.abs(orbit.motion().v).max(), 2 * orbit.system.size)
-    size[: orbit.system.size] = np.abs(orbit.extremes[:, :2]).max()
+    n, size = orbit.system.size, np.full(orbit.system.state_size, np.abs(orbit.extremes[:, :2]).max())
+    size[n : 2 * n] = np.abs(orbit.motion().v).max()
     off = float((np.abs(exact.state - orbit.state) / size).max())
     allowed = _AMPLIFIED * max(orbit.truncation, _FINEST) / min(1.0, near)
     ledger.enter(

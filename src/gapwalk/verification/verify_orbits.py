@@ -37,7 +37,7 @@ class Reshot(NamedTuple):
 
     Attributes
     ----------
-    multipliers : shape (2n,)
+    multipliers : shape (state_size,)
         Largest modulus first.
     contraction
         Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
@@ -124,7 +124,7 @@ def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
     logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
     total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
-    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
+    units = orbit.system.state_scales()
     around = np.eye(len(units))
     for arc in arcs:
         around = arc.transition @ around

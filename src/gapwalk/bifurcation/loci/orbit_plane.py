@@ -214,7 +214,7 @@ class ShotPlane(OrbitPlane):
     def turning(self, switch: int, place: Place, theta: float) -> Turning:
         """See `OrbitPlane.turning`; the rate is over time."""
         gauge, coefficients, slopes = Gauge(self._layout, switch), place.coefficients, place.slopes
-        n, size = len(place.unknowns) // 2, len(place.unknowns)
+        n, size = self.system.size, len(place.unknowns)
         angle = theta % (PERIOD * self.period)
         there, by_all = place.unknowns, np.eye(size, size + 2)
         if angle > 0.0:
@@ -222,7 +222,7 @@ class ShotPlane(OrbitPlane):
             there, by_all = arc.state, _derivatives(arc)
         vector, (depth, rate, turning) = gauge.vector(coefficients), gauge.read(coefficients, angle, there)
         derivatives = np.empty((2, size + 3))
-        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n:]))
+        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n : 2 * n]))
         by_all[:, size:] += np.transpose([gauge.slopes(coefficients, each, angle, there) for each in slopes])
         derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
         derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
@@ -244,7 +244,7 @@ class ShotPlane(OrbitPlane):
 
     def shared(self) -> NDArray[np.bool_]:
         """Return a mask of all unknowns, since they form the state."""
-        return np.ones(2 * self.system.size, dtype=bool)
+        return np.ones(self.system.state_size, dtype=bool)
 
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
         """See `OrbitPlane.mean_of_halves`."""
@@ -268,7 +268,7 @@ class ShotPlane(OrbitPlane):
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
-    """Return the derivatives of the final state by initial state and both parameters, shape (2n, 2n + 2)."""
+    """Return the derivatives of the final state by initial state and both parameters, in rows of state_size + 2."""
     assert arc.sensitivity is not None
     return np.concatenate((_transition(arc), arc.sensitivity), axis=1)
 
