@@ -113,8 +113,9 @@ class Motion:
         Parameters
         ----------
         name
-            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
-            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
+            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), the force of a contact
+            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train),
+            or the extension of a contact with a state of its own (``"brake.extension"``).
             For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
@@ -124,8 +125,8 @@ class Motion:
         ModelError
             If there is no such signal.
         """
-        place, size = signal_place(self.system, name), self.system.size
-        widths = {"q": size, "v": size, "a": size, "forces": len(self.system.structure.contacts)}
+        place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
+        widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
@@ -251,7 +252,8 @@ def signal_place(system: System, name: str) -> int:
 def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
+    extensions = system.state_names[2 * system.size :]
+    return [*derivatives, *map(force_of, system.structure.contacts), *extensions, *train_signals(system.structure)]
 
 
 def force_of(contact: ContactForm) -> str:

@@ -18,8 +18,9 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import Motion, sample
 from gapwalk.flow.signal import Signal
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import released, transition_of
 
 _SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives
 
@@ -70,9 +71,9 @@ class Sensitivity:
         """
         length = PERIOD * self.orbit.period
         arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
-        assert arc.transition is not None
         size = len(self.orbit.state)
-        matrix = arc.transition - np.eye(size)
+        (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc])
+        matrix = transition_of(arc) - np.eye(size)
         singular = np.linalg.svd(matrix, compute_uv=False)
         if singular[-1] <= _SINGULAR * singular[0]:
             raise NumericalError("the orbit lies on a fold or a branch point, where it has no derivative by parameters")

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
+from gapwalk.orbit.sticking import Closure, released, transition_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -107,19 +107,24 @@ class ShootingEquation(OrbitEquation):
             self._flow.integrate(coefficients, state, start, stop, direction)
             for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
         ]
-        return assembled(arcs, states)._replace(reach=_shallowest(arcs) * float(coefficients[0]))
+        found = assembled(released(layout_of(self.system.structure), coefficients, arcs), states)
+        return found._replace(evidence=arcs, reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
+        system = self.system_at(value)
+        closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs)
         return Orbit(
-            self.system_at(value),
+            system,
             self.period,
             unknowns[: self.system.state_size].copy(),
-            multipliers([_transition(arc) for arc in arcs]),
+            closure.multipliers,
             tuple(event for arc in arcs for event in arc.contacts),
             max(map(abs, evaluation.residual.tolist())),
             sum(arc.steps for arc in arcs),
+            slips=closure.slips,
+            stuck=closure.stuck,
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -176,12 +181,12 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
     # [       P_2  -I  ]
     # [ -I        P_3  ]
     if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
-        jacobian = _transition(arcs[0]).copy()
+        jacobian = transition_of(arcs[0]).copy()
         jacobian.flat[:: size + 1] -= 1.0
         return Evaluation(residual, jacobian, by_parameter, arcs)
     jacobian = np.zeros((states.size, states.size))
     for j, arc in enumerate(arcs):
-        jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
+        jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = transition_of(arc)
     rows = np.arange(states.size)
     jacobian[rows, (rows + size) % states.size] -= 1.0
     return Evaluation(residual, jacobian, by_parameter, arcs)
@@ -190,13 +195,14 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
 def composed(arcs: list[Arc]) -> Arc:
     """Compose successive arcs into one."""
     first = arcs[0]
-    transition, sensitivity = _transition(first), first.sensitivity
+    transition, sensitivity = transition_of(first), first.sensitivity
     for arc in arcs[1:]:
-        transition = _transition(arc) @ transition
+        transition = transition_of(arc) @ transition
         if sensitivity is not None:
-            sensitivity = _transition(arc) @ sensitivity + _sensitivity(arc)
+            sensitivity = transition_of(arc) @ sensitivity + _sensitivity(arc)
     contacts = [event for arc in arcs for event in arc.contacts]
-    return Arc(arcs[-1].state, transition, sensitivity, contacts, sum(arc.steps for arc in arcs))
+    steps, slips = sum(arc.steps for arc in arcs), [event for arc in arcs for event in arc.slips]
+    return Arc(arcs[-1].state, transition, sensitivity, contacts, steps, slips)
 
 
 def _shallowest(arcs: list[Arc]) -> float:
@@ -211,11 +217,6 @@ def _shallowest(arcs: list[Arc]) -> float:
                 first = begun.pop(event.switch)
                 least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
     return least
-
-
-def _transition(arc: Arc) -> NDArray[np.float64]:
-    assert arc.transition is not None
-    return arc.transition
 
 
 def _sensitivity(arc: Arc) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
+from gapwalk.orbit.sticking import released
 
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
@@ -219,7 +220,9 @@ class TouchEquation:
         """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
         pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(self._firsts)]
         states = held.states[self._firsts[:-1]]
-        return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
+        arcs, coefficients = [composed(piece) for piece in pieces], self._own.coefficients(held.value)[0]
+        found = assembled(released(layout_of(self._own.system.structure), coefficients, arcs), states)
+        return states.ravel(), found._replace(evidence=arcs)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""

@@ -145,7 +145,7 @@ class Examination:
         faults = [
             f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
             for side, point, stored in (("before", a, special.before), ("after", b, special.after))
-            if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total
+            if not is_on_border(point.orbit.free_multipliers) and point.instability.total != stored.total
         ]
         if special.kind is Kind.GRAZING:
             return self._graze(a, b, reach, faults)
@@ -213,7 +213,7 @@ class Examination:
 
     def _flip(self, before: BranchPoint, after: BranchPoint) -> str:
         """Return the criticality of a flip: supercritical if the doubled branch is where the motion is unstable."""
-        critical = [min(each.orbit.multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for each in (before, after)]
+        critical = [min(each.orbit.free_multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for each in (before, after)]
         outside = [abs(each) > 1.0 for each in critical]
         if outside[0] == outside[1]:
             return ""
