@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
+from gapwalk.flow.dry_switches import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -46,6 +47,8 @@ class Motion:
         The crossings of breakpoints, in order.
     z : shape (samples, memories)
         Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
+    slips
+        The modes of dry friction at the first sample, then their changes, in order.
     """
 
     system: System
@@ -54,6 +57,7 @@ class Motion:
     v: NDArray[np.float64]
     events: tuple[ContactEvent, ...]
     z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    slips: tuple[SlipEvent, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.z.size:
@@ -66,10 +70,11 @@ class Motion:
         theta: NDArray[np.float64],
         states: NDArray[np.float64],
         events: Iterable[ContactEvent] = (),
+        slips: Iterable[SlipEvent] = (),
     ) -> Motion:
         """Make a motion from its states, shape (samples, state_size); real or complex."""
         n = system.size
-        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :])
+        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], tuple(slips))
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -199,8 +204,8 @@ def integrate(
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
-    states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
-    return Motion.of(system, theta, states, events)
+    found = flow_of(system).sample(coefficients_of(system), initial, theta)
+    return Motion.of(system, theta, found.states, found.contacts, found.slips)
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
