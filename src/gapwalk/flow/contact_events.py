@@ -456,7 +456,7 @@ class Switchboard:
         impulses act along one direction, so that leaves an error of the second order of that time.
         """
         size, dry, before = self.size, self.dry, self._state[: self.size].copy()
-        coefficients, rates, struck = self._system, dry.read(theta).rates, [switch]
+        coefficients, begin, struck = self._system, dry.read(theta), [switch]
         reset = partial(self._reset, struck, False)
         while True:
             self._state[:size] = after = reset(before, coefficients, theta)
@@ -481,12 +481,13 @@ class Switchboard:
             rows = self._state[size:].reshape(self._columns, size)
             along, directions = np.zeros((self._columns, len(coefficients))), dry.directions
             along[self._columns - len(directions) :] = directions
-            flows = float(coefficients[0]) * rates, float(coefficients[0]) * now.rates
+            flows = float(coefficients[0]) * begin.rates, float(coefficients[0]) * now.rates
             guard = partial(self._depth_of, switch)
             rows[:] = pass_event(
                 rows, along, before, coefficients, theta, guard, reset, lambda _, passed: flows[int(passed)]
             )
         self._state[:size] = after
+        dry.kink(begin, theta)
         for other in struck[1:]:
             self.log.append(ContactEvent(theta, other, True, 0.0))
 

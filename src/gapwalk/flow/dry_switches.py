@@ -76,6 +76,15 @@ class Readings(NamedTuple):
     reactions: Array
 
 
+class Kink(NamedTuple):
+    """An instant at which velocities or accelerations jump: positions, and both of them before and after."""
+
+    theta: float
+    positions: Array
+    velocities: tuple[Array, Array]
+    accelerations: tuple[Array, Array]
+
+
 class _Held(NamedTuple):
     """The coefficients, their derivatives along the directions, and the constraint of a set of held contacts."""
 
@@ -100,6 +109,8 @@ class DrySwitches:
         The present coefficients: those of the system while its present contacts are held.
     log
         The slip events since the start, which begin with the modes at the start.
+    kinks
+        The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
     """
 
     def __init__(self, equations: Equations) -> None:
@@ -108,6 +119,7 @@ class DrySwitches:
         self.equations, self.n, self.size = equations, structure.size, structure.state_size
         self.count = len(equations.dry) + len(equations.stops)
         self.log: list[SlipEvent] = []
+        self.kinks: list[Kink] = []
         self._forgotten: set[int] = set()  # places of the state that the last event has reset
         self._layout, self._slots = layout, [layout.contacts[k] for k in equations.dry]
         self._laws = [layout.contacts[k].form.law for k in equations.dry]
@@ -159,7 +171,7 @@ class DrySwitches:
         """
         self.base, self._base_directions, self._unit, self._changed = coefficients, directions, unit, changed
         self._known: dict[tuple[int, ...], _Held] = {}
-        self.log, self._begun = [], [theta - 1.0] * len(self._slots)
+        self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self._slots)
         self._slips, self._sticks, self.held = [0] * len(self._slots), [False] * len(self._slots), ()
         self._apply()
         self._within(theta)
@@ -514,7 +526,22 @@ class DrySwitches:
         self._project(theta)
         if self._columns:
             self.late(before, theta, shifts, acceleration)
+        self.kink(before, theta)
         self._report(modes, theta)
+
+    def kink(self, before: Readings, theta: float) -> None:
+        """Record an instant at which velocities or accelerations jump."""
+        n, pair = self.n, (before.rates, self.read(theta).rates)
+        velocities, accelerations = ((a[part], b[part]) for a, b in [pair] for part in (slice(n), slice(n, 2 * n)))
+        self.kinks.append(Kink(theta, self._state[:n].copy(), velocities, accelerations))
+
+    def keeps_still(self, vector: Array) -> bool:
+        """Return True if what is held determines the rate of a deflection, which then has no turning points."""
+        vectors = self._entry.constraint.vectors
+        if not self.held or not len(vectors):
+            return False
+        shares = np.linalg.lstsq(vectors.T, vector, rcond=None)[0]
+        return float(np.abs(shares @ vectors - vector).max()) <= 1e-12 * float(np.abs(vector).max())
 
     def _stops_too(self, place: int, now: Readings, theta: float) -> bool:
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
@@ -587,6 +614,7 @@ class DrySwitches:
             if self._slips[place] * self._slip_acceleration(place, now, theta) > 0.0:
                 return
             self._slips[place], self._sticks[place], self._begun[place] = 0, True, theta
+            self.kink(now, theta)
         else:
             return
         self._apply()
