@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import Arc
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
