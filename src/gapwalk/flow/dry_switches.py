@@ -105,7 +105,7 @@ class DrySwitches(DryState):
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
         still = _STILL * self.speed()
-        now, candidates = self.read(theta), self._touching(theta, still)
+        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
             rate = float(now.friction[place, 0])
             if number is None:
