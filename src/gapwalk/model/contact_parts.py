@@ -115,7 +115,7 @@ class ContactParts:
         if not self._rigid:
             return None
         alone = not self._soft
-        bounces = {stage.numbers.get(_BOUNCE, (self.numbers or {}).get(_BOUNCE)) for stage in self._rigid}
+        bounces: set[Any] = {stage.numbers.get(_BOUNCE, (self.numbers or {}).get(_BOUNCE)) for stage in self._rigid}
         stages = [replace(stage, stiffness=1.0, numbers={}) for stage in self._rigid]
         if len(stages) == 1 and not alone:
             stages = [replace(stages[0], name="")]
@@ -143,7 +143,7 @@ class ContactParts:
         if self._soft and whole is not None and law is None:
             where = "move restitution to the stage that is rigid" if rigid else 'write stiffness = "rigid" beside it'
             yield f"restitution is {whole}, but a stage has a stiffness; {where}, or leave it out"
-        bounces = {stage.numbers.get(_BOUNCE, whole) for stage in rigid}
+        bounces: set[Any] = {stage.numbers.get(_BOUNCE, whole) for stage in rigid}
         if rigid and None in bounces:
             yield 'restitution is missing beside the stiffness "rigid"; write restitution = 0.8, say'
         elif len(bounces) > 1:
