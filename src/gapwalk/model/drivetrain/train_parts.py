@@ -115,13 +115,9 @@ class Link:
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
-        if (
-            stiffness is None
-            and clearance is not None
-            and (law in (RIGID, Rigid()) or (law is None and "restitution" in given))
-        ):
-            stiffness: Any = RIGID
-        parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
+        rigid = law in (RIGID, Rigid()) or (law is None and "restitution" in given)
+        spring: Any = RIGID if rigid and stiffness is None and clearance is not None else stiffness
+        parts = (name, between, spring, damping, clearance, tuple(stages), cubic, law, given)
         for each, value in zip(fields(Link), parts, strict=True):
             object.__setattr__(self, each.name, value)
 
