@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable, reachable_changes
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_switches import DrySwitches, SlipEvent
+from gapwalk.flow.dry_state import DryState, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, accelerations
@@ -164,7 +164,7 @@ class Flow:
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
-        self.readings = DrySwitches(equations).compile()
+        self.readings = DryState(equations).compile()
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
 
@@ -341,29 +341,37 @@ class _Integrator:
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of a survey."""
+        dry = self._switchboard.dry
+        if dry.held and dry.keeps_still(self._turning_vector(event)):
+            return  # its rate is 0 all the time, and changes its sign by rounding
         positions = self._taylor.update_d_output(theta)[: self.equations.layout.structure.size] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
+    def _turning_vector(self, event: int) -> NDArray[np.float64]:
+        slots = self.equations.turning[event][0]
+        return np.eye(self.equations.layout.structure.size)[event] if slots is None else self._scaled[slots]
+
     def _turn_at_kinks(self) -> None:
-        """Add the turning points that are kinks, such as those of a coordinate whose rate is in ``abs(v)``.
+        """Add the turning points that are kinks: of a coordinate with ``abs(v)`` or friction, and at impacts.
 
         Of two events at the same time, the integrator may report only the one that stops it.
         """
-        layout, coefficients = self.equations.layout, self._scaled
-        n = layout.structure.size
-        for theta, state in self._switchboard.modes.kinks:
-            turning = accelerations(layout, coefficients, theta, state[:n], state[n:], unit=self._unit)
+        layout, coefficients, board = self.equations.layout, self._scaled, self._switchboard
+        n, kinks = layout.structure.size, list(board.dry.kinks)
+        for theta, state in board.modes.kinks:
+            a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
+            kinks.append(Kink(theta, state[:n], (state[n : 2 * n],) * 2, (a, a)))
+        for theta, positions, velocities, turning in kinks:
             angles = Angles(layout, coefficients, theta)
             for event, (slots, _) in enumerate(self.equations.turning):
-                vector = np.eye(n)[event] if slots is None else coefficients[slots]
+                vector = self._turning_vector(event)
                 contact = next((each for each in layout.contacts if each.deflection is slots), None)
-                rate, change = (
-                    float(vector @ part + (0.0 if contact is None else angles.sway(contact, 0, order)))
-                    for order, part in ((1, state[n:]), (2, turning))
-                )
+                sways = [0.0, 0.0] if contact is None else [float(angles.sway(contact, 0, order)) for order in (1, 2)]
+                before, after = (float(vector @ each) + sways[0] for each in velocities)
+                change = max(abs(float(vector @ each) + sways[1]) for each in turning)
                 known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
-                if abs(rate) <= COOLDOWN * float(coefficients[0]) * abs(change) and not known:
-                    self._turns.append(Turn(event, theta, (state[:n] * self._unit).tolist()))
+                if not known and (before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change):
+                    self._turns.append(Turn(event, theta, (positions * self._unit).tolist()))
         self._turns.sort(key=lambda turn: turn.theta)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
