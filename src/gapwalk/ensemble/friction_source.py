@@ -30,9 +30,10 @@ def past_of(structure: Structure, contact: int) -> list[str]:
 
 
 class HostTerms(NamedTuple):
-    """The contact that hosts friction: its slots, its deflection with its rate now, the last deflection, its force."""
+    """The contact that hosts friction: its slots and numbers, deflection and rate now, last deflection, force."""
 
     slots: ContactSlots
+    number: Callable[[int], Any]
     move: tuple[Term, Term]
     last: Term
     force: Term
@@ -65,7 +66,7 @@ class JenkinsSource:
     ) -> None:
         law = slots.form.law
         assert isinstance(law, Friction)
-        self._law, self._sheet, self._span, self._number = law, sheet, span, number
+        self._law, self._sheet, self._span = law, sheet, span
         self._own = {name: number(slot) if active(slot) else 0.0 for name, slot in slots.numbers.items()}
 
     def terms(self, move: tuple[Term, Term], extension: Term, past: Sequence[Term], host: HostTerms | None) -> Jenkins:
@@ -156,7 +157,7 @@ class JenkinsSource:
         x, rate = host.move
         reach, found = size(rate) * self._span + _TINY, []
         for slots in host.slots.stages:
-            values = {name: self._number(slot) for name, slot in slots.numbers.items()}
+            values = {name: host.number(slot) for name, slot in slots.numbers.items()}
             outward, before = (each if slots.sign > 0 else -each for each in (x, host.last))
             depth = outward - values["clearance"]
             closed = Switch.of(depth + reach if self._law.by == "normal" else depth)
