@@ -108,7 +108,7 @@ class Source:
         names += self._past
         rows = {name: row for row, name in enumerate(names)}
         for name in (name for chunk in self._chunks for name in chunk.keeps):
-            rows[name] = len(rows) + self._tallies
+            rows.setdefault(name, len(rows) + self._tallies)  # a stop changes what was kept before
         return rows
 
     @cached_property
@@ -301,7 +301,7 @@ class Source:
             found = source.impact(start, end, sheet.name(f"p0_{k}"), restitution, echo)
             lines += [*self._forecast(k), *sheet.lines(*found)]
             lines += [f"j{number}_{k} = {_text(term)}" for number, term in enumerate(found)]
-            yield [*lines, *self._stored({f"p0_{k}": f"j4_{k}"})]
+            yield lines
             for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
                 sheet = Sheet()
                 gone = polynomial(
@@ -311,15 +311,19 @@ class Source:
         for _ in range(_SWEEPS if self._stops[1:] else 0):  # each reaction moves the other stops
             for stop, k in enumerate(self._stops):
                 sheet, source = self._stop(k)
-                found = source.again((sheet.name("x"), sheet.name("r")), sheet.name(f"j4_{k}"))
+                removed = sheet.name(f"j2_{k}"), sheet.name(f"j3_{k}")
+                found = source.again((sheet.name("x"), sheet.name("r")), removed, sheet.name(f"j4_{k}"))
                 lines = [*self._forecast(k), *sheet.lines(*found)]
-                yield [*lines, *(f"j{number}_{k} = {_text(term)}" for number, term in zip((2, 3), found, strict=True))]
+                names = (f"j{number}_{k}" for number in (2, 3, 5, 6, 4))
+                yield [*lines, *(f"{name} = {_text(term)}" for name, term in zip(names, found, strict=True))]
                 for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
-                    yield [f"u{i} = u{i} - {self._held(i, stop, k)}"]
+                    yield [f"u{i} = u{i} - {self._held(i, stop, k, 5)}"]
+        yield from ([*self._stored({f"p0_{k}": f"j4_{k}"})] for k in self._stops)
 
-    def _held(self, i: int, stop: int, k: int) -> str:
+    def _held(self, i: int, stop: int, k: int, first: int = 2) -> str:
+        """Write what a reaction changes in a component of the state."""
         deflection, rate = (self._slot("hold", which, i, stop) for which in (0, 1))
-        return f"({deflection} * j2_{k} + {rate} * j3_{k})"
+        return f"({deflection} * j{first}_{k} + {rate} * j{first + 1}_{k})"
 
     def _stop(self, k: int) -> tuple[Sheet, RigidSource]:
         """Return the writer of the lines for a rigid stop, and its sheet."""

@@ -80,10 +80,10 @@ class RigidSource:
         sheet, span = self._sheet, self._span
         side, clearance = self._side(end[0])
         (before, rate), (after, last) = ((_turned(x, side) - clearance, _turned(v, side)) for x, v in (start, end))
-        at, speed = self._crossing(before, rate, after, last)
+        at, speed, top = self._crossing(before, rate, after, last)
         rest = 1.0 - at
         speed = speed / span
-        through = sheet.write("{} > 0.0", after)
+        through = sheet.write("({} > 0.0 or {} > 0.0)", after, top)
         echoes = [echo(which, rest) for which in (0, 1)]
         rebound = (1.0 + restitution) * speed
         falls_back = sheet.write("{} - {} * {} > 0.0", after, rebound, echoes[0])
@@ -95,11 +95,16 @@ class RigidSource:
         impulse, depth, rate, holds = (_turned(each, side) for each in found)
         return Impact(impulse, rest, depth, rate, holds)
 
-    def again(self, end: tuple[Term, Term], held: Term) -> tuple[Any, Any]:
-        """Write what a reaction must still remove at the end of the step, after those of other stops."""
+    def again(self, end: tuple[Term, Term], removed: tuple[Term, Term], held: Term) -> tuple[Any, ...]:
+        """Write what a reaction removes in all, after those of other stops, what of that is new, and if it is held.
+
+        A reaction that would pull is left out: Gauss and Seidel's method, projected.
+        """
         _, clearance = self._side(held)
-        holds = self._sheet.write("{} != 0.0", held)
-        return either(holds, end[0] - held * clearance, 0.0), either(holds, end[1], 0.0)
+        depth = removed[0] + (end[0] - held * clearance)
+        holds = self._sheet.write("{} * {} > 0.0", depth, held)
+        depth, rate = either(holds, depth, 0.0), either(holds, removed[1] + end[1], 0.0)
+        return depth, rate, depth - removed[0], rate - removed[1], either(holds, held, 0.0)
 
     def _side(self, value: Term) -> tuple[Any, Any]:
         """Write the side that a value tells, and the clearance there."""
@@ -109,8 +114,8 @@ class RigidSource:
         up, down = self._clearances[1], self._clearances[-1]
         return self._sheet.write("np.copysign(1.0, {})", value), either(self._sheet.write("{} > 0.0", value), up, down)
 
-    def _crossing(self, before: Term, rate: Term, after: Term, last: Term) -> tuple[Term, Term]:
-        """Write the place of the zero of a cubic in the step, and its slope there, over a step."""
+    def _crossing(self, before: Term, rate: Term, after: Term, last: Term) -> tuple[Term, Term, Term]:
+        """Write the place of the zero of a cubic in the step, its slope there over a step, and its value at a turn."""
         sheet, span = self._sheet, self._span
         slope, bend = span * rate, span * (last - rate)
         curve, excess = (after - before) - slope, (after - before) - span * 0.5 * (rate + last)
@@ -120,12 +125,18 @@ class RigidSource:
             before * -2.0 / (slope + root),
             (root - slope) / (curve * 2.0 + _TINY),
         )
+
+        def value(at: Any) -> Any:
+            return before + slope * at + bend * 0.5 * (at * at) + excess * (at * at) * (3.0 - 2.0 * at)
+
+        def tangent(at: Any) -> Any:
+            return slope + bend * at + excess * 6.0 * (at * (1.0 - at))
+
         at = clipped(at)
         for _ in range(_ITERATIONS):
-            value = before + slope * at + bend * 0.5 * (at * at) + excess * (at * at) * (3.0 - 2.0 * at)
-            tangent = slope + bend * at + excess * 6.0 * (at * (1.0 - at))
-            at = clipped(at - either(sheet.write("{} > 0.0", tangent), value / tangent, 0.0))
-        return at, greatest(slope + bend * at + excess * 6.0 * (at * (1.0 - at)), 0.0)
+            at = clipped(at - either(sheet.write("{} > 0.0", tangent(at)), value(at) / tangent(at), 0.0))
+        turns = sheet.write("{} > 0.0 and {} < 0.0", rate, last)  # it may reach the clearance between two steps
+        return at, greatest(tangent(at), 0.0), either(turns, value(rate / (rate - last)), -1.0)
 
 
 def polynomial(names: Sequence[Term], at: Any) -> Any:
