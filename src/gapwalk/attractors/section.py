@@ -172,7 +172,7 @@ class _Crossings:
     def follow(self, state: NDArray[np.float64], start: float) -> NDArray[np.float64]:
         """Record all crossings of the period that begins at `start`; return the state at its end."""
         thetas = start + PERIOD * np.arange(_SAMPLES + 1) / _SAMPLES
-        states, _ = self._flow.sample(self._coefficients, state, thetas)
+        states = self._flow.sample(self._coefficients, state, thetas).states
         heights, slopes = self._height(states), self._slope(thetas, states)
         crossed = np.sign(heights[:-1]) != np.sign(heights[1:])
         approaching = (heights[:-1] * slopes[:-1] < 0.0) & (heights[1:] * slopes[1:] > 0.0)

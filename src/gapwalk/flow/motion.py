@@ -10,7 +10,7 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
+from gapwalk.flow.dry_switches import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -44,6 +45,10 @@ class Motion:
         Positions and velocities (over time).
     events
         The crossings of breakpoints, in order.
+    z : shape (samples, contacts with a memory)
+        Extensions of the springs in series with friction.
+    slips
+        The modes of dry friction at the first sample, then their changes, in order.
     """
 
     system: System
@@ -51,6 +56,8 @@ class Motion:
     q: NDArray[np.float64]
     v: NDArray[np.float64]
     events: tuple[ContactEvent, ...]
+    z: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    slips: tuple[SlipEvent, ...] = ()
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -174,8 +181,9 @@ def integrate(
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
-    states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
-    return Motion(system, theta, states[:, : system.size], states[:, system.size :], tuple(events))
+    n, found = system.size, flow_of(system).sample(coefficients_of(system), initial, theta)
+    q, v, z = found.states[:, :n], found.states[:, n : 2 * n], found.states[:, 2 * n :]
+    return Motion(system, theta, q, v, tuple(found.contacts), z, tuple(found.slips))
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
@@ -184,7 +192,7 @@ def check_state(system: System, state) -> NDArray[np.float64]:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):
         array = np.array([np.nan])
-    if array.shape != (2 * system.size,) or not np.all(np.isfinite(array)):
+    if array.shape != (system.state_size,) or not np.all(np.isfinite(array)):
         order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
         raise ModelError(f"a state of this system is {2 * system.size} finite numbers ({order}), not {state!r}")
     return array

@@ -323,8 +323,8 @@ class Structure:
         for index, contact in enumerate(self.contacts):
             if contact.law.is_dry and not contact.law.has_memory:
                 found.append((index, -1))
-            if contact.law.is_rigid:
-                found += [(index, switch + place) for place in range(len(contact.sides))]
+            if contact.law.rebounds:
+                found += [(index, switch + place) for place, shape in enumerate(contact.shapes) if shape.innermost]
             switch += len(contact.sides)
         return tuple(found)
 

@@ -81,7 +81,7 @@ def let_settle(
     length = min(length, patience.longest)
     while True:
         more = length - (len(states) - 1)
-        path, _ = flow.sample(coefficients, states[-1], PERIOD * np.arange(more + 1.0))
+        path = flow.sample(coefficients, states[-1], PERIOD * np.arange(more + 1.0)).states
         states = np.vstack((states, path[1:]))
         if has_settled(states / box, max_period, patience.tolerance):
             return Settled(states[-1], length, True)
@@ -194,7 +194,7 @@ def sweep_stretch(task: Task) -> SweepSegment:
         start = _kicked(state if is_carried else task.state, task, int(task.places[row]))
         try:
             found = let_settle(flow, coefficients, start, box, options.max_period, options.patience)
-            path, _ = flow.sample(coefficients, found.state, PERIOD * np.arange(options.points + 1.0))
+            path = flow.sample(coefficients, found.state, PERIOD * np.arange(options.points + 1.0)).states
         except FlowError as error:
             regimes[row] = RUNS_AWAY
             note = note or f"{task.parameter} = {value:.10g}: {error}"

@@ -238,7 +238,7 @@ class Settler:
         path, finest, beside, before = [state], _RETURN, None, math.inf
         try:
             while self._goes_on(path):
-                path += list(self._flow.sample(self._coefficients, path[-1], _STROBES)[0][1:])
+                path += list(self._flow.sample(self._coefficients, path[-1], _STROBES).states[1:])
                 entry, distance = self._catalogue.nearest_stable(path[-1])
                 if entry is beside and distance < before <= _NEAR:
                     return Settling(np.array(path), entry)
