@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from gapwalk.ensemble.source_text import Sheet, Switch, Term, bump, clipped, either, greatest, least, size
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ContactSlots
-from gapwalk.model.laws import Friction, Host, Stages, StageTerms
+from gapwalk.model.laws import Friction, Host, Stages, StageTerms, closed_form_of
 from gapwalk.model.structure import Structure
 
 _TINY = 1e-300  # keeps the inverse of a vanishing change finite
@@ -26,7 +26,7 @@ def past_of(structure: Structure, contact: int) -> list[str]:
     law = structure.contacts[contact].law
     if law.has_memory:
         return ["deflection", "slip rate", "limit", *(["host"] if law.host else [])]
-    return ["held"] if law.is_rigid else [f"mode {mode}" for mode in range(law.mode_count)]
+    return ["held"] if law.rebounds else [f"mode {mode}" for mode in range(law.mode_count)]
 
 
 class HostTerms(NamedTuple):
@@ -209,16 +209,16 @@ def refuse(structure: Structure) -> None:
                 f"{cannot}it sticks rigidly, and the steps are too long for that; give it a stiffness "
                 '(stiffness = "..."), which makes it a Jenkins element, or use the exact flow (gapwalk.integrate)'
             )
-        if law.is_dry and law.host and by_name[law.host].is_rigid:
+        if law.is_dry and law.host and by_name[law.host].rebounds:
             raise ModelError(
                 f"{cannot}the rigid stop {law.host!r} presses, and the batch integrator has no force for it; give the "
                 "stop a stiffness, or use the exact flow (gapwalk.integrate)"
             )
-        if law.rebounds and not law.is_rigid:
-            contact.closed_form("the batch integrator")  # refuses it
+        if law.rebounds and closed_form_of(law, contact.shapes) != ():
+            raise ModelError(f"{cannot}its force law {law.name!r} has a force between impacts, beside its stages")
     for variation in structure.variations:
         contact = structure.contacts[variation.contact]
-        if not variation.is_deflection and (contact.law.is_rigid or (contact.law.is_dry and variation.name == "speed")):
+        if not variation.is_deflection and (contact.law.rebounds or (contact.law.is_dry and variation.name == "speed")):
             raise ModelError(
                 f"the batch integrator cannot include {contact.name!r}: its {variation.name} varies over the angle; "
                 f'let it move instead, with varies = "{contact.name}.deflection" in the load, or use the exact flow '

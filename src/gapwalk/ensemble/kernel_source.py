@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -297,8 +297,10 @@ class Source:
                 return polynomial([sheet.name(self._slot("echo", j, which, stop)) for j in range(DEGREE + 1)], rest)
 
             start, end = (tuple(map(sheet.name, pair)) for pair in names)
-            restitution = sheet.name(self._coefficient(self.layout.contacts[k].numbers["restitution"]))
-            found = source.impact(start, end, sheet.name(f"p0_{k}"), restitution, echo)
+            slots = self.layout.contacts[k]
+            numbers = {name: sheet.name(self._coefficient(slot)) for name, slot in slots.numbers.items()}
+            rebound = partial(slots.form.law.rebound, numbers=numbers)
+            found = source.impact(start, end, sheet.name(f"p0_{k}"), rebound, echo)
             lines += [*self._forecast(k), *sheet.lines(*found)]
             lines += [f"j{number}_{k} = {_text(term)}" for number, term in enumerate(found)]
             yield lines
@@ -312,7 +314,8 @@ class Source:
             for stop, k in enumerate(self._stops):
                 sheet, source = self._stop(k)
                 removed = sheet.name(f"j2_{k}"), sheet.name(f"j3_{k}")
-                found = source.again((sheet.name("x"), sheet.name("r")), removed, sheet.name(f"j4_{k}"))
+                struck = sheet.name(total([f"abs(j0_{other})" for other in self._stops if other != k]))
+                found = source.again((sheet.name("x"), sheet.name("r")), removed, sheet.name(f"j4_{k}"), struck)
                 lines = [*self._forecast(k), *sheet.lines(*found)]
                 names = (f"j{number}_{k}" for number in (2, 3, 5, 6, 4))
                 yield [*lines, *(f"{name} = {_text(term)}" for name, term in zip(names, found, strict=True))]

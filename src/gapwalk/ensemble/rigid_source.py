@@ -23,7 +23,7 @@ class Impact(NamedTuple):
     Attributes
     ----------
     impulse
-        Rate of which the impact takes the deflection; 0 if there is none.
+        Change of the rate of the deflection by the impact; 0 if there is none.
     rest
         Part of the step after the impact.
     depth, rate
@@ -60,7 +60,7 @@ class RigidSource:
         start: tuple[Term, Term],
         end: tuple[Term, Term],
         held: Term,
-        restitution: Term,
+        rebound: Callable[[Any], Any],
         echo: Callable[[int, Any], Any],
     ) -> Impact:
         """Write the lines for a step.
@@ -71,8 +71,8 @@ class RigidSource:
             The deflection with its rate at the start, and at the end without the stop.
         held
             It is held at the start unless this is 0.
-        restitution
-            Rate after an impact over that before it.
+        rebound
+            Function that returns the rate after an impact from that before it.
         echo
             Function that returns the deflection (0) or the rate (1) at the end after a unit impulse, the rest of the
             step before that.
@@ -83,28 +83,31 @@ class RigidSource:
         at, speed, top = self._crossing(before, rate, after, last)
         rest = 1.0 - at
         speed = speed / span
-        through = sheet.write("({} > 0.0 or {} > 0.0)", after, top)
+        through = sheet.write("({} > 0.0) | ({} > 0.0)", after, top)
         echoes = [echo(which, rest) for which in (0, 1)]
-        rebound = (1.0 + restitution) * speed
-        falls_back = sheet.write("{} - {} * {} > 0.0", after, rebound, echoes[0])
-        meets = sheet.write("{} and {} == 0.0", through, held)
-        impulse = either(meets, either(falls_back, speed, rebound), 0.0)
+        change = speed - _turned(rebound(_turned(speed, side)), side)
+        falls_back = sheet.write("{} - {} * {} > 0.0", after, change, echoes[0])
+        meets = sheet.write("{} & ({} == 0.0)", through, held)
+        impulse = either(meets, either(falls_back, speed, change), 0.0)
         depth, rate = after - impulse * echoes[0], last - impulse * echoes[1]
         holds = sheet.write("{} > 0.0", depth)
         found = impulse, either(holds, depth, 0.0), either(holds, rate, 0.0), either(holds, 1.0, 0.0)
         impulse, depth, rate, holds = (_turned(each, side) for each in found)
         return Impact(impulse, rest, depth, rate, holds)
 
-    def again(self, end: tuple[Term, Term], removed: tuple[Term, Term], held: Term) -> tuple[Any, ...]:
+    def again(self, end: tuple[Term, Term], removed: tuple[Term, Term], held: Term, struck: Term) -> tuple[Any, ...]:
         """Write what a reaction removes in all, after those of other stops, what of that is new, and if it is held.
 
-        A reaction that would pull is left out: Gauss and Seidel's method, projected.
+        A reaction that would pull is left out: Gauss and Seidel's method, projected. Where another stop was `struck`,
+        the contact is no longer held: it may meet its stop again in the next step.
         """
-        _, clearance = self._side(held)
+        sheet, (_, clearance) = self._sheet, self._side(held)
         depth = removed[0] + (end[0] - held * clearance)
-        holds = self._sheet.write("{} * {} > 0.0", depth, held)
-        depth, rate = either(holds, depth, 0.0), either(holds, removed[1] + end[1], 0.0)
-        return depth, rate, depth - removed[0], rate - removed[1], either(holds, held, 0.0)
+        holds, struck = sheet.write("{} * {} > 0.0", depth, held), sheet.write("{} > 0.0", struck)
+        depth = either(struck, removed[0], either(holds, depth, 0.0))
+        rate = either(struck, removed[1], either(holds, removed[1] + end[1], 0.0))
+        free = either(struck, 0.0, either(holds, held, 0.0))
+        return depth, rate, depth - removed[0], rate - removed[1], free
 
     def _side(self, value: Term) -> tuple[Any, Any]:
         """Write the side that a value tells, and the clearance there."""
@@ -135,7 +138,7 @@ class RigidSource:
         at = clipped(at)
         for _ in range(_ITERATIONS):
             at = clipped(at - either(sheet.write("{} > 0.0", tangent(at)), value(at) / tangent(at), 0.0))
-        turns = sheet.write("{} > 0.0 and {} < 0.0", rate, last)  # it may reach the clearance between two steps
+        turns = sheet.write("({} > 0.0) & ({} < 0.0)", rate, last)  # it may reach the clearance between two steps
         return at, greatest(tangent(at), 0.0), either(turns, value(rate / (rate - last)), -1.0)
 
 

@@ -37,7 +37,7 @@ _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # of Chebys
 
 def rigid_stops(layout: CoefficientLayout) -> list[int]:
     """Return the numbers of the contacts that are rigid stops."""
-    return [k for k, slots in enumerate(layout.contacts) if slots.form.law.is_rigid]
+    return [k for k, slots in enumerate(layout.contacts) if slots.form.law.rebounds]
 
 
 def deflections_of(layout: CoefficientLayout) -> list[tuple[int, int]]:

@@ -76,7 +76,7 @@ def past_numbers(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.floa
             host = linear.layout.structure.host(index)
             limit, rate = _limit(linear, index, angles, moved), moves[0][1] - numbers["speed"]
             found += [moves[0][0], rate, limit / numbers["stiffness"], *([] if host is None else [moved[host][0][0]])]
-        elif law.is_rigid:
+        elif law.rebounds:
             found.append(np.zeros(len(states)))
         elif law.mode_count:
             with np.errstate(all="ignore"):
@@ -113,21 +113,14 @@ def slips_of(linear: Linear, states: NDArray[np.float64]) -> dict[int, NDArray[n
 
 def _limit(linear: Linear, index: int, angles: Angles, moved: list[_Moves]) -> NDArray[np.float64]:
     """Compute the limit of friction."""
-    slots = linear.layout.contacts[index]
-    law = slots.form.law
+    slots, host = linear.layout.contacts[index], linear.layout.structure.host(index)
+    law, stages = slots.form.law, Stages([])
     assert isinstance(law, Friction)
-    limit = law.limit(_dry_stages(linear, index, angles, moved), angles.named(slots.numbers, slots.waves))
-    return np.maximum(limit, 0.0)
-
-
-def _dry_stages(linear: Linear, index: int, angles: Angles, moved: list[_Moves]) -> Stages:
-    """Return the arguments of the law of friction, with its host."""
-    stages, host = Stages([]), linear.layout.structure.host(index)
     if host is not None:
-        slots = linear.layout.contacts[host]
-        force = contact_force(slots, angles, moved[host])
-        stages.host = Host(stages_of(slots, angles, moved[host]), force)
-    return stages
+        hosting = linear.layout.contacts[host]
+        pressed = stages_of(hosting, angles, moved[host])
+        stages.host = Host(pressed, contact_force(hosting, angles, moved[host]))
+    return np.maximum(law.limit(stages, angles.named(slots.numbers, slots.waves)), 0.0)
 
 
 def slopes_of(linear: Linear, states: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -194,10 +187,10 @@ def _contact_forces(
             with np.errstate(all="ignore"):  # a formula may overflow far outside
                 forces.append(contact_force(slots, angles, moves))
             continue
-        stages, numbers = _dry_stages(linear, index, angles, moved), angles.named(slots.numbers, slots.waves)
-        stages.slip, stages.stick = slips[index], slips[index] == 0.0
-        stages.extension = states[:, 2 * linear.n + linear.layout.structure.memories.index(index)]
-        forces.append(law.force(moves[0][1], stages, numbers))
+        numbers, place = angles.named(slots.numbers, slots.waves), linear.layout.structure.memories.index(index)
+        strained = numbers["stiffness"] * states[:, 2 * linear.n + place]
+        limit = _limit(linear, index, angles, moved)
+        forces.append(np.where(slips[index] == 0.0, strained, slips[index] * limit))
     forces = [np.broadcast_to(force, len(states)) for force in forces]
     return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
 
