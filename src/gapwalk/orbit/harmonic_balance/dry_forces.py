@@ -314,9 +314,9 @@ class DryForce:
     def extension(self, phi: Array) -> Array:
         """Return the extension of its spring at some angles from 0 to 2 pi."""
         places = self._phases_at(phi)
-        slips, pieces, pins = np.array([each[2:] for each in self.phases]).T
+        slips, pins, pieces = np.array([each[2:] for each in self.phases]).T
         rests = self.rests[pins[places]]  # in slip not used
-        limit = self.slider.limit(phi, pieces[places]).value / self._stiffness[0]
+        limit = self.slider.limit(phi, pieces[places], partial=False).value / self._stiffness[0]
         return np.where(slips[places] == 0, self.slider.deflection(phi) - rests, slips[places] * limit)
 
     @cached_property

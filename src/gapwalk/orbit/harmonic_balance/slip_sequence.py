@@ -34,8 +34,10 @@ TURN = 2.0 * np.pi
 _STEP = 1e-150  # of the complex step
 _SAME = 1e-12  # radians between two angles that count as one
 _ROUNDING = 4e-15  # of a place, relative to the size of the bounds
-_ITERATIONS = 100
-_TOLERANCE = 1e-15
+_ITERATIONS = 60  # bisection alone would need about 50; Newton's method takes 4
+_TOLERANCE = 2e-15
+_ASIDE = 1e-9  # radians from a break, at which the sign of the limit beside it is read
+_BESIDE = 1e-6  # radians, for a rough second derivative
 
 
 class Limit(NamedTuple):
@@ -199,10 +201,11 @@ class Slider:
         rates = self.motion.rates[self.element.place]
         return (waves(phi, len(rates) - 1) @ rates).real - self.drift[0]
 
-    def limit(self, phi: Array, pieces: NDArray[np.intp]) -> Limit:
-        """Return the limit at some angles, each in an interval with a number."""
-        found = self._signed_limit(phi, self._patterns[pieces])
-        return found if self._acts.all() else Limit(*(np.where(self._acts[pieces], each, 0.0) for each in found))
+    def limit(self, phi: Array, pieces: NDArray[np.intp], *, partial: bool = True) -> Limit:
+        """Return the limit at some angles, each in an interval with a number; without `partial` no partial derivatives."""
+        found = self._signed_limit(phi, self._patterns[pieces], partial=partial)
+        acts = self._acts[pieces] & (found.value > 0.0)
+        return found if acts.all() else Limit(*(np.where(acts, each, 0.0) for each in found))
 
     @cached_property
     def is_steady(self) -> bool:
@@ -275,19 +278,20 @@ class Slider:
         found, patterns = self._closings, np.arange(len(self._closed))
         if self.is_steady:
             return found, patterns, np.ones(len(patterns), dtype=bool)
-        added = []
-        for low, high, piece in _parts([each.phi for each in found]):
-            phi = _points(low, high, self._grid)
-            signs = self._signed_limit(phi, np.full(len(phi), piece)).value > 0.0
-            cells = 1 + np.flatnonzero(signs[1:-2] != signs[2:-1])  # at its ends it may be 0 by rounding
-            which = np.full(len(cells), piece)
+        phi, which, is_end = self._points(_parts([each.phi for each in found]))
+        # at its ends it may be 0 by rounding
+        phi[is_end] += np.where(np.arange(np.count_nonzero(is_end)) % 2 == 0, _ASIDE, -_ASIDE)
+        signs = self._signed_limit(phi, which, partial=False).value > 0.0
+        cells = np.flatnonzero((signs[:-1] != signs[1:]) & (phi[:-1] < phi[1:]))
 
-            def value(phi: Array, which: NDArray[np.intp] = which) -> Array:
-                return self._signed_limit(phi, which).value
+        def value(phi: Array, number: NDArray[np.intp]) -> tuple[Array, Array]:
+            limit = self._signed_limit(phi, which[cells[number]], partial=False)
+            return limit.value, limit.by_angle
 
-            added += [Break(each, -1, piece) for each in roots(value, phi[cells], phi[cells + 1]).tolist()]
+        zeros = roots(value, phi[cells], phi[cells + 1]).tolist()
+        added = [Break(each, -1, int(which[cell])) for each, cell in zip(zeros, cells, strict=True)]
         if not added and not found:
-            return [], patterns, np.array([bool(self._signed_limit(np.zeros(1), np.zeros(1, np.intp)).value[0] > 0.0)])
+            return [], patterns, signs[:1]
         # an added break lies within an interval of the host, whose pattern goes on
         known = sorted([*found, *added])
         current = len(found) - 1 if found else 0
@@ -297,7 +301,7 @@ class Slider:
             chosen.append(current)
         places, angles = [], np.array([each.phi for each in known])
         middle = 0.5 * (angles + np.append(angles[1:], angles[0] + TURN))
-        acts = self._signed_limit(middle, np.array(chosen)).value > 0.0
+        acts = self._signed_limit(middle, np.array(chosen), partial=False).value > 0.0
         for number, each in enumerate(known):  # a zero of the limit is moved with the side on which it is positive
             beside = number if acts[number] else number - 1
             places.append(each if each.switch >= 0 else each._replace(piece=beside % len(known)))
@@ -311,9 +315,47 @@ class Slider:
     def _acts(self) -> NDArray[np.bool_]:
         return self._intervals[2]
 
-    @property
-    def _grid(self) -> Array:
-        return grid(self.motion.lines.shape[1] - 1)[0]
+    def _points(self, parts: list[tuple[float, float, int]]) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
+        """Return points of a grid in some parts, with their ends; the interval of each, and True for the ends."""
+        cells, phi, which = grid(self.motion.lines.shape[1] - 1)[0], [], []
+        for low, high, piece in parts:
+            phi.append(np.concatenate(([low], cells[(cells > low) & (cells < high)], [high])))
+            which.append(np.full(len(phi[-1]), piece))
+        is_end = np.zeros(sum(map(len, phi)), dtype=bool)
+        lengths = np.cumsum([len(each) for each in phi])
+        is_end[lengths - 1] = is_end[np.append(0, lengths[:-1])] = True
+        return np.concatenate(phi), np.concatenate(which), is_end
+
+    def turning_points(self) -> list[list[float]]:
+        """Return the angles within each of the `pieces` at which a bound turns, in order."""
+        phi, which, is_end = self._points(self.pieces)
+        number = np.cumsum(is_end) // 2  # of the piece; only its last point has the next one
+        stiffness, found = self.number("stiffness")[0], [[] for _ in self.pieces]
+        for side in (0.0,) if self.is_steady else (-1.0, 1.0):
+
+            def rate(phi: Array, which: NDArray[np.intp], side: float = side) -> Array:
+                speed = self.deflection_rate(phi)
+                return speed + side / stiffness * self.limit(phi, which, partial=False).by_angle if side else speed
+
+            speeds = rate(phi, which) > 0.0
+            cells = np.flatnonzero((speeds[:-1] != speeds[1:]) & ~(is_end[:-1] & is_end[1:] & (phi[:-1] == phi[1:])))
+            pieces = which[cells]
+
+            def value(phi: Array, each: NDArray[np.intp], side: float = side, pieces=pieces, rate=rate):
+                now, bend = rate(phi, pieces[each], side), self._bend(phi)
+                if side:
+                    beside = phi + _BESIDE
+                    bend = (rate(beside, pieces[each], side) - now) / _BESIDE
+                return now, bend
+
+            for cell, angle in zip(cells, roots(value, phi[cells], phi[cells + 1]).tolist(), strict=True):
+                found[number[cell]].append(angle)
+        return [sorted(each) for each in found]
+
+    def _bend(self, phi: Array) -> Array:
+        """Return the second derivative of the deflection by phi."""
+        rates = self.motion.rates[self.element.place]
+        return (waves(phi, len(rates) - 1) @ (1j * np.arange(len(rates)) * rates)).real
 
     @cached_property
     def _steady_limits(self) -> Array:
@@ -323,7 +365,7 @@ class Slider:
         found = np.broadcast_to(self._formula(moved, none, none, none, closed), none.shape)
         return np.array([np.real(found), np.imag(found) / _STEP])
 
-    def _signed_limit(self, phi: Array, patterns: NDArray[np.intp]) -> Limit:
+    def _signed_limit(self, phi: Array, patterns: NDArray[np.intp], *, partial: bool = True) -> Limit:
         """Return what the law gives for the limit, which may be negative."""
         none = np.zeros(len(phi))
         if self.is_steady:
@@ -337,14 +379,16 @@ class Slider:
             x, v = (turns @ lines).real, (turns @ rates).real
             bend = (turns @ (1j * np.arange(len(rates)) * rates)).real
         w, numbers = motion.frequency, motion.coefficients
-        found = [
-            self._formula(numbers, phi + step, x + step * v, w * (v + step * bend), closed),
-            self._formula(numbers + step * motion.slope, phi, x, w * v * (1.0 + step * motion.faster), closed),
-            self._formula(numbers, phi, x + step, w * v, closed),
-            self._formula(numbers, phi, x, w * v + step, closed),
-        ]
+        found = [self._formula(numbers, phi + step, x + step * v, w * (v + step * bend), closed)]
+        if partial:
+            found += [
+                self._formula(numbers + step * motion.slope, phi, x, w * v * (1.0 + step * motion.faster), closed),
+                self._formula(numbers, phi, x + step, w * v, closed),
+                self._formula(numbers, phi, x, w * v + step, closed),
+            ]
         values = [np.broadcast_to(each, phi.shape) for each in found]
-        return Limit(np.real(values[0]).copy(), *(np.imag(each) / _STEP for each in values))
+        slopes = [np.imag(each) / _STEP for each in values]
+        return Limit(np.real(values[0]).copy(), *slopes, *[none] * (4 - len(slopes)))
 
     def _formula(self, coefficients: NDArray, phi: NDArray, x: NDArray, v: NDArray, closed: list) -> NDArray:
         """Evaluate the law of the friction, real or complex."""
@@ -365,7 +409,7 @@ def sequence_of(slider: Slider) -> tuple[list[Phase], list[Pin], list[Leap], lis
     knots, pieces, places = _knots(slider)
     ends = np.concatenate((knots[:-1], knots[1:]))
     x = slider.deflection(ends)
-    reach = slider.limit(ends, np.concatenate((pieces, pieces))).value / stiffness
+    reach = slider.limit(ends, np.concatenate((pieces, pieces)), partial=False).value / stiffness
     (low, low_then), (high, high_then) = (each.reshape(2, -1).tolist() for each in (x - reach, x + reach))
     rounding = _ROUNDING * max(float(np.abs(x).max()), float(np.abs(reach).max()))
     highest, lowest = max(*low, *low_then), min(*high, *high_then)
@@ -418,8 +462,12 @@ def _begin(slider: Slider, phases: list[Phase], starts: list[tuple[int, float]],
     sides, piece = np.array([each.slip for each in slips]), np.array([each.piece for each in slips])
     rests = np.array([rest for _, rest in starts])
 
-    def beyond(phi: Array) -> Array:
-        return slider.deflection(phi) - sides * (slider.limit(phi, piece).value / stiffness) - rests
+    def beyond(phi: Array, number: NDArray[np.intp]) -> tuple[Array, Array]:
+        limit, side = slider.limit(phi, piece[number], partial=False), sides[number] / stiffness
+        return (
+            slider.deflection(phi) - side * limit.value - rests[number],
+            slider.deflection_rate(phi) - side * limit.by_angle,
+        )
 
     low, high = np.array([each.start for each in slips]), np.array([each.end for each in slips])
     for (number, _), phi in zip(starts, roots(beyond, low, high).tolist(), strict=True):
@@ -445,34 +493,17 @@ def _knots(slider: Slider) -> tuple[list[float], NDArray[np.intp], list[int]]:
 
     With them come the number of the interval of the limit after each, and the number of the break at each, or -1.
     """
-    stiffness, cells = slider.number("stiffness")[0], slider._grid
     knots, intervals, places = [], [], []
     at_break = {each.phi: number for number, each in enumerate(slider.breaks)}
-    for low, high, piece in slider.pieces:
-        phi = _points(low, high, cells)
-
-        def rate(phi: Array, side: float, piece: int = piece) -> Array:
-            pieces = np.full(len(phi), piece)
-            return slider.deflection_rate(phi) + side / stiffness * slider.limit(phi, pieces).by_angle
-
-        found: list[float] = []
-        for side in (0.0,) if slider.is_steady else (-1.0, 1.0):
-            speeds = rate(phi, side) > 0.0
-            cell = np.flatnonzero(speeds[1:] != speeds[:-1])
-            found += roots(lambda phi, side=side: rate(phi, side), phi[cell], phi[cell + 1]).tolist()
+    for (low, high, piece), turning in zip(slider.pieces, slider.turning_points(), strict=True):
         inside = [low]
-        for each in sorted(found):
+        for each in turning:
             if each - inside[-1] > _SAME and high - each > _SAME:
                 inside.append(each)
         knots += inside
         intervals += [piece] * len(inside)
         places += [at_break.get(low, -1)] + [-1] * (len(inside) - 1)
     return [*knots, TURN], np.array(intervals), [*places, places[0]]
-
-
-def _points(low: float, high: float, cells: Array) -> Array:
-    """Return the points of a grid between two angles, and these."""
-    return np.concatenate(([low], cells[(cells > low) & (cells < high)], [high]))
 
 
 def _parts(angles: list[float]) -> list[tuple[float, float, int]]:
@@ -483,33 +514,31 @@ def _parts(angles: list[float]) -> list[tuple[float, float, int]]:
     return [each for each in parts if each[1] > each[0]]
 
 
-def roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+def roots(
+    function: Callable[[Array, NDArray[np.intp]], tuple[Array, Array]], low: Array, high: Array
+) -> Array:
     """Return a zero of a function between each two angles at which its signs differ, all at once.
 
-    By inverse quadratic interpolation, or bisection where that is not safe (Chandrupatla 1997, Advances in Engineering
-    Software 28, 145-149).
+    By Newton's method, or bisection where that leaves the bracket. The function has angles with the numbers of their
+    brackets, and returns its values and its slopes, which may be rough.
     """
     if not len(low):
         return low
-    a, b, c = low.copy(), high.copy(), low.copy()
-    at_a, at_b = function(a), function(b)
-    at_c, share = at_a, np.full(len(a), 0.5)
-    with np.errstate(all="ignore"):
-        for _ in range(_ITERATIONS):
-            x = a + share * (b - a)
-            at_x = function(x)
-            same = (at_x > 0.0) == (at_a > 0.0)
-            c, at_c = np.where(same, a, b), np.where(same, at_a, at_b)
-            b, at_b = np.where(same, b, a), np.where(same, at_b, at_a)
-            a, at_a = x, at_x
-            least = _TOLERANCE / np.abs(b - a)
-            done = (least > 0.5) | (np.minimum(np.abs(at_a), np.abs(at_b)) == 0.0)
-            if done.all():
-                break
-            way, height = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
-            quadratic = at_a / (at_b - at_a) * (at_c / (at_b - at_c))
-            quadratic += (c - a) / (b - a) * (at_a / (at_c - at_a)) * (at_b / (at_c - at_b))
-            safe = (height**2 < way) & ((1.0 - height) ** 2 < 1.0 - way)
-            share = np.where(safe & ~done, np.clip(quadratic, least, 1.0 - least), 0.5)
-            share = np.where(done, 0.0, share)
-    return np.where(np.abs(at_a) <= np.abs(at_b), a, b)
+    low, high, each = low.copy(), high.copy(), np.arange(len(low))
+    rises = function(high, each)[0] > 0.0
+    found = 0.5 * (low + high)
+    phi = found.copy()
+    for _ in range(_ITERATIONS):
+        value, slope = function(phi, each)
+        above = (value > 0.0) == rises[each]
+        high[each[above]], low[each[~above]] = phi[above], phi[~above]
+        with np.errstate(all="ignore"):
+            following = phi - value / slope
+        inside = (following >= low[each]) & (following <= high[each])
+        following = np.where(inside, following, 0.5 * (low[each] + high[each]))
+        found[each] = following
+        going = np.abs(following - phi) > _TOLERANCE
+        if not going.any():
+            break
+        each, phi = each[going], following[going]
+    return found
