@@ -29,6 +29,7 @@ from gapwalk.model.laws.closed_form import Host
 from gapwalk.orbit.harmonic_balance.series import grid, waves
 
 Array = NDArray[np.float64]
+Function = Callable[[Array, NDArray[np.intp]], tuple[Array, Array]]
 
 TURN = 2.0 * np.pi
 _STEP = 1e-150  # of the complex step
@@ -278,20 +279,18 @@ class Slider:
         found, patterns = self._closings, np.arange(len(self._closed))
         if self.is_steady:
             return found, patterns, np.ones(len(patterns), dtype=bool)
-        phi, which, is_end = self._points(_parts([each.phi for each in found]))
-        # at its ends it may be 0 by rounding
-        phi[is_end] += np.where(np.arange(np.count_nonzero(is_end)) % 2 == 0, _ASIDE, -_ASIDE)
-        signs = self._signed_limit(phi, which, partial=False).value > 0.0
-        cells = np.flatnonzero((signs[:-1] != signs[1:]) & (phi[:-1] < phi[1:]))
+        phi, which, opens = self._points(_parts([each.phi for each in found]))
+        closes = np.roll(~opens, 1)  # at the ends it may be 0 by rounding
+        phi = phi + _ASIDE * (closes * 1.0 - ~opens)
 
-        def value(phi: Array, number: NDArray[np.intp]) -> tuple[Array, Array]:
-            limit = self._signed_limit(phi, which[cells[number]], partial=False)
+        def value(phi: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+            limit = self._signed_limit(phi, which, partial=False)
             return limit.value, limit.by_angle
 
-        zeros = roots(value, phi[cells], phi[cells + 1]).tolist()
-        added = [Break(each, -1, int(which[cell])) for each, cell in zip(zeros, cells, strict=True)]
+        cells, zeros = zeros_on(value, phi, which, opens)
+        added = [Break(each, -1, int(which[cell])) for cell, each in zip(cells, zeros, strict=True)]
         if not added and not found:
-            return [], patterns, signs[:1]
+            return [], patterns, value(phi[:1], which[:1])[0] > 0.0
         # an added break lies within an interval of the host, whose pattern goes on
         known = sorted([*found, *added])
         current = len(found) - 1 if found else 0
@@ -316,39 +315,30 @@ class Slider:
         return self._intervals[2]
 
     def _points(self, parts: list[tuple[float, float, int]]) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
-        """Return points of a grid in some parts, with their ends; the interval of each, and True for the ends."""
-        cells, phi, which = grid(self.motion.lines.shape[1] - 1)[0], [], []
+        """Return points of a grid in some parts, with their ends; the interval of each; and True but for last points."""
+        cells, phi, which, opens = grid(self.motion.lines.shape[1] - 1)[0], [], [], []
         for low, high, piece in parts:
             phi.append(np.concatenate(([low], cells[(cells > low) & (cells < high)], [high])))
             which.append(np.full(len(phi[-1]), piece))
-        is_end = np.zeros(sum(map(len, phi)), dtype=bool)
-        lengths = np.cumsum([len(each) for each in phi])
-        is_end[lengths - 1] = is_end[np.append(0, lengths[:-1])] = True
-        return np.concatenate(phi), np.concatenate(which), is_end
+            opens.append(np.arange(len(phi[-1])) < len(phi[-1]) - 1)
+        return np.concatenate(phi), np.concatenate(which), np.concatenate(opens)
 
     def turning_points(self) -> list[list[float]]:
         """Return the angles within each of the `pieces` at which a bound turns, in order."""
-        phi, which, is_end = self._points(self.pieces)
-        number = np.cumsum(is_end) // 2  # of the piece; only its last point has the next one
-        stiffness, found = self.number("stiffness")[0], [[] for _ in self.pieces]
+        phi, which, opens = self._points(self.pieces)
+        number, stiffness = np.cumsum(~opens), self.number("stiffness")[0]
+        found: list[list[float]] = [[] for _ in self.pieces]
         for side in (0.0,) if self.is_steady else (-1.0, 1.0):
 
             def rate(phi: Array, which: NDArray[np.intp], side: float = side) -> Array:
                 speed = self.deflection_rate(phi)
                 return speed + side / stiffness * self.limit(phi, which, partial=False).by_angle if side else speed
 
-            speeds = rate(phi, which) > 0.0
-            cells = np.flatnonzero((speeds[:-1] != speeds[1:]) & ~(is_end[:-1] & is_end[1:] & (phi[:-1] == phi[1:])))
-            pieces = which[cells]
+            def value(phi: Array, which: NDArray[np.intp], side: float = side, rate=rate) -> tuple[Array, Array]:
+                now = rate(phi, which)
+                return now, (rate(phi + _BESIDE, which) - now) / _BESIDE if side else self._bend(phi)
 
-            def value(phi: Array, each: NDArray[np.intp], side: float = side, pieces=pieces, rate=rate):
-                now, bend = rate(phi, pieces[each], side), self._bend(phi)
-                if side:
-                    beside = phi + _BESIDE
-                    bend = (rate(beside, pieces[each], side) - now) / _BESIDE
-                return now, bend
-
-            for cell, angle in zip(cells, roots(value, phi[cells], phi[cells + 1]).tolist(), strict=True):
+            for cell, angle in zip(*zeros_on(value, phi, which, opens), strict=True):
                 found[number[cell]].append(angle)
         return [sorted(each) for each in found]
 
@@ -514,9 +504,50 @@ def _parts(angles: list[float]) -> list[tuple[float, float, int]]:
     return [each for each in parts if each[1] > each[0]]
 
 
-def roots(
-    function: Callable[[Array, NDArray[np.intp]], tuple[Array, Array]], low: Array, high: Array
-) -> Array:
+def zeros_on(
+    function: Function, phi: Array, which: NDArray[np.intp], opens: NDArray[np.bool_]
+) -> tuple[list[int], list[float]]:
+    """Return the zeros of a function between neighbouring points, each after the number of the point before it.
+
+    Two zeros between two points are found, too, if the slopes there point to an extremum beyond zero.
+
+    Parameters
+    ----------
+    function
+        It has angles with the numbers of their intervals, and returns values and slopes, which may be rough.
+    phi, which
+        The points, and the interval of each.
+    opens
+        True for each point after which the next one follows.
+    """
+    value, slope = function(phi, which)
+    above, cells = value > 0.0, np.flatnonzero(opens)
+    changes = cells[above[cells] != above[cells + 1]]
+    same = cells[above[cells] == above[cells + 1]]
+    side, width = np.where(above[same], 1.0, -1.0), phi[same + 1] - phi[same]
+    dips = (side * slope[same] < 0.0) & (side * slope[same + 1] > 0.0)
+    dips &= np.minimum(abs(value[same]), abs(value[same + 1])) < width * np.maximum(
+        abs(slope[same]), abs(slope[same + 1])
+    )
+    same, side = same[dips], side[dips]
+    low, high, numbers = phi[changes], phi[changes + 1], changes
+    if len(same):
+        pieces = which[same]
+
+        def turned(phi: Array, each: NDArray[np.intp]) -> tuple[Array, Array]:
+            now = function(phi, pieces[each])[1]
+            return now, (function(phi + _BESIDE, pieces[each])[1] - now) / _BESIDE
+
+        middle = roots(turned, phi[same], phi[same + 1])
+        beyond = side * function(middle, pieces)[0] < 0.0
+        same, middle = same[beyond], middle[beyond]
+        low, high = np.concatenate((low, phi[same], middle)), np.concatenate((high, middle, phi[same + 1]))
+        numbers = np.concatenate((changes, same, same))
+    found = roots(lambda phi, each: function(phi, which[numbers[each]]), low, high)
+    return numbers.tolist(), found.tolist()
+
+
+def roots(function: Function, low: Array, high: Array) -> Array:
     """Return a zero of a function between each two angles at which its signs differ, all at once.
 
     By Newton's method, or bisection where that leaves the bracket. The function has angles with the numbers of their
