@@ -434,7 +434,7 @@ def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: fl
 def _exact(system: System, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Integrate the exact motion over one forcing period, shape (samples, 2n); None if it diverges."""
     try:
-        return flow_of(system).sample(coefficients_of(system), state, np.linspace(0.0, PERIOD, _SAMPLES))[0]
+        return flow_of(system).sample(coefficients_of(system), state, np.linspace(0.0, PERIOD, _SAMPLES)).states
     except FlowError:
         return None
 

@@ -12,13 +12,15 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.dry_switches import TAIL, DrySwitches
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.event_rule import Quotient, jump_of, pass_event
 from gapwalk.flow.forces import Angles, accelerations
@@ -29,6 +31,9 @@ _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
+_LEAVING = (
+    1e-5  # radians within which a stop that lets go is not struck again: its deflection leaves in the third order
+)
 _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
 
 
@@ -84,6 +89,10 @@ class EventCall:
         """Report that a guard of a mode changes its sign; return whether the integrator continues."""
         return self.owner().at_guard(self.index, direction)
 
+    def slip(self, _integrator: Any, direction: int) -> bool:
+        """Report an event of friction; return whether the integrator continues."""
+        return self.owner().at_slip(self.index, direction)
+
     def turn(self, integrator: Any, theta: float, _direction: int) -> None:
         """Report an event that does not stop the integrator."""
         self.owner().at_event(self.index, theta)
@@ -103,7 +112,7 @@ class Switchboard:
         layout = equations.layout
         contacts = [layout.contacts[k] for k, _ in equations.switches]
         stages = [layout.contacts[k].stages[j] for k, j in equations.switches]
-        self.n = layout.structure.size
+        self.n, self.size = layout.structure.size, layout.structure.state_size
         self.count = len(stages)
         self.signs = np.array([stage.sign for stage in stages], dtype=float)
         self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
@@ -114,7 +123,7 @@ class Switchboard:
         moving = [sway for sway in self._sways if sway is not None]
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
-        self.modes = ModeSwitches(equations)
+        self.modes, self.dry = ModeSwitches(equations), DrySwitches(equations)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
@@ -126,12 +135,16 @@ class Switchboard:
         self.missed = 0
         self.event_limit = 0
 
-    def attach(self, integrator, columns: int) -> None:
-        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
+    def attach(self, integrator, columns: int, readings: Any = None) -> None:
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
+
+        `readings` are those of `DrySwitches.compile`.
+        """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         self.modes.attach(integrator)
-        if self.count or self.modes.mode_count:
+        self.dry.attach(integrator, columns, readings)
+        if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
@@ -139,9 +152,10 @@ class Switchboard:
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
-        self._coefficients = coefficients
+        self._coefficients = self._system = coefficients
         if not self.count:
             self.modes.start(coefficients, theta, unit)
+            self._start_dry(theta)
             return
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
@@ -152,17 +166,42 @@ class Switchboard:
         self.modes.start(coefficients, theta, unit)
         self._changed = [theta] * self.count
         self._left = self._changed.copy()
+        self._start_dry(theta)
         near = self._are_near(depths, state, _ON)
         if any(near):
-            self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
+            before = self._inside.copy()
+            self._leave(
+                {switch: depths[switch] for switch in range(self.count) if near[switch] and not self._rebounds[switch]},
+                theta,
+            )
             if self.modes.mode_count:
                 self.modes.refresh(theta, self._closed())
+            if before != self._inside:
+                self._start_dry(theta)
+        for switch in self.dry.stop_reaction:
+            self._parameters[self._first + switch] = self._inside[switch] = False
+            if near[switch] and not self.dry.holds(switch) and self._signs[switch] * self._rate(switch, theta) > 0.0:
+                self._settle(switch, theta, reported=False)
+
+    def _start_dry(self, theta: float) -> None:
+        """Set the modes of friction and stops; where they change later, so do the coefficients."""
+        if not self.dry.count:
+            return
+
+        def change(coefficients: NDArray[np.float64]) -> None:
+            self._coefficients = self.modes.coefficients = coefficients
+            self._of_motion.clear()
+
+        self.dry.closed = self._closed()
+        self.dry.start(self._system, self._directions(), theta, self._unit, change)
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
         if self.missed:
             return False
         if self.modes.mode_count and not self.modes.are_right():
+            return False
+        if self.dry.count and not self.dry.are_right(self._integrator.time):
             return False
         if not self.count:
             return True
@@ -231,7 +270,10 @@ class Switchboard:
 
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
-        if self._settle(switch, theta) and self._simultaneous[switch]:
+        if self.dry.count and self.dry.let_go(switch, theta):
+            self.log.append(ContactEvent(theta, switch, False, 0.0))
+            self._left[switch] = theta + _LEAVING
+        elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
             self.modes.set_simultaneous(self._closed())
@@ -245,12 +287,7 @@ class Switchboard:
         """
         if theta < self._left[switch]:
             return False
-        velocity = 0.0
-        for i, factor in self._rate_rows[switch]:
-            velocity += factor * self._state.item(i)
-        if self._lines[switch] is not None:
-            velocity += self._sway(switch, theta, 1) / float(self._coefficients[0])
-        before = self._inside[switch]
+        velocity, before = self._rate(switch, theta), self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
             if reported and inside is before and theta - self._changed[switch] > _REPEATED:
@@ -264,12 +301,32 @@ class Switchboard:
         if self._rebounds[switch]:
             self._rebound(switch, theta)
             return True
-        if self._columns and self._jumps[switch] is not None:
+        contact = self.equations.switches[switch][0]
+        if self.dry.count and self.dry.concerns(contact, self._jumps[switch] is not None):
+            now = self.dry.read(theta)
+            shifts = self._shifts(switch, theta) if self._columns else np.zeros(0)
+            self._parameters[self._first + switch] = self._inside[switch] = inside
+            self.dry.closed = self._closed()
+            self.dry.after_stage(contact, theta)
+            if self._columns:
+                self.dry.add_delay(now, theta, shifts, velocity)
+        elif self._columns and self._jumps[switch] is not None:
             self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
+        if self.dry.count:
+            self.dry.closed = self._closed()
         if self.modes.mode_count:
             self.modes.refresh(theta, self._closed())
         return True
+
+    def _rate(self, switch: int, theta: float) -> float:
+        """Return the rate of the deflection of a switch over time."""
+        rate = 0.0
+        for i, factor in self._rate_rows[switch]:
+            rate += factor * self._state.item(i)
+        if self._lines[switch] is not None:
+            rate += self._sway(switch, theta, 1) / float(self._coefficients[0])
+        return rate
 
     def _settle_simultaneous(self, others: Iterable[int], theta: float) -> None:
         """Set those of some other switches whose breakpoints are crossed at the same time.
@@ -311,7 +368,8 @@ class Switchboard:
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
         """Decide a slow crossing: the velocity decides, unless the motion turns back within the cooldown."""
         q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
-        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v, unit=self._unit)
+        layout, dry = self.equations.layout, self.dry.present
+        acceleration = accelerations(layout, self._coefficients, theta, q, v, unit=self._unit, dry=dry)
         turning = float(self._vectors[switch] @ acceleration)
         if self._lines[switch] is not None:
             turning += self._sway(switch, theta, 2) / float(self._coefficients[0]) ** 2
@@ -326,25 +384,48 @@ class Switchboard:
         Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
         stays finite if the jump vanishes with the rate, as for a viscous damper.
         """
-        n, coefficients = self.n, self._coefficients
         if switch not in self._of_motion:
             directions, quotients = self._directions(), self._jumps[switch]
             assert quotients is not None
             contact = self.equations.layout.contacts[self.equations.switches[switch][0]]
             places = self.signs[switch] * directions[:, self._breaks[switch]]
             vectors = directions[:, self._deflections[switch]]
+            coefficients = self._coefficients
             self._of_motion[switch] = coefficients[contact.force], quotients(coefficients), vectors, places
         push, quotient, vectors, places = self._of_motion[switch]
-        columns = self._state[2 * n :].reshape(self._columns, 2 * n)
-        shifts = columns[:, :n] @ self._vectors[switch]
+        jump = quotient(rate, theta)
+        shifts = self._shifts(switch, theta, vectors, places)
+        columns = self._state[self.size :].reshape(self._columns, self.size)
+        columns[:, self.n : 2 * self.n] -= np.outer(shifts, (jump if inside else -jump) * push)
+
+    def _shifts(
+        self, switch: int, theta: float, vectors: NDArray | None = None, places: NDArray | None = None
+    ) -> NDArray[np.float64]:
+        """Return the change of the deflection of a switch less its breakpoint, along each column.
+
+        `vectors` and `places` are the derivatives of both along the directions, if they are known.
+        """
+        columns = self._state[self.size :].reshape(self._columns, self.size)
+        shifts = columns[:, : self.n] @ self._vectors[switch]
+        if vectors is None or places is None:
+            directions = self._directions()
+            vectors, places = directions[:, self._deflections[switch]], directions[:, self._breaks[switch]]
+            places = self.signs[switch] * places
         if len(places):  # g_p, of each direction of the coefficients
-            shifts[self._columns - len(places) :] += vectors @ self._state[:n] - places
+            shifts[self._columns - len(places) :] += vectors @ self._state[: self.n] - places
             if (sway := self._sways[switch]) is not None:
                 angles = self._orders * theta
                 waves = np.concatenate((np.cos(angles), np.sin(angles)))
                 shifts[self._columns - len(places) :] += self._directions()[:, sway] @ waves
-        jump = quotient(rate, theta)
-        columns[:, n:] -= np.outer(shifts, (jump if inside else -jump) * push)
+        return shifts
+
+    def at_slip(self, event: int, direction: int) -> bool:
+        """Change a mode of friction at one of its events; return whether the integrator continues."""
+        self.dry.at_slip(event, direction)
+        if self.count:
+            self._settle_simultaneous(range(self.count), self._integrator.time)
+        self.event_limit -= 1
+        return self.event_limit > 0
 
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
@@ -358,8 +439,10 @@ class Switchboard:
 
     def change_level(self, theta: float, number: int, rises: bool) -> None:
         """Change the level of a cycle at its angle."""
-        columns = self._state[2 * self.n :][: self._columns * 2 * self.n].reshape(self._columns, 2 * self.n)
-        self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed())
+        columns = self._state[self.size :][: self._columns * self.size].reshape(self._columns, self.size)
+        self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed(), self.dry.present)
+        if self.dry.count:
+            self.dry.after_stage(-1, theta)
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""
@@ -370,37 +453,77 @@ class Switchboard:
         ]
 
     def _rebound(self, switch: int, theta: float) -> None:
-        """Reset the rate of the deflection, and transform the sensitivities accordingly."""
-        n, layout = self.n, self.equations.layout
-        slots = layout.contacts[self.equations.switches[switch][0]]
-        closed = self._closed()
+        """Reset the rates of deflections at an impact, and transform the sensitivities accordingly.
 
-        def reset(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
-            vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
-            angles = Angles(layout, coefficients, theta)
-            rate = np.sum(vector * state[..., n:], axis=-1) + angles.sway(slots, 0, 1)
-            after = slots.form.law.rebound(rate, angles.named(slots.numbers, slots.waves))
-            change = (after - rate) / np.sum(vector * push, axis=-1)
-            return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
-
-        def guard(state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
-            vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
-            x = np.sum(vector * state[..., :n], axis=-1) + Angles(layout, coefficients, theta).sway(slots)
-            return x - self.signs[switch] * place
-
-        def flow(state: NDArray[np.float64], _: bool) -> NDArray[np.float64]:
-            q, v = state[:n], state[n:]
-            unit = self._unit
-            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed, unit=unit)))
-            return self._coefficients[0] * rates
-
-        state = self._state[: 2 * n].copy()
+        Impacts that would last together for a moment only are summed up: the contact is held from here on. Its
+        impulses act along one direction, so that leaves an error of the second order of that time.
+        """
+        size, dry, before = self.size, self.dry, self._state[: self.size].copy()
+        coefficients, begin, struck = self._system, dry.read(theta), [switch]
+        reset = partial(self._reset, struck, False)
+        while True:
+            self._state[:size] = after = reset(before, coefficients, theta)
+            hit = [other for other in dry.stop_reaction if dry.holds(other) and other != struck[-1]]
+            # an impulse on one stop may press on another that is held
+            into = [other for other in hit if self._signs[other] * self._rate(other, theta) > self._speed * _ON]
+            if not into or len(struck) > len(dry.stop_reaction) ** 2:
+                break
+            struck.append(into[0])
+        dry.after_impact(theta)
+        now, contact = dry.read(theta), self.equations.switches[switch][0]
+        towards = self._signs[switch] * dry.acceleration(contact, now, theta)
+        left, restitution = -self._signs[switch] * self._rate(switch, theta), self._restitution(switch, theta)
+        if towards > 0.0 and restitution < 1.0 and len(struck) == 1:
+            tail = 2.0 * max(left, 0.0) / (towards * (1.0 - restitution))
+            if tail <= TAIL * float(coefficients[0]):
+                reset = partial(self._reset, struck, True)
+                self._state[:size] = after = reset(before, coefficients, theta)
+                dry.after_impact(theta, [dry.stop_reaction[switch]])
         if self._columns:
-            changes = self._state[2 * n :].reshape(self._columns, 2 * n)
-            along, directions = np.zeros((self._columns, len(self._coefficients))), self._directions()
+            now = dry.read(theta)
+            rows = self._state[size:].reshape(self._columns, size)
+            along, directions = np.zeros((self._columns, len(coefficients))), dry.directions
             along[self._columns - len(directions) :] = directions
-            changes[:] = pass_event(changes, along, state, self._coefficients, theta, guard, reset, flow)
-        self._state[: 2 * n] = reset(state, self._coefficients, theta)
+            flows = [float(coefficients[0]) * np.concatenate(each[:3]) for each in (begin, now)]
+            guard = partial(self._depth_of, switch)
+            rows[:] = pass_event(
+                rows, along, before, coefficients, theta, guard, reset, lambda _, passed: flows[int(passed)]
+            )
+        self._state[:size] = after
+        dry.kink(begin, theta)
+        for other in struck[1:]:
+            self.log.append(ContactEvent(theta, other, True, 0.0))
+
+    def _restitution(self, switch: int, theta: float) -> float:
+        slots = self.equations.layout.contacts[self.equations.switches[switch][0]]
+        numbers = Angles(self.equations.layout, self._system, theta).named(slots.numbers, slots.waves)
+        return -float(slots.form.law.rebound(1.0, numbers))
+
+    def _reset(
+        self, struck: Sequence[int], plastic: bool, state: NDArray, coefficients: NDArray, theta: Any
+    ) -> NDArray:
+        """Return the state after impacts at some switches, one after the other; plastic ones also end on the stop."""
+        n, layout = self.n, self.equations.layout
+        angles = Angles(layout, coefficients, theta)
+        for switch in struck:
+            slots = layout.contacts[self.equations.switches[switch][0]]
+            vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
+            push = push / np.sum(vector * push, axis=-1)[..., None]
+            rate = np.sum(vector * state[..., n : 2 * n], axis=-1) + angles.sway(slots, 0, 1)
+            after = 0.0 * rate if plastic else slots.form.law.rebound(rate, angles.named(slots.numbers, slots.waves))
+            q, v = state[..., :n], state[..., n : 2 * n] + (after - rate)[..., None] * push
+            if plastic:
+                q = q - self._depth_of(switch, state, coefficients, theta)[..., None] * push
+            state = np.concatenate((q, v, state[..., 2 * n :]), axis=-1)
+        return state
+
+    def _depth_of(self, switch: int, state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
+        """Return the deflection of a switch beyond its breakpoint, real or complex."""
+        layout = self.equations.layout
+        slots = layout.contacts[self.equations.switches[switch][0]]
+        vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
+        x = np.sum(vector * state[..., : self.n], axis=-1) + Angles(layout, coefficients, theta).sway(slots)
+        return x - self.signs[switch] * place
 
     def _directions(self) -> NDArray[np.float64]:
         """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave
-from gapwalk.model.laws import Stages, StageTerms
+from gapwalk.model.laws import Friction, Host, Stages, StageTerms
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
@@ -31,11 +31,25 @@ FUNCTIONS = {
 
 
 class _ContactLaw(NamedTuple):
-    """Force of a contact; its derivatives by each deflection and its rate; and the guards of its modes."""
+    """Force of a contact; its derivatives by each deflection and its rate; the guards of its modes; and its friction.
+
+    Each derivative has the slots of the deflection by which it is.
+    """
 
     force: hy.expression
-    slopes: list[list[hy.expression]]
+    slopes: list[tuple[NDArray[np.intp], list[hy.expression]]]
     guards: list[hy.expression]
+    limits: tuple[hy.expression, hy.expression]
+
+
+class _Seen(NamedTuple):
+    """A contact as its law sees it, in symbols of its own; the motion has the expression of each symbol."""
+
+    rate: hy.expression
+    stages: Stages
+    numbers: dict[str, Any]
+    moves: list[tuple[hy.expression, hy.expression]]
+    motion: dict[hy.expression, hy.expression]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +66,9 @@ class Equations:
         For each sensitivity, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, the modes, the levels of the cycles, the unit of length, then the
-    coefficients. The last one, `1/W`, occurs in every equation, so heyoka allocates room for all of them.
+    then the weights of the event functions, the modes, the levels of the cycles, the slips and sticks of friction, the
+    stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in every equation, so
+    heyoka allocates room for all of them.
     """
 
     layout: CoefficientLayout
@@ -91,32 +106,47 @@ class Equations:
         """Indices of the components of all directions, in the joined coefficients of all directions."""
         return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
 
-    @property
+    @cached_property
     def first_switch(self) -> int:
         """Run-time parameter of the first switch."""
         return self.first_component(len(self.varying))
 
-    @property
+    @cached_property
     def first_weight(self) -> int:
         """Run-time parameter of the first weight of an event function."""
         return self.first_switch + len(self.switches)
 
-    @property
+    @cached_property
     def first_mode(self) -> int:
         """Run-time parameter of the first mode of a law."""
         return self.first_weight + len(self.switches)
 
-    @property
+    @cached_property
     def first_level(self) -> int:
         """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
         return self.first_mode + len(self.modes)
 
-    @property
-    def length(self) -> int:
-        """Run-time parameter of the unit of length, in units of the model."""
+    @cached_property
+    def first_slip(self) -> int:
+        """Run-time parameter of the first slip of friction: 1 or -1 in slip, 0 in stick."""
         return self.first_level + len(self.layout.cycles)
 
-    @property
+    @cached_property
+    def first_stick(self) -> int:
+        """Run-time parameter of the first stick of friction: 1 in stick, otherwise 0."""
+        return self.first_slip + len(self.dry)
+
+    @cached_property
+    def first_held(self) -> int:
+        """Run-time parameter of the first switch of a rigid stop: 1 while the stop is held, otherwise 0."""
+        return self.first_stick + len(self.dry)
+
+    @cached_property
+    def length(self) -> int:
+        """Run-time parameter of the unit of length, in units of the model."""
+        return self.first_held + len(self.stops)
+
+    @cached_property
     def first_coefficient(self) -> int:
         """Run-time parameter of the first coefficient."""
         return self.length + 1
@@ -124,7 +154,17 @@ class Equations:
     @cached_property
     def formulas(self) -> bool:
         """True if any force is a formula, which may have no value somewhere."""
-        return any(not contact.form.law.stage_parameters for contact in self.layout.contacts)
+        return any(contact.form.law.is_formula for contact in self.layout.contacts)
+
+    @cached_property
+    def dry(self) -> tuple[int, ...]:
+        """Numbers of the contacts that are dry friction."""
+        return tuple(index for index, contact in enumerate(self.layout.contacts) if contact.form.law.is_dry)
+
+    @cached_property
+    def stops(self) -> tuple[int, ...]:
+        """Numbers of the switches of rigid stops."""
+        return tuple(switch for _, switch in self.layout.structure.reactions if switch >= 0)
 
     @cached_property
     def modes(self) -> tuple[tuple[int, int], ...]:
@@ -163,23 +203,109 @@ class Equations:
         The tolerance of the integrator is relative to the largest of the variables and the event functions. So the
         event function of a distant breakpoint must not be larger than the motion.
         """
-        slots = self.layout.contacts[contact]
-        weight = hy.par[self.first_weight + self.switches.index((contact, stage))]
-        return weight * self._depth(self._deflection(slots), slots.stages[stage])
+        slots, switch = self.layout.contacts[contact], self.switches.index((contact, stage))
+        depth = hy.par[self.first_weight + switch] * self._depth(self._deflection(slots), slots.stages[stage])
+        if switch not in self.stops:
+            return depth
+        held = hy.par[self.first_held + self.stops.index(switch)]  # then the reaction ends the contact
+        return (1.0 - held) * depth + held * self.reaction(self.layout.structure.reactions.index((contact, switch)))
 
     def guard(self, contact: int, mode: int) -> hy.expression:
         """Return the event function of a mode of a law."""
         return self._contact_laws[contact].guards[mode]
 
+    def slip_guards(self, place: int) -> list[hy.expression]:
+        """Return the two event functions of friction, by its place in `dry`.
+
+        In slip the first is its slip rate, and the second does not vanish. In stick they are what is left to the force
+        at which slip begins, in either direction.
+        """
+        contact = self.dry[place]
+        stick, breakaway = hy.par[self.first_stick + place], self._contact_laws[contact].limits[1]
+        law = self.layout.contacts[contact].form.law
+        if law.has_memory:
+            force = self._contact_laws[contact].force
+        else:
+            force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
+        return [
+            (1.0 - stick) * self.slip_rate(place) + stick * (breakaway - force),
+            (1.0 - stick) + stick * (breakaway + force),
+        ]
+
+    def slip_rate(self, place: int) -> hy.expression:
+        """Return the rate at which friction slips, or would slip: that of its deflection, less those of its base.
+
+        In series with a spring, the spring follows its limit where that is not constant.
+        """
+        contact = self.dry[place]
+        law = self.layout.contacts[contact].form.law
+        rate = self._base_rate(contact)
+        return rate - hy.par[self.first_slip + place] * self._creep(contact) if law.has_memory else rate
+
+    def _base_rate(self, contact: int) -> hy.expression:
+        slots = self.layout.contacts[contact]
+        return self._deflection_rate(slots) - self._coefficient(slots.numbers["speed"])
+
+    def _creep(self, contact: int) -> hy.expression:
+        """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
+        limit = self._contact_laws[contact].limits[0]
+        known, parts = dict(zip(map(str, [*self.positions, *self.velocities]), self._motion, strict=True)), []
+        for variable in hy.get_variables(limit):
+            parts.append(hy.diff(limit, hy.make_vars(variable)) * known[variable][1])
+        if not parts:
+            return hy.expression(0.0)
+        return hy.sum(parts) / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
+
+    def reaction(self, number: int) -> hy.expression:
+        """Return a reaction, by its number in the structure: a sum over the columns of the accelerations."""
+        row = self.layout.reactions[number]
+        forces = [*self.positions, *self.velocities, *(law.force for law in self._contact_laws)]
+        mean = len(forces)
+        loads = [self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)]
+        return hy.sum(loads) - hy.sum(self._terms(row[:mean], forces) or [hy.expression(0.0)])
+
     @cached_property
-    def state(self) -> list:
-        """``(variable, right-hand side)`` of the 2n equations over theta."""
+    def readings(self) -> list[hy.expression]:
+        """Values by which friction and held stops are decided, as functions of the state and the run-time parameters.
+
+        The columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves. Then for
+        each friction: its slip rate, the force in slip, and that at which slip begins. Then rates of the extensions.
+        """
+        found = [*(law.force for law in self._contact_laws), hy.expression(1.0), *self._waves]
+        for place, contact in enumerate(self.dry):
+            found += [self.slip_rate(place), *self._contact_laws[contact].limits]
+        found += self._extension_rates
+        return [hy.expression(0.0) + each for each in found]
+
+    @cached_property
+    def extensions(self) -> list:
+        """Symbols of the states of the contacts with a memory."""
+        return [hy.make_vars(f"z{i}m") for i in range(len(self.layout.structure.memories))]
+
+    @cached_property
+    def _motion(self) -> list:
         kinematics = [(q, self.rate * v) for q, v in zip(self.positions, self.velocities, strict=True)]
         return kinematics + list(zip(self.velocities, self._accelerations, strict=True))
 
+    @cached_property
+    def state(self) -> list:
+        """``(variable, right-hand side)`` of the equations over theta: of positions, velocities and extensions."""
+        memories = zip(self.extensions, self._extension_rates, strict=True)
+        return self._motion + [(z, self.rate * rate) for z, rate in memories]
+
+    @cached_property
+    def _extension_rates(self) -> list[hy.expression]:
+        """Rate of each extension over time: of its deflection in stick; in slip it follows the limit."""
+        found = []
+        for contact in self.layout.structure.memories:
+            place = self.dry.index(contact)
+            slip, stick = hy.par[self.first_slip + place], hy.par[self.first_stick + place]
+            found.append(stick * self._base_rate(contact) + slip * self._creep(contact))
+        return found
+
     def fundamental(self) -> list:
-        """Return the equations of the state transition matrix, column by column: 2n columns of 2n variables."""
-        size = 2 * self.layout.structure.size
+        """Return the equations of the state transition matrix, column by column: as many as a state has numbers."""
+        size = self.layout.structure.state_size
         columns = []
         for j in range(size):
             columns += self._linearised([hy.make_vars(f"phi{i}_{j}") for i in range(size)])
@@ -187,7 +313,7 @@ class Equations:
 
     def direction(self, index: int) -> list:
         """Return the equations of the sensitivity to the coefficients along a direction given at run time."""
-        size = 2 * self.layout.structure.size
+        size = self.layout.structure.state_size
         first = self.first_component(index)
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
@@ -278,38 +404,57 @@ class Equations:
     @cached_property
     def _contact_laws(self) -> list[_ContactLaw]:
         """Force of each contact with its derivatives."""
-        laws, length, switch = [], hy.par[self.length], self.first_switch
+        laws, length = [], hy.par[self.length]
         for index, contact in enumerate(self.layout.contacts):
-            law = contact.form.law
-            # a law without stages may be any formula of lengths: it is evaluated in the unit of the model
-            scaled = not law.stage_parameters
-            names = law.arguments
-            moves = [hy.make_vars(f"deflection{place}", f"deflection_rate{place}") for place in range(len(names))]
-            given = [tuple(length * each for each in pair) if scaled else tuple(pair) for pair in moves]
-            stages = []
-            for stage in contact.stages:
-                own = self._named(stage.numbers, stage.waves)
-                depth = self._depth(moves[0][0], stage)
-                stages.append(StageTerms(stage.sign, depth, hy.par[switch], stage.innermost, own))
-                switch += 1
-            first = self.first_mode + sum(self.layout.contacts[k].form.law.mode_count for k in range(index))
-            arguments = Stages(
-                stages,
-                hy.sum,
-                dict(zip(names, given, strict=True)),
-                [hy.par[first + mode] for mode in range(law.mode_count)],
-                FUNCTIONS,
+            law, seen = contact.form.law, self._seen(index)
+            vectors, moves, motion = list(contact.deflections), seen.moves, seen.motion
+            host = self.layout.structure.host(index)
+            if host is not None:
+                other = self._seen(host, "host_")
+                outside = self.layout.contacts[host]
+                seen.stages.host = Host(other.stages, outside.form.law.force(other.rate, other.stages, other.numbers))
+                vectors, moves, motion = [*vectors, *outside.deflections], moves + other.moves, motion | other.motion
+            force = hy.expression(0.0) + law.force(seen.rate, seen.stages, seen.numbers)
+            force = force / length if law.is_formula else force
+            guards = [hy.expression(0.0) + each for each in law.guards(seen.rate, seen.stages, seen.numbers)]
+            limits = [hy.expression(0.0)] * 2
+            if isinstance(law, Friction):
+                limits = [hy.expression(0.0) + each(seen.stages, seen.numbers) for each in (law.limit, law.breakaway)]
+            slopes = [
+                (vector, [hy.subs(hy.diff(force, each), motion) for each in pair])
+                for vector, pair in zip(vectors, moves, strict=True)
+            ]
+            low, high = (hy.subs(each, motion) for each in limits)
+            laws.append(
+                _ContactLaw(hy.subs(force, motion), slopes, [hy.subs(each, motion) for each in guards], (low, high))
             )
-            numbers = self._named(contact.numbers, contact.waves) | ({"_edge": EDGE * length} if scaled else {})
-            force = hy.expression(0.0) + law.force(given[0][1], arguments, numbers)
-            force = force / length if scaled else force
-            guards = [hy.expression(0.0) + each for each in law.guards(given[0][1], arguments, numbers)]
-            motion = {}
-            for place, (x, rate) in enumerate(moves):
-                motion[x], motion[rate] = self._deflection(contact, place), self._deflection_rate(contact, place)
-            slopes = [[hy.subs(hy.diff(force, each), motion) for each in pair] for pair in moves]
-            laws.append(_ContactLaw(hy.subs(force, motion), slopes, [hy.subs(each, motion) for each in guards]))
         return laws
+
+    def _seen(self, index: int, prefix: str = "") -> _Seen:
+        """Return a contact as its law sees it, in symbols of its own that begin with a prefix."""
+        contact, length = self.layout.contacts[index], hy.par[self.length]
+        law, names = contact.form.law, contact.form.law.arguments
+        moves = [
+            hy.make_vars(f"{prefix}deflection{place}", f"{prefix}deflection_rate{place}") for place in range(len(names))
+        ]
+        given = [tuple(length * each for each in pair) if law.is_formula else tuple(pair) for pair in moves]
+        first, stages = self.first_switch + sum(len(each.stages) for each in self.layout.contacts[:index]), []
+        for place, stage in enumerate(contact.stages):
+            own = self._named(stage.numbers, stage.waves)
+            depth = self._depth(moves[0][0], stage)
+            stages.append(StageTerms(stage.sign, depth, hy.par[first + place], stage.innermost, own))
+        first = self.first_mode + sum(each.form.law.mode_count for each in self.layout.contacts[:index])
+        modes = [hy.par[first + mode] for mode in range(law.mode_count)]
+        arguments = Stages(stages, hy.sum, dict(zip(names, given, strict=True)), modes, FUNCTIONS)
+        if index in self.dry:
+            arguments.slip = hy.par[self.first_slip + self.dry.index(index)]
+        if index in self.layout.structure.memories:
+            arguments.extension = self.extensions[self.layout.structure.memories.index(index)]
+        numbers = self._named(contact.numbers, contact.waves) | ({"_edge": EDGE * length} if law.is_formula else {})
+        motion = {}
+        for place, (x, rate) in enumerate(moves):
+            motion[x], motion[rate] = self._deflection(contact, place), self._deflection_rate(contact, place)
+        return _Seen(given[0][1], arguments, numbers, moves, motion)
 
     def _named(self, slots: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, Any]:
         """Return the symbols of some parameters by name."""
@@ -340,21 +485,35 @@ class Equations:
 
     def _linearised(self, symbols: list) -> list:
         """Linearise the equations about the motion, and apply them to one column of symbols."""
-        n = self.layout.structure.size
-        dq, dv = symbols[:n], symbols[n:]
-        changes = [
-            hy.sum(
-                [
-                    part * self._dot(vector, change)
-                    for vector, pair in zip(contact.deflections, law.slopes, strict=True)
-                    for part, change in zip(pair, (dq, dv), strict=True)
-                ]
-            )
-            for contact, law in zip(self.layout.contacts, self._contact_laws, strict=True)
-        ]
-        forces = [*symbols, *changes]
+        n, memories = self.layout.structure.size, self.layout.structure.memories
+        dq, dv, dz = symbols[:n], symbols[n : 2 * n], symbols[2 * n :]
+        changes = []
+        for index, law in enumerate(self._contact_laws):
+            parts = [
+                part * self._dot(vector, change)
+                for vector, pair in law.slopes
+                for part, change in zip(pair, (dq, dv), strict=True)
+            ]
+            if index in memories:
+                place = memories.index(index)
+                parts.append(hy.diff(law.force, self.extensions[place]) * dz[place])
+            changes.append(hy.sum(parts))
+        forces = [*symbols[: 2 * n], *changes]
         rows = self.layout.accelerations[:, : len(forces)]
         return [
             *((symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)),
             *((symbol, self.rate * -hy.sum(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
+            *(
+                (symbol, self._changed(rate, symbols))
+                for symbol, (_, rate) in zip(dz, self.state[2 * n :], strict=True)
+            ),
         ]
+
+    def _changed(self, function: hy.expression, symbols: list) -> hy.expression:
+        """Return the change of a function of the state for a change of the state."""
+        state = [*self.positions, *self.velocities, *self.extensions]
+        used = {*hy.get_variables(function)}
+        parts = [
+            hy.diff(function, each) * change for each, change in zip(state, symbols, strict=True) if str(each) in used
+        ]
+        return hy.sum(parts or [hy.expression(0.0)])

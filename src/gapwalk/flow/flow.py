@@ -9,7 +9,7 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import pairwise
@@ -21,7 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
+from gapwalk.flow.constraints import reachable, reachable_changes
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
+from gapwalk.flow.dry_state import DryState, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, accelerations
@@ -57,8 +59,8 @@ class Arc(NamedTuple):
 
     Attributes
     ----------
-    state : shape (2n,)
-        Positions, then velocities, at the end.
+    state : shape (state size,)
+        Positions, then velocities, then the extensions of contacts with a memory, at the end.
     transition : shape (2n, 2n), or None
         Derivative of the final state by the initial one.
     sensitivity : shape (2n,), or (2n, k), or None
@@ -67,6 +69,8 @@ class Arc(NamedTuple):
         The crossings of breakpoints, in order.
     steps : int
         Taylor steps taken: a measure of how fast the motion varies.
+    slips : sequence of SlipEvent
+        The modes of dry friction at the start, then their changes, in order.
     """
 
     state: NDArray[np.float64]
@@ -74,6 +78,7 @@ class Arc(NamedTuple):
     sensitivity: NDArray[np.float64] | None
     contacts: list[ContactEvent]
     steps: int
+    slips: Sequence[SlipEvent] = ()
 
 
 class Variations(NamedTuple):
@@ -89,12 +94,15 @@ class Variations(NamedTuple):
         Derivative of each along k directions of coefficients.
     contacts : list of ContactEvent
         The crossings of breakpoints, in order.
+    slips : sequence of SlipEvent
+        As in `Arc`.
     """
 
     states: NDArray[np.float64]
     transitions: NDArray[np.float64]
     sensitivities: NDArray[np.float64]
     contacts: list[ContactEvent]
+    slips: Sequence[SlipEvent] = ()
 
 
 class Turn(NamedTuple):
@@ -123,7 +131,7 @@ class Flow:
 
     def __init__(self, equations: Equations, *, transition: bool = False, survey: bool = False) -> None:
         self.equations = equations
-        self.size = 2 * equations.layout.structure.size
+        self.size = equations.layout.structure.state_size
         self.has_transition, self.has_survey, self.directions = transition, survey, len(equations.varying)
         right_hand_sides = list(equations.state)
         if transition:
@@ -144,6 +152,11 @@ class Flow:
                 + [
                     hy.t_event(equations.guard(*mode), callback=EventCall(index).mode, cooldown=COOLDOWN)
                     for index, mode in enumerate(equations.modes)
+                ]
+                + [
+                    hy.t_event(guard, callback=EventCall(2 * place + number).slip, cooldown=COOLDOWN)
+                    for place in range(len(equations.dry))
+                    for number, guard in enumerate(equations.slip_guards(place))
                 ],
                 nt_events=[
                     hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
@@ -151,6 +164,7 @@ class Flow:
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
+        self.readings = DryState(equations).compile()
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
 
@@ -185,8 +199,8 @@ class Flow:
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], list[ContactEvent]]:
-        """Return the states at each of the increasing `thetas`, shape (len(thetas), 2n), and the contact events.
+    ) -> Variations:
+        """Return the states at each of the increasing `thetas`, and the events, without derivatives.
 
         The state given is that at ``thetas[0]``. Errors as in `integrate`.
         """
@@ -257,7 +271,7 @@ class _Integrator:
         self._coefficients = self._parameters[self.equations.first_coefficient :]
         self._components = self._parameters[: self.equations.first_switch]
         self._switchboard = Switchboard(self.equations)
-        self._switchboard.attach(taylor, self.size * self.has_transition + self.directions)
+        self._switchboard.attach(taylor, self.size * self.has_transition + self.directions, flow.readings)
         if flow.has_survey:
             answer_events(self, taylor.nt_events)
         self._identity = np.zeros(len(self._state) - self.size)
@@ -277,8 +291,7 @@ class _Integrator:
         )
 
     def sample(self, coefficients, state, thetas):
-        found = self.vary(coefficients, state, thetas, None)
-        return found.states, found.contacts
+        return self.vary(coefficients, state, thetas, None)
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
@@ -289,7 +302,11 @@ class _Integrator:
         width = size * self.has_transition
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
-        return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, self._switchboard.log)
+        return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, *self._logs)
+
+    @property
+    def _logs(self) -> tuple[list[ContactEvent], list[SlipEvent]]:
+        return self._switchboard.log, self._switchboard.dry.log
 
     def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
@@ -324,28 +341,37 @@ class _Integrator:
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of a survey."""
-        positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
+        dry = self._switchboard.dry
+        if dry.held and dry.keeps_still(self._turning_vector(event)):
+            return  # its rate is 0 all the time, and changes its sign by rounding
+        positions = self._taylor.update_d_output(theta)[: self.equations.layout.structure.size] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
+    def _turning_vector(self, event: int) -> NDArray[np.float64]:
+        slots = self.equations.turning[event][0]
+        return np.eye(self.equations.layout.structure.size)[event] if slots is None else self._scaled[slots]
+
     def _turn_at_kinks(self) -> None:
-        """Add the turning points that are kinks, such as those of a coordinate whose rate is in ``abs(v)``.
+        """Add the turning points that are kinks: of a coordinate with ``abs(v)`` or friction, and at impacts.
 
         Of two events at the same time, the integrator may report only the one that stops it.
         """
-        n, coefficients, layout = self.size // 2, self._scaled, self.equations.layout
-        for theta, state in self._switchboard.modes.kinks:
-            turning = accelerations(layout, coefficients, theta, state[:n], state[n:], unit=self._unit)
+        layout, coefficients, board = self.equations.layout, self._scaled, self._switchboard
+        n, kinks = layout.structure.size, list(board.dry.kinks)
+        for theta, state in board.modes.kinks:
+            a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
+            kinks.append(Kink(theta, state[:n], (state[n : 2 * n],) * 2, (a, a)))
+        for theta, positions, velocities, turning in kinks:
             angles = Angles(layout, coefficients, theta)
             for event, (slots, _) in enumerate(self.equations.turning):
-                vector = np.eye(n)[event] if slots is None else coefficients[slots]
+                vector = self._turning_vector(event)
                 contact = next((each for each in layout.contacts if each.deflection is slots), None)
-                rate, change = (
-                    float(vector @ part + (0.0 if contact is None else angles.sway(contact, 0, order)))
-                    for order, part in ((1, state[n:]), (2, turning))
-                )
+                sways = [0.0, 0.0] if contact is None else [float(angles.sway(contact, 0, order)) for order in (1, 2)]
+                before, after = (float(vector @ each) + sways[0] for each in velocities)
+                change = max(abs(float(vector @ each) + sways[1]) for each in turning)
                 known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
-                if abs(rate) <= COOLDOWN * float(coefficients[0]) * abs(change) and not known:
-                    self._turns.append(Turn(event, theta, (state[:n] * self._unit).tolist()))
+                if not known and (before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change):
+                    self._turns.append(Turn(event, theta, (positions * self._unit).tolist()))
         self._turns.sort(key=lambda turn: turn.theta)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
@@ -354,23 +380,24 @@ class _Integrator:
         Derivatives over an interval continue those before it; without the transition matrix there are none.
         """
         size = self.size
-        states, contacts = [np.asarray(state, dtype=float)], []
+        states, contacts, slips = [np.asarray(state, dtype=float)], [], []
         transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
         for start, stop in pairwise(thetas):
             arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
             states.append(arc.state)
             contacts += arc.contacts
+            slips += arc.slips
             if arc.transition is not None:
                 added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
                 transitions.append(arc.transition @ transitions[-1])
                 along.append(arc.transition @ along[-1] + added)
-        return Variations(np.array(states), np.array(transitions), np.array(along), contacts)
+        return Variations(np.array(states), np.array(transitions), np.array(along), contacts, slips)
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         self._turns = []
         Flow.calls += 1
         self._taylor.time = start
-        if self.equations.switches or self.equations.modes:
+        if self.equations.switches or self.equations.modes or self.equations.dry:
             self._taylor.reset_cooldowns()
         unit = self._unit = self._lengths.of_motion(coefficients, state)
         if unit != 1.0:
@@ -435,7 +462,9 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps)
+        return Arc(
+            state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, self._switchboard.dry.log
+        )
 
 
 def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
@@ -455,6 +484,9 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:
         pattern |= mask
+    layout = layout_of(system.structure)
+    pattern = reachable(layout, pattern)
+    directions = [reachable_changes(layout, pattern, mask) for mask in directions]
     masks = tuple(mask.tobytes() for mask in (pattern, *directions))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)

@@ -7,13 +7,13 @@ breakpoint a deflection lies.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, CycleSlots, Wave
-from gapwalk.model.laws import Stages, StageTerms
+from gapwalk.model.laws import Host, Stages, StageTerms
 from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 
 
@@ -78,6 +78,21 @@ class Angles:
         return values | {name: values[name] * (1.0 + self.wave(wave)) for name, wave in waves.items() if name in values}
 
 
+class Dry(NamedTuple):
+    """Modes and states of dry friction, of one motion or of many instants.
+
+    Attributes
+    ----------
+    slips : shape (..., contacts that are friction)
+        1 or -1 in slip, 0 in stick; None: friction slips by the sign of its rate.
+    extensions : shape (..., contacts with a memory)
+        Their own states.
+    """
+
+    slips: NDArray | None
+    extensions: NDArray
+
+
 def is_at_high(cycle: CycleSlots, coefficients: NDArray, theta: NDArray | float) -> NDArray[np.bool_]:
     """Return True where a cycle of two levels is at the high one."""
     length = 2.0 * np.pi / cycle.order
@@ -108,21 +123,44 @@ def contact_forces(
     v: NDArray,
     closed: Sequence[Sequence[bool] | None] | None = None,
     angles: Angles | None = None,
+    dry: Dry | None = None,
 ) -> NDArray:
     """Return the contact forces ``f_k``, shape (..., contacts), for positions and velocities of shape (..., n).
 
-    `closed` is as in `contact_force`; `angles` replaces `theta` if it is known already.
+    `closed` is as in `contact_force`; `angles` replaces `theta` if it is known already. Friction that sticks rigidly
+    has no force of its own: its reaction is among the accelerations. Without `dry`, friction slips by the sign of its
+    rate, and springs in series with it have no extension.
     """
-    angles, forces = angles or Angles(layout, coefficients, theta), []
+    angles, forces, structure = angles or Angles(layout, coefficients, theta), [], layout.structure
+    moves, friction = [], 0
+    for slots in layout.contacts:
+        rows = [coefficients[vector] for vector in slots.deflections]
+        moves.append(
+            [
+                (q @ row + angles.sway(slots, place), v @ row + angles.sway(slots, place, 1))
+                for place, row in enumerate(rows)
+            ]
+        )
     for index, slots in enumerate(layout.contacts):
-        moves = [
-            (
-                q @ coefficients[vector] + angles.sway(slots, place),
-                v @ coefficients[vector] + angles.sway(slots, place, 1),
+        own = None if closed is None else closed[index]
+        if not slots.form.law.is_dry:
+            forces.append(contact_force(slots, angles, moves[index], own))
+            continue
+        stages = stages_of(slots, angles, moves[index], own)
+        if (host := structure.host(index)) is not None:
+            outside = layout.contacts[host]
+            shut = None if closed is None else closed[host]
+            stages.host = Host(
+                stages_of(outside, angles, moves[host], shut), contact_force(outside, angles, moves[host], shut)
             )
-            for place, vector in enumerate(slots.deflections)
-        ]
-        forces.append(contact_force(slots, angles, moves, None if closed is None else closed[index]))
+        rate = moves[index][0][1] - coefficients[..., slots.numbers["speed"]]
+        by_sign = dry is None or dry.slips is None
+        stages.slip = np.sign(np.real(rate)) if by_sign else dry.slips[..., friction]
+        if index in structure.memories:
+            place = structure.memories.index(index)
+            stages.extension = 0.0 if dry is None else dry.extensions[..., place]
+        friction += 1
+        forces.append(slots.form.law.force(rate, stages, angles.named(slots.numbers, slots.waves)))
     # a law may leave all of its force out, as where a stop only rebounds
     shape = q.shape[:-1]
     return np.stack([np.broadcast_to(force, shape) for force in forces], axis=-1) if forces else np.zeros((*shape, 0))
@@ -148,11 +186,11 @@ def contact_force(
         For each stage on each side whether it acts; by default the deflection decides.
     """
     law, unit = slots.form.law, angles.unit
-    if not law.stage_parameters and unit != 1.0:  # the law may be any formula of lengths
+    if law.is_formula and unit != 1.0:  # the law may be any formula of lengths
         moves = [(x * unit, rate * unit) for x, rate in moves]
     stages = stages_of(slots, angles, moves, closed)
     force = law.force(moves[0][1], stages, angles.named(slots.numbers, slots.waves))
-    return force if law.stage_parameters else force / unit
+    return force / unit if law.is_formula else force
 
 
 def stages_of(
@@ -193,18 +231,24 @@ def accelerations(
     closed: Sequence[Sequence[bool] | None] | None = None,
     levels: Sequence[bool] | None = None,
     unit: float = 1.0,
+    dry: Dry | None = None,
 ) -> NDArray:
     """Return accelerations ``q''`` over time (not theta), shape (..., n).
 
-    `closed` is as in `contact_force`, `levels` and `unit` as in `Angles`.
+    `closed` is as in `contact_force`, `levels` and `unit` as in `Angles`, `dry` as in `contact_forces`. Where friction
+    sticks or a stop is held, the coefficients are those of `gapwalk.flow.constraints.constrained`.
     """
-    n, n_contacts = layout.structure.size, len(layout.contacts)
-    table, angles = coefficients[layout.accelerations], Angles(layout, coefficients, theta, levels, unit)
-    forces = contact_forces(layout, coefficients, theta, q, v, closed, angles)
-    mean = 2 * n + n_contacts
+    angles = Angles(layout, coefficients, theta, levels, unit)
+    forces = contact_forces(layout, coefficients, theta, q, v, closed, angles, dry)
+    return balance(coefficients[layout.accelerations], q, v, forces, angles.waves)
+
+
+def balance(table: NDArray, q: NDArray, v: NDArray, forces: NDArray, waves: NDArray) -> NDArray:
+    """Return sums over the columns of a table, as of the accelerations or of the reactions; shape (..., rows)."""
+    n, mean = q.shape[-1], 2 * q.shape[-1] + forces.shape[-1]
     return (
         table[:, mean]
-        + angles.waves @ table[:, mean + 1 :].T
+        + waves @ table[:, mean + 1 :].T
         - q @ table[:, :n].T
         - v @ table[:, n : 2 * n].T
         - forces @ table[:, 2 * n : mean].T

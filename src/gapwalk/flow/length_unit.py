@@ -27,6 +27,7 @@ class LengthUnit:
 
     def __init__(self, layout: CoefficientLayout) -> None:
         n, forms = layout.structure.size, layout.structure.contacts
+        self._size = n
         self._loads = layout.accelerations[:, 2 * n + len(forms) :].ravel()
         self._stiffness, self._damping = layout.accelerations[:, :n], layout.accelerations[:, n : 2 * n]
         self._contacts = layout.accelerations[:, 2 * n : 2 * n + len(forms)]
@@ -60,7 +61,7 @@ class LengthUnit:
 
     def of_motion(self, coefficients: NDArray[np.float64], state: NDArray[np.float64]) -> float:
         """Return the unit for the motion from a state: 1 unless it is small."""
-        half, numbers = len(state) // 2, state.tolist()
+        half, numbers = self._size, state[: 2 * self._size].tolist()
         if max(map(abs, numbers[:half])) >= _LARGE:
             return 1.0
         size = max(*map(abs, numbers[:half]), coefficients[0] * max(map(abs, numbers[half:])))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.equations import EDGE, Equations
-from gapwalk.flow.forces import Angles, accelerations, is_at_high, stages_of
+from gapwalk.flow.forces import Angles, Dry, accelerations, is_at_high, stages_of
 
 _ON = 1e-13  # share of the size of a guard within which a motion begins on it
 _NEAR = 1e-9  # the same for its end
@@ -50,7 +50,7 @@ class ModeSwitches:
 
     def start(self, coefficients: NDArray[np.float64], theta: float, unit: float) -> None:
         """Set all modes and levels for the state in the integrator, with lengths in multiples of `unit`."""
-        self._coefficients, self._unit = coefficients, unit
+        self.coefficients, self._unit = coefficients, unit
         self.kinks: list[tuple[float, NDArray[np.float64]]] = []
         if self.cycle_count:
             self._set_levels(theta)
@@ -77,20 +77,20 @@ class ModeSwitches:
         `decide` returns the value of a mode from its number and its guard; by default the sign of the guard decides.
         """
         n, layout, found = self.n, self.equations.layout, []
-        angles = Angles(layout, self._coefficients, theta, unit=self._unit)
+        angles = Angles(layout, self.coefficients, theta, unit=self._unit)
         for index, slots in enumerate(layout.contacts):
             law = slots.form.law
             if not law.mode_count:
                 continue
-            unit = 1.0 if law.stage_parameters else self._unit
+            unit = self._unit if law.is_formula else 1.0
             moves = [
                 (
-                    unit * (state[:n] @ self._coefficients[vector] + angles.sway(slots, place)),
-                    unit * (state[n:] @ self._coefficients[vector] + angles.sway(slots, place, 1)),
+                    unit * (state[:n] @ self.coefficients[vector] + angles.sway(slots, place)),
+                    unit * (state[n:] @ self.coefficients[vector] + angles.sway(slots, place, 1)),
                 )
                 for place, vector in enumerate(slots.deflections)
             ]
-            edge = {"_edge": EDGE * unit} if not law.stage_parameters else {}
+            edge = {"_edge": EDGE * unit} if law.is_formula else {}
             first, own = len(found), None
             if decide is not None:
                 own = partial(lambda first, mode, guard: decide(first + mode, guard), first)
@@ -142,8 +142,8 @@ class ModeSwitches:
         n, theta, levels = self.n, self._integrator.time, self._parameters[self._levels :][: self.cycle_count] > 0.5
         state = self._state[: 2 * n]
         q, v = state[:n], state[n:]
-        turning = accelerations(self.equations.layout, self._coefficients, theta, q, v, closed, levels, self._unit)
-        rates = self._coefficients[0] * np.concatenate((v, turning))
+        turning = accelerations(self.equations.layout, self.coefficients, theta, q, v, closed, levels, self._unit)
+        rates = self.coefficients[0] * np.concatenate((v, turning))
         modes = self._parameters[self._modes : self._modes + self.mode_count]
 
         def decide(other: int, guard: Any) -> float:
@@ -161,7 +161,7 @@ class ModeSwitches:
         for number, cycle in enumerate(self.equations.layout.cycles):
             length = 2.0 * math.pi / cycle.order
             for slot, rises in ((cycle.up, True), (cycle.down, False)):
-                first = float(self._coefficients[slot])
+                first = float(self.coefficients[slot])
                 low, high = math.ceil((start - first) / length) - 1, math.floor((stop - first) / length) + 1
                 angles = (first + k * length for k in range(low, high + 1))
                 # a change at the start belongs to this interval, one at the end to the next
@@ -174,7 +174,7 @@ class ModeSwitches:
         """Set the levels of all cycles just before a change at an angle, if there is one."""
         cycles = self.equations.layout.cycles
         self._parameters[self._levels : self._levels + len(cycles)] = [
-            is_at_high(cycle, self._coefficients, theta - 2.0 * _SAME) for cycle in cycles
+            is_at_high(cycle, self.coefficients, theta - 2.0 * _SAME) for cycle in cycles
         ]
 
     def change_level(
@@ -185,6 +185,7 @@ class ModeSwitches:
         columns: NDArray[np.float64],
         directions: NDArray[np.float64],
         closed: list[list[bool]],
+        dry: Dry | None = None,
     ) -> None:
         """Change a level at its angle; transform the sensitivities to what moves that angle.
 
@@ -200,6 +201,8 @@ class ModeSwitches:
             The directions.
         closed
             For each contact which of its stages are closed.
+        dry
+            The modes of friction.
         """
         layout, n = self.equations.layout, self.n
         cycle, place = layout.cycles[number], self._levels + number
@@ -210,9 +213,9 @@ class ModeSwitches:
             sides = []
             for level in (not rises, rises):
                 levels[number] = level
-                sides.append(accelerations(layout, self._coefficients, theta, q, v, closed, levels, self._unit))
-            slip = float(self._coefficients[0]) * (sides[1] - sides[0])
-            columns[len(columns) - len(moves) :, n:] -= np.outer(moves, slip)
+                sides.append(accelerations(layout, self.coefficients, theta, q, v, closed, levels, self._unit, dry))
+            slip = float(self.coefficients[0]) * (sides[1] - sides[0])
+            columns[len(columns) - len(moves) :, n : 2 * n] -= np.outer(moves, slip)
         self._parameters[place] = rises
 
 

@@ -317,14 +317,20 @@ class Structure:
         return 2 * len(self.coordinates) + len(self.memories)
 
     @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the entries of a state: ``q1``, its rate ``q1'``, and ``brake.extension`` of a contact."""
+        rates = (f"{name}'" for name in self.coordinates)
+        return (*self.coordinates, *rates, *(f"{self.contacts[place].name}.extension" for place in self.memories))
+
+    @cached_property
     def reactions(self) -> tuple[tuple[int, int], ...]:
         """(contact, number of its switch or -1) of all reactions: friction that sticks rigidly, and rigid stops."""
         found, switch = [], 0
         for index, contact in enumerate(self.contacts):
             if contact.law.is_dry and not contact.law.has_memory:
                 found.append((index, -1))
-            if contact.law.is_rigid:
-                found += [(index, switch + place) for place in range(len(contact.sides))]
+            if contact.law.rebounds:
+                found += [(index, switch + place) for place, shape in enumerate(contact.shapes) if shape.innermost]
             switch += len(contact.sides)
         return tuple(found)
 

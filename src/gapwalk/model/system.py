@@ -217,6 +217,21 @@ class System(Shown):
         return self.structure.state_size
 
     @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the entries of a state: ``q1``, its rate ``q1'``, and ``brake.extension`` of a contact."""
+        return self.structure.state_names
+
+    def state_scales(self, length: float = 1.0, frequency: float | None = None) -> NDArray[np.float64]:
+        """Return the size of each entry of a state in a motion of one length, shape (state_size,).
+
+        A velocity counts as that length times a frequency, by default the frequency W of the excitation. The extension
+        of a contact is a length.
+        """
+        scales = np.full(self.state_size, float(length))
+        scales[self.size : 2 * self.size] *= self.frequency if frequency is None else frequency
+        return scales
+
+    @property
     def frequency(self) -> float:
         """The fundamental angular frequency W of the excitation, irrespective of the unit of the first parameter."""
         return self._at(0) * self.structure.frequency

@@ -115,11 +115,11 @@ class NonDimensional:
         return value / self._factor(parameter)
 
     def state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a non-dimensional state from a physical one (angles, then angles per second), shape (..., 2n)."""
+        """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles)."""
         return np.asarray(state, dtype=float) * self._states
 
     def physical_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a physical state from a non-dimensional one, shape (..., 2n)."""
+        """Make a physical state from a non-dimensional one, shape (..., state_size)."""
         return np.asarray(state, dtype=float) / self._states
 
     def _factor(self, parameter: str) -> float:
@@ -128,7 +128,7 @@ class NonDimensional:
     @cached_property
     def _states(self) -> NDArray[np.float64]:
         angle = _train_of(self.physical)[0].angle / self.scales.angle
-        return np.repeat([angle, angle / self.scales.frequency], self.physical.size)
+        return self.physical.state_scales(angle, 1.0 / self.scales.frequency)
 
 
 def nondimensional(system: System, scales: Scales | None = None) -> NonDimensional:

@@ -71,8 +71,8 @@ class Stages:
 
     Attributes
     ----------
-    slip, stick
-        For dry friction: 1 or -1 in slip by its direction, and 0 in stick; 1 in stick, and otherwise 0.
+    slip
+        For dry friction: 1 or -1 in slip, by its direction, and 0 in stick.
     extension
         For friction with a memory: the extension of its spring.
     host
@@ -80,7 +80,6 @@ class Stages:
     """
 
     slip: Any = 0.0
-    stick: Any = 1.0
     extension: Any = 0.0
     host: Host | None = None
 

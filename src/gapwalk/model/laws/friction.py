@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,8 +30,8 @@ class Friction(Law):
 
     In *slip* the force has the size of its limit and the sign of the slip rate, which is the rate of the deflection
     less the constant `speed` of the base. In *stick* it is whatever keeps the element from slipping, up to the limit;
-    so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are the modes of
-    the flow (`gapwalk.flow.dry_friction`); `Stages.slip` is 1, -1 or 0 in them.
+    so it is no function of the deflection and its rate. Slip in one direction, slip in the other and stick are modes of
+    the flow (`gapwalk.flow.dry_switches`); `Stages.slip` is 1, -1 or 0 in them.
 
     Parameters
     ----------
@@ -85,14 +84,6 @@ class Friction(Law):
         """Compute the size of the force at which slip begins; arguments are as in `force`."""
         return self.limit(stages, numbers)
 
-    @abstractmethod
-    def sticking(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Compute the force in stick, for an element with a state of its own."""
-
-    def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """See `Law.force`."""
-        return stages.slip * self.limit(stages, numbers)
-
 
 class Coulomb(Friction):
     """Friction that sticks rigidly: in stick the slip rate is zero, and the force follows from that.
@@ -111,16 +102,16 @@ class Coulomb(Friction):
         """See `Friction.breakaway`."""
         return numbers["static"] * self.limit(stages, numbers)
 
-    def sticking(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Return 0: the force in stick is a reaction, which depends on the whole system."""
-        return 0.0
+    def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
+        """See `Law.force`; it is 0 in stick, where the force is a reaction that depends on the whole system."""
+        return stages.slip * self.limit(stages, numbers)
 
 
 class Jenkins(Friction):
     """A spring in series with a slider, the usual model of hysteresis and joints (Jenkins 1962; several: Iwan 1966).
 
-    Its own state ``z``, an extension of the spring, follows the deflection in stick and is constant in slip. Slip
-    begins where the force ``stiffness z`` reaches the limit, and ends where the slip rate changes its sign.
+    Its own state ``z``, the extension of the spring, follows the deflection in stick, and stays at the limit in slip.
+    Slip begins where the force ``stiffness z`` reaches the limit, and ends where the slip rate changes its sign.
     """
 
     name, words = "jenkins", "a spring in series with dry friction"
@@ -140,13 +131,9 @@ class Jenkins(Friction):
         if not numbers["stiffness"] > 0.0:
             yield f"stiffness is {numbers['stiffness']:g}; it must be > 0. Friction that sticks rigidly has none"
 
-    def sticking(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """See `Friction.sticking`."""
-        return numbers["stiffness"] * stages.extension
-
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
-        return super().force(rate, stages, numbers) + stages.stick * self.sticking(stages, numbers)
+        return numbers["stiffness"] * stages.extension
 
 
 @dataclass(frozen=True)
@@ -166,7 +153,7 @@ class Hysteretic(Law):
     name, words = "hysteretic", "springs whose stages have dry friction"
 
     def __post_init__(self) -> None:
-        if LAWS.named(self.springs).is_rigid:
+        if LAWS.named(self.springs).rebounds:
             raise ModelError(f"the law {self.springs!r} has no stages that could have dry friction")
 
     @property

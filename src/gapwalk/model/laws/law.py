@@ -146,13 +146,13 @@ class Law(ABC):
         return False
 
     @property
-    def has_memory(self) -> bool:
-        """True if it has a state of its own: the extension of a spring that slips."""
-        return False
+    def is_formula(self) -> bool:
+        """True if it may be any formula of lengths, which is evaluated in the unit of the model."""
+        return not self.stage_parameters and not self.is_dry
 
     @property
-    def is_rigid(self) -> bool:
-        """True if a contact may be held by a reaction."""
+    def has_memory(self) -> bool:
+        """True if it has a state of its own: the extension of a spring that slips."""
         return False
 
     @property

@@ -21,11 +21,6 @@ class Rigid(Law):
     parameters = (Parameter("restitution", None, "it is the rate after an impact over that before it", None, 0.0),)
     stage_parameters = (CLEARANCE,)
 
-    @property
-    def is_rigid(self) -> bool:
-        """True: its contact is held by a reaction."""
-        return True
-
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
         """Refuse a restitution that feeds energy in."""
         if not 0.0 <= numbers["restitution"] <= 1.0:

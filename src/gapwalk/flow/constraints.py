@@ -1,0 +1,147 @@
+"""Constraints of friction that sticks rigidly, and of rigid stops that are held.
+
+A contact that is held keeps the rate of its deflection at zero, and its force is a reaction. With ``a`` the
+accelerations without the reactions, ``E`` the deflections that are held, and ``W = M^-1 D`` the accelerations by a unit
+of their forces,
+
+    (E W) lambda = E a + u''          and the accelerations are          a - W lambda
+
+where ``u`` are displacements that are added to the deflections. ``a`` is a sum of rows of coefficients, so while a
+contact is held the motion is that of a system with other coefficients: `constrained` computes them. The reactions are
+rows of coefficients too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.coefficients import CoefficientLayout
+
+_DEPENDENT = 1e-9  # share of its own size that is left of a constraint which depends on others
+_ROUNDING = 8e-16  # share of two terms within which their difference is rounding
+
+
+class Constraint:
+    """The constraint by some reactions, for given coefficients, real or complex.
+
+    Parameters
+    ----------
+    layout
+        The layout of the coefficients.
+    coefficients
+        The coefficients of the system without constraints.
+    held
+        Numbers of the reactions in the structure, stops before friction. One that depends on those before it is left
+        out: its reaction is 0.
+
+    Attributes
+    ----------
+    vectors : shape (independent, n)
+        Their deflection vectors ``E``.
+    impulses : shape (n, independent)
+        ``W (E W)^-1``: change of the velocities by which the rate of one of them changes by 1.
+    independent
+        The numbers of the reactions that are independent.
+    """
+
+    def __init__(self, layout: CoefficientLayout, coefficients: NDArray, held: Sequence[int]) -> None:
+        self._layout, self._coefficients, n = layout, coefficients, layout.structure.size
+        contacts = [layout.structure.reactions[number][0] for number in held]
+        vectors = np.array([coefficients[layout.contacts[k].deflection] for k in contacts]).reshape(len(held), n)
+        pushes = np.array([coefficients[layout.contacts[k].force] for k in contacts]).reshape(len(held), n)
+        chosen: list[int] = []
+        for place in range(len(held)):
+            trial = [*chosen, place]
+            inner = np.real(vectors[trial] @ pushes[trial].T)
+            size = abs(inner[-1, -1])
+            left = inner[-1, -1] - (inner[-1, :-1] @ np.linalg.solve(inner[:-1, :-1], inner[:-1, -1]) if chosen else 0)
+            if abs(left) > _DEPENDENT * size:
+                chosen = trial
+        self.independent = [held[place] for place in chosen]
+        self.contacts = [contacts[place] for place in chosen]
+        self.vectors, self.impulses = vectors[chosen], np.zeros((n, 0), coefficients.dtype)
+        if chosen:
+            self._inverse = np.linalg.inv(vectors[chosen] @ pushes[chosen].T)
+            self.impulses = pushes[chosen].T @ self._inverse
+
+    def coefficients(self) -> NDArray:
+        """Return the coefficients of the system while these contacts are held."""
+        layout = self._layout
+        found = self._coefficients.copy()
+        found[layout.reactions] = 0.0
+        if not self.independent:
+            return found
+        table = found[layout.accelerations]
+        rows = self.vectors @ table
+        count, frequency = len(layout.orders), 1.0 / found[0]
+        squares = (np.array(layout.orders, dtype=float) * frequency) ** 2
+        for row, contact in zip(rows, self.contacts, strict=True):
+            if (sway := layout.contacts[contact].sway) is not None:
+                row[len(row) - 2 * count :] -= np.concatenate((squares, squares)) * found[sway]
+        moved = self.impulses @ rows
+        difference = table - moved
+        small = np.abs(difference.real) <= _ROUNDING * (np.abs(table.real) + np.abs(moved.real))
+        difference[small] -= difference[small].real  # what is 0 must not grow from rounding
+        found[layout.accelerations] = difference
+        found[layout.reactions[self.independent]] = self._inverse @ rows
+        return found
+
+
+def reachable(layout: CoefficientLayout, pattern: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the coefficients that are not zero in a system or under any of its constraints."""
+    reactions = layout.structure.reactions
+    if not reactions:
+        return pattern
+    found, n = pattern.copy(), layout.structure.size
+    table, rows = found[layout.accelerations], found[layout.reactions]
+    contacts = [layout.contacts[contact] for contact, _ in reactions]
+    count = 2 * len(layout.orders)
+    while True:
+        before = int(table.sum()) + int(rows.sum())
+        for row, slots in zip(rows, contacts, strict=True):
+            row |= table[pattern[slots.deflection]].any(axis=0)
+            if slots.sway is not None:
+                row[len(row) - count :] |= pattern[slots.sway]
+        row_of_all = rows.any(axis=0)
+        for row, slots in zip(rows, contacts, strict=True):
+            # constraints are coupled where one's push moves another's deflection; to take all as coupled is safe
+            row |= row_of_all
+            table[pattern[slots.force]] |= row
+        if int(table.sum()) + int(rows.sum()) == before:
+            break
+    assert table.shape[0] == n
+    found[layout.accelerations], found[layout.reactions] = table, rows
+    return found
+
+
+def reachable_changes(
+    layout: CoefficientLayout, pattern: NDArray[np.bool_], changed: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return the coefficients that a parameter can change in a system or under any of its constraints.
+
+    Parameters
+    ----------
+    layout
+        The layout.
+    pattern
+        The coefficients that are not zero, as `reachable` returns them.
+    changed
+        The coefficients that the parameter changes in the system without constraints.
+    """
+    reactions = layout.structure.reactions
+    if not reactions:
+        return changed
+    contacts = [layout.contacts[contact] for contact, _ in reactions]
+    concerned = [layout.accelerations.ravel(), *(slots.deflection for slots in contacts)]
+    if any(slots.sway is not None for slots in contacts):
+        concerned += [np.array([0]), *(slots.sway for slots in contacts if slots.sway is not None)]
+    if not changed[np.concatenate(concerned)].any():
+        return changed
+    found = changed.copy()
+    pushed = np.any([pattern[slots.force] for slots in contacts], axis=0)
+    for slots in (layout.accelerations[pushed], layout.reactions):
+        found[slots] |= pattern[slots]
+    return found

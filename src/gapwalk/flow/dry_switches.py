@@ -1,0 +1,359 @@
+"""Modes of dry friction and of held stops: set at the start of a motion, changed at its events, and checked.
+
+Which contacts are held follows from what they would need: all that may be held are taken as held together, and the one
+whose reaction exceeds its bound most is released, until none does.
+
+Method: docs/numerics/flow.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import FlowError
+from gapwalk.flow.constraints import Constraint
+from gapwalk.flow.dry_derivatives import (
+    add_delay,
+    depth_changes,
+    extension_changes,
+    margin_changes,
+    project,
+    rate_changes,
+)
+from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.equations import Equations
+
+_STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
+_ON = 1e-12  # share of a limit within which a force is at it
+_NEAR = 1e-8  # the same at the end of a motion
+_SETTLING = 1e-7  # radians after a change within which a guard of the new mode vanishes by rounding
+_BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
+_TOGETHER = 1e-9  # radians within which two slip rates vanish together
+
+TAIL = 1e-6
+"""Radians that further impacts may last together for the contact to be held at once."""
+
+Array = NDArray[np.float64]
+
+
+class DrySwitches(DryState):
+    """Control of the modes of friction and of held stops of one compiled integrator.
+
+    Parameters
+    ----------
+    equations
+        Its equations.
+
+    Attributes
+    ----------
+    log
+        The slip events since the start, which begin with the modes at the start.
+    kinks
+        The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        super().__init__(equations)
+        self.log: list[SlipEvent] = []
+        self.kinks: list[Kink] = []
+        self._forgotten: set[int] = set()  # places of the state that the last event has reset
+        self._begun = [0.0] * len(self.slots)
+
+    def start(
+        self, base: Array, directions: Array, theta: float, unit: float, changed: Callable[[Array], None]
+    ) -> None:
+        """Set all modes for the state in the integrator, and begin a new log.
+
+        Parameters are as in `DryState.begin`; `unit` is the unit of length.
+        """
+        self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self.slots)
+        self.begin(base, directions, changed)
+        if self.sign_of:
+            self._move_within(theta, unit)
+        self._restart(theta)
+        self.log += [SlipEvent(theta, contact, self.slips[place]) for place, contact in enumerate(self.equations.dry)]
+
+    def _move_within(self, theta: float, unit: float) -> None:
+        """Move a state that is a little beyond a stop, as in a step of Newton's method, back to it."""
+        for number, sign in self.sign_of.items():
+            depth, _, scale = self.gap(number, theta)
+            if sign * depth <= 0.0:
+                continue
+            if sign * depth > _BEYOND * (scale + float(np.abs(self.state[: self.n]).max())):
+                name = self.layout.contacts[self.layout.structure.reactions[number][0]].form.name
+                raise FlowError(
+                    f"the motion begins {sign * depth * unit:.3g} beyond the rigid stop {name!r}; begin it where the "
+                    "deflection is within the clearance"
+                )
+            impulse = Constraint(self.layout, self.base, [number]).impulses[:, 0]
+            if self.columns:
+                self.rows()[:, : self.n] -= np.outer(depth_changes(self, number, theta), impulse)
+            self.state[: self.n] -= depth * impulse
+
+    def _touching(self, theta: float, still: float) -> list[int]:
+        """Return the reactions of those stops on which the motion is, at rest."""
+        found, size = [], float(np.abs(self.state[: self.n]).max())
+        for number in self.sign_of:
+            depth, rate, scale = self.gap(number, theta)
+            if abs(depth) <= _STILL * (scale + size) and abs(rate) <= still:
+                found.append(number)
+        return found
+
+    def _restart(self, theta: float) -> None:
+        """Decide all modes from the state alone, and project the state on what is held."""
+        still = _STILL * self.speed()
+        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
+        for place, number in enumerate(self.reaction_of):
+            rate = float(now.friction[place, 0])
+            if number is None:
+                continue
+            if abs(rate) <= still:
+                candidates.append(number)
+            else:
+                self.slips[place] = 1 if rate > 0.0 else -1
+        self._hold(theta, candidates)
+        if self.held:
+            project(self, theta)
+        for place, memory in enumerate(self.memory_of):
+            if memory is not None:
+                self._begin_memory(place, memory, theta)
+
+    def _begin_memory(self, place: int, memory: int, theta: float) -> None:
+        """Decide whether a Jenkins element sticks from its extension and slip rate; it is never beyond its limit."""
+        self.slips[place], self.sticks[place] = 0, False
+        self.apply()
+        rate, limit, _ = self.read(theta).friction[place].tolist()
+        force = self.stiffness(place) * float(self.state[memory])
+        if limit > 0.0 and abs(force) < limit * (1.0 - _ON):
+            self.sticks[place] = True
+            self.apply()
+            return
+        side = 1 if force > 0.0 else -1
+        if limit <= 0.0:
+            side = 0 if not self._grows(place) else 1 if rate > 0.0 else -1
+        self._reset_extension(place, side, theta)
+        if side:
+            self.slips[place] = side
+            self.apply()
+            now = self.read(theta)
+            rate = side * (float(now.friction[place, 0]) or self.slip_acceleration(place, now, theta))
+            if rate <= 0.0:
+                self._stick(place, theta)
+        self.apply()
+
+    def _stick(self, place: int, theta: float) -> None:
+        self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
+
+    def _slip(self, place: int, side: int, theta: float) -> None:
+        self.slips[place], self.sticks[place], self._begun[place] = side, False, theta
+
+    def _grows(self, place: int) -> bool:
+        """Return True if the limit of friction is not constant, and the contact that presses is closed."""
+        host = self.layout.structure.host(self.equations.dry[place])
+        return self.laws[place].by == "normal" and host is not None and any(self.closed[host])
+
+    def _reset_extension(self, place: int, side: int, theta: float) -> None:
+        """Set the extension of a Jenkins element to its limit on one side (0: to zero), with its derivatives."""
+        memory = self.memory_of[place]
+        assert memory is not None
+        if self.columns:
+            self.rows()[:, memory] = side * extension_changes(self, place, theta) if side else 0.0
+        self.state[memory] = side * float(self.read(theta).friction[place, 1]) / self.stiffness(place) if side else 0.0
+        self._forgotten.add(memory)
+
+    def _hold(self, theta: float, candidates: Iterable[int]) -> Readings | None:
+        """Hold those of the candidates that stay within their bounds; the others slip, or open.
+
+        Return the values with what is held, if anything is.
+        """
+        held = sorted({*candidates}, key=lambda number: (number in self.friction_of, number))
+        while True:
+            for number in held:
+                if (place := self.friction_of.get(number)) is not None:
+                    self.slips[place], self.sticks[place] = 0, True
+            self.held = tuple(held)
+            self.apply()
+            if not held:
+                return None
+            now = self.read(theta)
+            worst, excess = -1, 0.0
+            for number in self.entry.constraint.independent:
+                reaction, place = float(now.reactions[number]), self.friction_of.get(number)
+                if place is None:
+                    over = np.inf if self.sign_of[number] * reaction < 0.0 else 0.0
+                else:
+                    bound = float(now.friction[place, 2])
+                    over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
+                if over > excess:
+                    worst, excess = number, over
+            if worst < 0:
+                return now
+            held.remove(worst)
+            if (place := self.friction_of.get(worst)) is not None:
+                self._slip(place, 1 if now.reactions[worst] > 0.0 else -1, theta)
+
+    def at_slip(self, event: int, direction: int) -> None:
+        """Change the mode of friction at one of its two events."""
+        place, second = divmod(event, 2)
+        theta = self.integrator.time
+        now = self.read(theta)
+        for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
+            if other != place and memory is not None and self._stops_too(other, now, theta):
+                self._at_memory(other, False, -self.slips[other], theta, now)
+        if self.memory_of[place] is not None:
+            self._at_memory(place, bool(second), direction, theta, now)
+        elif self.sticks[place]:
+            self._release(place, -1 if second else 1, theta, now)
+        elif not second and theta - self._begun[place] > _SETTLING:
+            self._stop(place, theta, now)
+
+    def _stop(self, place: int, theta: float, before: Readings) -> None:
+        """Decide whether rigid friction sticks where its slip rate vanishes, or slips the other way."""
+        acceleration = self.slip_acceleration(place, before, theta)
+        if self.slips[place] * acceleration > 0.0:
+            return  # the rate only begins to grow
+        shifts = rate_changes(self, self.equations.dry[place], theta) if self.columns else np.zeros(0)
+        candidates = [*self.held, self.reaction_of[place]]
+        for other, number in enumerate(self.reaction_of):  # of two events at the same time only one is reported
+            if number is not None and other != place and self._stops_too(other, before, theta):
+                candidates.append(number)
+        modes = self.slips.copy()
+        after = self._hold(theta, [number for number in candidates if number is not None])
+        project(self, theta)
+        if self.columns:
+            add_delay(self, before, theta, shifts, acceleration, after=after)
+        else:
+            self.kink(before, theta)
+        self._report(modes, theta)
+
+    def kink(self, before: Readings, theta: float) -> None:
+        """Record an instant at which velocities or accelerations jump."""
+        after = self.read(theta)
+        velocities, turning = (before.velocities, after.velocities), (before.accelerations, after.accelerations)
+        self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+
+    def _stops_too(self, place: int, now: Readings, theta: float) -> bool:
+        """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
+        if not self.slips[place] or theta - self._begun[place] <= _SETTLING:
+            return False
+        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
+
+    def _release(self, place: int, side: int, theta: float, before: Readings) -> None:
+        """Let rigid friction slip where its reaction reaches the force at which slip begins."""
+        number, modes = self.reaction_of[place], self.slips.copy()
+        static = float(self.base[self.slots[place].numbers["static"]])
+        # otherwise no force jumps, and nothing else may let go
+        jumps = self.columns and (static != 1.0 or len(self.held) > 1)
+        gradient = margin_changes(self, place, before, theta) if jumps else None
+        self._slip(place, side, theta)
+        after = self._hold(theta, [each for each in self.held if each != number])
+        if gradient is not None:
+            add_delay(self, before, theta, *gradient, after=after)
+        self._report(modes, theta)
+
+    def _at_memory(self, place: int, second: bool, direction: int, theta: float, now: Readings) -> None:
+        """Change the mode of a Jenkins element."""
+        modes = self.slips.copy()
+        if self.sticks[place]:
+            side = -1 if second else 1
+            just = theta - self._begun[place] <= _SETTLING
+            rate = self.slip_acceleration(place, now, theta) if just else float(now.friction[place, 0])
+            if side * rate <= 0.0:
+                return  # where slip has just ended, the force is at its limit, and leaves it
+            self._reset_extension(place, side, theta)
+            self._slip(place, side, theta - 1.0)
+        elif self.slips[place] and not second and direction in (0, -self.slips[place]):
+            if self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0:
+                return
+            self._stick(place, theta)
+            if not self.columns:
+                self.kink(now, theta)
+        else:
+            return
+        self.apply()
+        self._report(modes, theta)
+
+    def _report(self, before: list[int], theta: float) -> None:
+        """Log the modes that have changed."""
+        for contact, old, new in zip(self.equations.dry, before, self.slips, strict=True):
+            if old != new:
+                self.log.append(SlipEvent(theta, contact, new))
+
+    def holds(self, switch: int) -> bool:
+        """Return True if the stop of a switch is held."""
+        return self.stop_reaction.get(switch) in self.held
+
+    def let_go(self, switch: int, theta: float) -> bool:
+        """Open a stop that is held where its reaction vanishes; return False if it is not held."""
+        number = self.stop_reaction.get(switch)
+        if number is None or number not in self.held:
+            return False
+        modes = self.slips.copy()
+        self._hold(theta, [each for each in self.held if each != number])
+        self._report(modes, theta)
+        return True
+
+    def after_impact(self, theta: float, stops: Sequence[int] = ()) -> None:
+        """Decide all modes again after an impact, which moves what was stuck; `stops` are held if they are pushed."""
+        still, modes = _STILL * self.speed(), self.slips.copy()
+        candidates = [number for number in self._touching(theta, still) if number in {*self.held, *stops}]
+        now = self.read(theta)
+        for place, number in enumerate(self.reaction_of):
+            rate = float(now.friction[place, 0])
+            if number is None:
+                continue
+            if abs(rate) <= still and self.sticks[place]:
+                candidates.append(number)
+            elif self.sticks[place] or rate * self.slips[place] < 0.0:
+                self._slip(place, 1 if rate > 0.0 else -1, theta - 2.0 * _SETTLING)
+        self._hold(theta, candidates)
+        for place, memory in enumerate(self.memory_of):
+            if memory is not None and self.slips[place] * float(now.friction[place, 0]) < 0.0:
+                self._stick(place, theta)
+        self.apply()
+        self._report(modes, theta)
+
+    def concerns(self, contact: int, jumps: bool) -> bool:
+        """Return True if a stage of a contact that closes or opens may change what friction does or what is held.
+
+        It does if the contact hosts friction, or its force jumps while something is held.
+        """
+        return (jumps and bool(self.held)) or any(
+            self.layout.structure.host(friction) == contact for friction in self.equations.dry
+        )
+
+    def after_stage(self, contact: int, theta: float) -> None:
+        """Decide the friction that a contact hosts again after one of its stages has closed or opened."""
+        modes = self.slips.copy()
+        self._forgotten.clear()
+        for place, friction in enumerate(self.equations.dry):
+            memory = self.memory_of[place]
+            if memory is not None and self.layout.structure.host(friction) == contact:
+                self._begin_memory(place, memory, theta)
+        self._hold(theta, self.held)
+        self._report(modes, theta)
+
+    def add_delay(self, before: Readings, theta: float, shifts: Array, speed: float) -> None:
+        """Add what a stage that closes or opens earlier or later contributes to the changes, after `after_stage`."""
+        add_delay(self, before, theta, shifts, speed, self._forgotten)
+
+    def are_right(self, theta: float) -> bool:
+        """Return True if the modes are those of the present state, unless it is where they change."""
+        now, velocity = self.read(theta), self.speed()
+        for place, (rate, _, bound) in enumerate(now.friction.tolist()):
+            if self.slips[place]:
+                if self.slips[place] * rate < -_NEAR * velocity:
+                    return False
+            elif self.sticks[place]:
+                memory, number = self.memory_of[place], self.reaction_of[place]
+                if memory is not None:
+                    force = self.stiffness(place) * float(self.state[memory])
+                else:
+                    force = float(now.reactions[number])  # type: ignore[index]
+                if abs(force) > bound * (1.0 + _NEAR):
+                    return False
+        return True
