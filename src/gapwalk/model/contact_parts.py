@@ -50,6 +50,8 @@ class ContactParts:
         The law of the springs, or its name; by default the first that has the numbers.
     numbers
         The numbers of the law; `hysteresis`, the limit of friction that always acts; and `hysteresis_stiffness`.
+    has_spring
+        True if a spring that acts always is beside them, which is no contact.
     """
 
     name: str
@@ -58,6 +60,7 @@ class ContactParts:
     force: Mapping[str, float] | None = None
     law: Law | str | None = None
     numbers: Mapping[str, Any] | None = None
+    has_spring: bool = False
 
     def contacts(self) -> tuple[Contact, ...]:
         """Make the contacts: springs, friction, rigid stop.
@@ -114,7 +117,7 @@ class ContactParts:
     def _stop(self) -> Contact | None:
         if not self._rigid:
             return None
-        alone = not self._soft
+        alone = not (self._soft or self.has_spring)
         bounces: set[Any] = {stage.numbers.get(_BOUNCE, (self.numbers or {}).get(_BOUNCE)) for stage in self._rigid}
         stages = [replace(stage, stiffness=1.0, numbers={}) for stage in self._rigid]
         if len(stages) == 1 and not alone:

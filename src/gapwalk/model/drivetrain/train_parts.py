@@ -171,7 +171,8 @@ class Link:
         if len(stages) == 1 and self.clearance is not None and HYSTERESIS.name in numbers:
             own = stages[0].numbers | {HYSTERESIS.name: numbers.pop(HYSTERESIS.name)}
             stages = [replace(stages[0], numbers=own)]
-        return ContactParts(self.name, {self.name: 1.0}, tuple(stages), None, self.law, numbers).contacts()
+        always = self.acts_always and not gapless
+        return ContactParts(self.name, {self.name: 1.0}, stages, None, self.law, numbers, always).contacts()
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities, in the order in which they choose the units of a train."""
