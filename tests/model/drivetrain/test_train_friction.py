@@ -316,3 +316,23 @@ def test_a_prescribed_motion_moves_friction_and_stop() -> None:
     np.testing.assert_allclose(found.z, expected.z, rtol=0, atol=1e-12)
     assert len(found.slips) == len(expected.slips) > 3
     assert len(found.contacts) == len(expected.contacts) > 0
+
+
+@pytest.mark.parametrize(
+    "number", ["s_friction.limit", "s.stage2.hysteresis", "s_stop.restitution", "f.limit", "f.speed"]
+)
+def test_numbers_of_friction_and_stops_vary(number: str) -> None:
+    stages = [
+        gw.Stage(0.1, 3.0, numbers={"hysteresis": 0.2}),
+        gw.Stage(0.2, "rigid", numbers={"restitution": 0.5}),  # pyright: ignore[reportArgumentType]
+    ]
+    first = {"stiffness": 2.0, "hysteresis": 0.1, "stages": stages}
+    load = gw.Harmonic(0.1, order=2, varies=number, name="v")
+    friction = Friction("f", ("b", "c"), 0.3, speed=0.2)
+    system = train(*shafts(**first), frictions=[friction], harmonics=[load]).system()
+    (variation,) = system.structure.variations
+    form = system.structure.contacts[variation.contact]
+    prefix = form.name if variation.stage < 0 else form.stage_prefix(form.stages[variation.stage])
+    assert f"{prefix}.{variation.name}" == number
+    with pytest.raises(ModelError, match="there is no shaft or gear 's_fraction'"):
+        train(*shafts(**first), harmonics=[gw.Harmonic(0.1, order=2, varies="s_fraction.limit", name="v")])
