@@ -17,7 +17,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import collapses
 from gapwalk.verification.dop853 import Round, between, error_of, method, turn
 from gapwalk.verification.dop853 import carry as carry_together
+from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 _PERIOD = 2.0 * math.pi
 _SMALL = 1e-25  # size of the imaginary parts: rounding does not see their squares
 _STEP = 1e-150  # of the complex step
-_EXACT = 1e-12  # error of a step, relative to the motion
+_EXACT = 2e-11  # error of a step, relative to the motion
 _FIRES = 1e-11  # share of its scale by which a guard is beyond zero once it has changed its sign
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _HOP = 1e-3  # angle of a flight that is located from its parabola
@@ -42,20 +42,6 @@ _HELD = 1e-7  # angle of a flight that is not made any more
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
 _SHARES = np.concatenate((0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
-_TOGETHER = 1e-3  # radians within which two records of an event may be one
-
-
-class Change(NamedTuple):
-    """An event: ``"contact"`` with the number of a switch, or ``"slip"`` with that of a contact; the mode after it.
-
-    `slope` is the derivative of its guard over the angle, as a share of its scale.
-    """
-
-    kind: str
-    index: int
-    mode: int
-    theta: float
-    slope: float
 
 
 @dataclass(frozen=True)
@@ -67,7 +53,7 @@ class DryRound(Round):
     transition : shape (state size, state size)
         Derivative of the final state by the initial one.
     changes
-        The events that were found.
+        The modes at the start, then the events that were found.
     """
 
     transition: Array | None = None
@@ -120,58 +106,13 @@ def carry_dry(orbit: Orbit) -> DryRound:
     )
 
 
-def mismatch(orbit: Orbit, changes: Sequence[Change]) -> float:
-    """Compare the stored events of an orbit with those that were found, and return the largest difference.
-
-    Of an event that is in both, it is the share of its scale by which its guard is off zero at the stated angle. Phases
-    that only one of them has count by their length: at a special point a phase may have no length at all.
-    """
-    end = _PERIOD * orbit.period
-    rigid = {switch for _, switch in orbit.system.structure.reactions if switch >= 0}
-    stored = [("contact", each.switch, int(each.enters), each.theta) for each in orbit.events]
-    # the modes at the start are no events
-    first = {each.contact: each.slip for each in reversed(orbit.slips)}
-    for each in orbit.slips:
-        if each.theta > 0.0 and first[each.contact] != each.slip:
-            stored.append(("slip", each.contact, each.slip, each.theta))
-        first[each.contact] = each.slip
-    worst = 0.0
-    keys = {(kind, index) for kind, index, *_ in (*stored, *changes)}
-    for key in keys:
-        theirs = [(mode, theta) for kind, index, mode, theta in stored if (kind, index) == key]
-        ours = [each for each in changes if (each.kind, each.index) == key]
-        left = list(theirs)
-        unmatched: list[float] = []
-        for each in ours:
-            near = [other for other in left if other[0] == each.mode and _apart(other[1], each.theta, end) < _TOGETHER]
-            if near:
-                match = min(near, key=lambda other: _apart(other[1], each.theta, end))
-                left.remove(match)
-                worst = max(worst, abs(each.slope) * _apart(match[1], each.theta, end))
-            else:
-                unmatched.append(each.theta)
-        # what is left on either side is in pairs that are close together, or wrong
-        for angles in (unmatched, [theta for _, theta in left]):
-            every = [each.theta for each in ours] + [theta for _, theta in theirs]
-            for theta in angles:
-                others = sorted(_apart(theta, other, end) for other in every)[1:]  # without itself
-                if key[0] == "contact" and key[1] in rigid and others and min(others) < _TOGETHER:
-                    continue  # of impacts that end in a held contact, the last ones may be summed up
-                worst = max(worst, min(others, default=math.inf))
-    return worst
-
-
-def _apart(a: float, b: float, end: float) -> float:
-    return min(abs(a - b), end - abs(a - b))
-
-
 class _Motion:
     """The motion of an orbit and of its neighbours, one for each direction of the state space."""
 
     def __init__(self, orbit: Orbit) -> None:
         equations = self.equations = DryEquations(orbit.system)
         n, size = equations.size, equations.state_size
-        self.theta, self.changes, self.error = 0.0, [], 0.0
+        self.theta, self.error = 0.0, 0.0
         self.states = np.tile(orbit.state.astype(complex), (size + 1, 1))
         self.states[1:] += 1j * _SMALL * np.eye(size)
         length = max(float(np.abs(orbit.extremes).max()), float(np.abs(orbit.state[:n]).max()), 1e-300)
@@ -186,6 +127,9 @@ class _Motion:
         self._step, self.angles = 1e-3, np.zeros(size + 1)
         self.levels = equations.levels(np.array([1e-9]))
         self.modes = self._start()
+        self.changes = [Change("slip", index, slip, 0.0, 0.0) for index, slip in self.modes.slip.items()]
+        soft = [switch for switch in range(len(equations.signs)) if switch not in equations.rigid]
+        self.changes += [Change("contact", switch, int(self.modes.closed[switch]), 0.0, 0.0) for switch in soft]
 
     # ---- modes
 
@@ -380,18 +324,18 @@ class _Motion:
 
     def advance(self, end: float) -> None:
         """Integrate to an angle."""
-        equations, repeated, count = self.equations, 0, 0
+        equations, repeated, count, last = self.equations, 0, 0, -1.0
         for stop in [*(angle for angle in self._pieces if 0.0 < angle < end), end]:
             self.levels = equations.levels(np.array([0.5 * (self.theta + stop)]))
             while self.theta < stop:
                 key = self._advance(stop)
                 if key is None:
                     continue
-                start = self.changes[-1].theta if self.changes else -1.0
-                repeated = repeated + 1 if self.theta - start <= 1e-14 * (1.0 + self.theta) else 0
+                repeated = repeated + 1 if self.theta - last <= 1e-14 * (1.0 + self.theta) else 0
                 count += 1
                 if repeated > _AT_ONCE or count > _MOST:
                     raise NumericalError("events repeat")
+                last = self.theta
                 self._pass(key)
         self.angles = np.full(len(self.states), self.theta)
         equations.set_extensions(self.angles, self.states, self.modes, self.levels)
@@ -531,14 +475,12 @@ class _Motion:
         r0, r1 = h * np.real(rates[0, 0]), h * np.real(rates[-1, 0])
         first = [y0[:n], r0[:n], h * r0[n : 2 * n] / omega]
         last = [y1[:n], r1[:n], h * r1[n : 2 * n] / omega]
-        found = np.empty((len(_SHARES), len(y0)))
-        for row, s in enumerate(_SHARES.tolist()):
-            q, slope = between(first, last, s)  # type: ignore[arg-type]
-            found[row, :n], found[row, n : 2 * n] = q, slope / h * omega
-            # the extensions by a cubic
-            d = y1[2 * n :] - y0[2 * n :]
-            a, b = r0[2 * n :], r1[2 * n :]
-            found[row, 2 * n :] = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
+        s = _SHARES[:, None]
+        q, slope = between(first, last, s)
+        # the extensions by a cubic
+        d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
+        z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
+        found = np.concatenate((q, slope / h * omega, z), axis=1)
         found[-1] = y1
         return found
 

@@ -91,8 +91,10 @@ class DryEquations(Equations):
             switch for switch, k in enumerate(self.contact_of) if forms[k].law.rebounds and switch not in self.rigid
         ]
         self._pressed = [index for index in self.dry if self._law(index).by == "normal"]
-        names = {name for name, _ in self._shares}
-        self.creeping = [index for index in self.memories if index in self._pressed or forms[index].name in names]
+        self._varied_prefixes = {prefix for prefix, _ in self._shares}
+        self.creeping = [
+            index for index in self.memories if index in self._pressed or forms[index].name in self._varied_prefixes
+        ]
         # a contact that hosts friction comes before the friction
         self._order = sorted(range(len(forms)), key=lambda index: forms[index].law.is_dry)
 
@@ -117,6 +119,9 @@ class DryEquations(Equations):
         """Return the contacts that have a reaction: friction that sticks rigidly, and stops that are held."""
         stuck = [index for index in self.dry if index not in self.memories and not modes.slip[index]]
         return [*stuck, *(int(self.contact_of[switch]) for switch in sorted(modes.held))]
+
+    def _named(self, prefix: str, numbers: dict[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
+        return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else numbers
 
     def loading(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Loading:
         """Compute accelerations, forces and limits.
