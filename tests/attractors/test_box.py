@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.box import Box, Window, state_names
+from gapwalk.attractors.box import Box, Window
 from gapwalk.errors import ModelError
 from tests.systems import clutch
 
 
 def test_a_state_has_names():
-    assert state_names(("q1", "q3")) == ("q1", "q3", "q1'", "q3'")
+    assert clutch().state_names == ("q1", "q3", "q1'", "q3'")
 
 
 def test_a_window_is_cut_into_cells():

@@ -57,7 +57,7 @@ def rotation(states, a):
 
 def judged(function, values, start, options=PLAIN):
     states = np.tile(np.asarray(start, dtype=float), (len(values), 1))
-    return judge(MapMotions(function, values), states, np.ones(len(values)), options)
+    return judge(MapMotions(function, values), states, np.ones_like(states), options)
 
 
 def test_the_logistic_map_has_the_periods_of_the_books():
@@ -117,14 +117,14 @@ def test_an_undamped_oscillator_is_quasi_periodic_and_a_damped_one_is_not():
     systems = [linear(damping=damping) for damping in (0.0, 0.1)]
     for system, regime in zip(systems, (Regime.QUASI_PERIODIC, Regime.PERIODIC), strict=True):
         states = np.array([[0.5, -0.2, 0.1, 0.3]])
-        found = judge(motions_of(system, states), states, np.array([system.frequency]), RegimeOptions())
+        found = judge(motions_of(system, states), states, system.state_scales()[None], RegimeOptions())
         assert found.regimes.tolist() == [regime]
 
 
 def test_forces_and_impacts_are_those_of_the_orbit():
     system = clutch(frequency=0.6)
     states = np.zeros((1, 4))
-    found = judge(motions_of(system, states), states, np.array([0.6]), RegimeOptions())
+    found = judge(motions_of(system, states), states, system.state_scales()[None], RegimeOptions())
     orbit = find_orbit(system, int(found.periods[0]), found.states[0])
     assert orbit.stable
     peak = max(orbit.measure("max.stage2"), -orbit.measure("min.stage2"))
@@ -135,7 +135,7 @@ def test_forces_and_impacts_are_those_of_the_orbit():
 def test_a_doubtful_motion_that_spirals_into_an_orbit_is_called_periodic():
     system = linear(damping=1e-5)  # its free vibration takes 10^5 forcing periods to die away
     states = find_orbit(system).state[None, :] + 0.02
-    fast = judge(motions_of(system, states), states, np.array([system.frequency]), PLAIN)
+    fast = judge(motions_of(system, states), states, system.state_scales()[None], PLAIN)
     assert fast.regimes.tolist() == [Regime.QUASI_PERIODIC]
     exact = settle_doubts(fast, [lambda: system])
     assert exact.regimes.tolist() == [Regime.PERIODIC]

@@ -29,7 +29,7 @@ class Attractor(Shown):
         The system that moves.
     period
         Period m of a periodic motion; number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
-    strobes : shape (count, 2n)
+    strobes : shape (count, state_size)
         States at theta = 0, one forcing period apart: all m of an orbit, or a sample of another motion.
     orbit
         The orbit of a periodic motion; otherwise None.
@@ -52,12 +52,12 @@ class Attractor(Shown):
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
-        if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != self.system.state_size or not len(self.strobes):
             raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """A state of the motion at theta = 0, shape (2n,)."""
+        """A state of the motion at theta = 0, shape (state_size,)."""
         return self.strobes[0]
 
     @property
@@ -104,7 +104,7 @@ class Settled(Shown):
     ----------
     system
         The system that moves.
-    strobes : shape (count, 2n)
+    strobes : shape (count, state_size)
         The last states of the transient at theta = 0, one forcing period apart; positions, then velocities.
     periods
         Length of the transient in forcing periods.
@@ -129,7 +129,7 @@ class Settled(Shown):
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
-        if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != self.system.state_size or not len(self.strobes):
             raise ValueError(f"strobes of shape {self.strobes.shape} do not belong to this system")
 
     @property
@@ -139,7 +139,7 @@ class Settled(Shown):
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """A state of the settled motion at theta = 0, shape (2n,); a state of the orbit if there is one."""
+        """A state of the settled motion at theta = 0, shape (state_size,); a state of the orbit if there is one."""
         return self.orbit.state if self.orbit is not None else self.strobes[-1]
 
     def motion(self, periods: int | None = None, samples: int = 256) -> Motion:

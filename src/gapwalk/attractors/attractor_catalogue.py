@@ -33,7 +33,7 @@ _FIRST = 8  # forcing periods before the first test; the total grows by half bef
 _WATCHED = 48  # strobes of a motion in no trapping region that are compared with the attractor signatures
 
 Advance = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
-"""Advances states, shape (count, 2n), by some forcing periods; a motion that cannot be integrated becomes nan."""
+"""Advances states, one in each row, by some forcing periods; a motion that cannot be integrated becomes nan."""
 _COMPARED = 64  # strobes with which a motion is compared with the known attractors
 
 
@@ -66,9 +66,9 @@ class AttractorSignature:
     ----------
     region
         The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
-    strobes : shape (count, 2n)
+    strobes : shape (count, state_size)
         States of the attractor, one forcing period apart.
-    scale : shape (2n,)
+    scale : shape (state_size,)
         Size of the attractor.
     reach
         Distance from the strobes, relative to that size, up to which a state belongs to the attractor.
@@ -87,7 +87,7 @@ class AttractorSignature:
     def distance(self, track: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the distance of most strobes of motions, shape (strobes, ...); up to 1 they are on the attractor.
 
-        The strobes have the shape (strobes, ..., 2n). A motion that has diverged is nan, and its distance is inf.
+        The strobes have the shape (strobes, ..., state_size). A motion that has diverged is nan; its distance is inf.
         """
         from scipy.spatial import KDTree  # imported late: it takes long
 
@@ -105,7 +105,7 @@ class Sorted(NamedTuple):
     ----------
     labels : shape (count,)
         Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         States of the motions when this was decided.
     periods : shape (count,)
         Number of forcing periods until then.
@@ -127,7 +127,7 @@ def explore(
         The attractors known so far.
     advance
         The flow of many motions.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         The states.
     longest
         The most forcing periods for which a motion is followed with the fast flow.
@@ -182,7 +182,7 @@ def sort_states(
     ----------
     advance
         The flow of many motions.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         Positions, then velocities, at theta = 0.
     signatures
         Signatures of the attractors.
@@ -242,8 +242,8 @@ def match(
     attractors
         The known attractors, all of the same system with the same parameter values.
     motion
-        An attractor, a settled motion, one state at theta = 0 (shape (2n,)), or several one forcing period apart (shape
-        (count, 2n)): one state distinguishes orbits, 16 or more distinguish any attractors.
+        An attractor, a settled motion, one state at theta = 0, or several one forcing period apart, one in each row:
+        one state distinguishes orbits, 16 or more distinguish any attractors.
     tolerance
         Tolerance relative to the size of an orbit.
 
@@ -265,7 +265,7 @@ def match(
 
 
 def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
-    """Return the distance of most of some states, shape (count, 2n), from an attractor; up to 1 they belong to it."""
+    """Return the distance of most of some states, one in each row, from an attractor; up to 1 they belong to it."""
     length = attractor.strobes.shape[1]
     if states.ndim != 2 or states.shape[1] != length:
         raise ModelError(f"the states have the shape {states.shape}; it must be (count, {length})")

@@ -205,7 +205,7 @@ class BasinShares:
         The system.
     box
         The box.
-    starts : shape (count, 2n)
+    starts : shape (count, state_size)
         The random states.
     labels : shape (count,)
         As in `Basins`.

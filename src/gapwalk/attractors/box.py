@@ -1,5 +1,7 @@
 """Boxes of initial states: a range or a fixed value for each coordinate and velocity, by name.
 
+The extension of a contact with a state of its own begins at zero.
+
 States in a box are the centres of the cells of a plane, their neighbours, or random.
 """
 
@@ -27,7 +29,7 @@ class Box:
     Attributes
     ----------
     names
-        Names of the components: coordinates, then velocities.
+        Names of the components: coordinates, velocities, then extensions, which are zero.
     low, high
         The ends of the ranges, in the order of the names.
     """
@@ -45,11 +47,14 @@ class Box:
         ModelError
             For an unknown name or an empty range.
         """
-        names = state_names(system.coordinates)
+        names = system.state_names
         low, high = np.zeros(len(names)), np.zeros(len(names))
         for name, given in ranges.items():
+            if name in names[2 * system.size :]:
+                raise ModelError(f"{name} is no axis of a box: it begins at 0, as a spring of friction without a force")
             if name not in names:
-                raise ModelError(f"there is no coordinate or velocity {name!r}; {did_you_mean(name, names)}")
+                known = did_you_mean(name, names[: 2 * system.size])
+                raise ModelError(f"there is no coordinate or velocity {name!r}; {known}")
             place = names.index(name)
             low[place], high[place] = _ends(name, given)
         return cls(names, tuple(low.tolist()), tuple(high.tolist()))
@@ -60,7 +65,7 @@ class Box:
         return tuple(name for name, a, b in zip(self.names, self.low, self.high, strict=True) if a < b)
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
-        """Draw random states, uniformly distributed over the box and repeatable, shape (count, 2n)."""
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size)."""
         random = np.random.default_rng(seed)
         return random.uniform(self.low, self.high, (count, len(self.names)))
 
@@ -119,7 +124,7 @@ class Window:
         return across, up
 
     def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the states at the centres of all cells, row by row from the bottom, shape (rows * columns, 2n)."""
+        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size)."""
         across, up = self.centres(resolution)
         states = np.tile(self.box.low, (len(across) * len(up), 1))
         states[:, self.box.names.index(self.across)] = np.tile(across, len(up))
@@ -157,11 +162,6 @@ def differs(labels: NDArray[np.int_], neighbours: NDArray[np.intp]) -> NDArray[n
 def about(marked: NDArray[np.bool_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Mark the states that are marked already or have a marked neighbour."""
     return marked | marked[neighbours].any(axis=1)
-
-
-def state_names(coordinates: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the components of a state: the coordinates, then their velocities (``q1'``)."""
-    return (*coordinates, *(f"{name}'" for name in coordinates))
 
 
 def _ends(name: str, given: Range) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from gapwalk.attractors.trapping_region import nearby_orbit, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit, stroboscopic
+from gapwalk.orbit.sticking import kept_words
 
 _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes stored in an attractor
@@ -109,7 +110,8 @@ def identify(settled: Settled, options: ClassifyOptions | None = None) -> Attrac
 
 
 def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
-    exponents = of_multipliers(orbit.system, orbit.multipliers, orbit.period)
+    exponents = of_multipliers(orbit.system, orbit.free_multipliers, orbit.period)
+    evidence = (*evidence, *kept_words(orbit.system.structure, orbit.stuck))
     strobes = stroboscopic(orbit)
     return Attractor(AttractorKind.PERIODIC, orbit.system, orbit.period, strobes, orbit, exponents, None, evidence)
 

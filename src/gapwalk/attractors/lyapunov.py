@@ -27,11 +27,13 @@ from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
+from gapwalk.orbit.sticking import collapses
 
 _BLOCKS = 16  # the fewest blocks from which an error is estimated
 _PARTS = 4  # parts of the sequence whose weighted averages are compared
 _FIRST = 1024  # forcing periods after which the errors are first estimated
 _RESOLVED = -14.0  # logarithm of the stretching over a segment below which rounding errors dominate
+_COLLAPSED = 1e-13  # stretching, relative to the largest, that friction or an impact has made 0 but for rounding
 _MOST_SEGMENTS = 64
 _ROUNDING = 1e-9  # spread of averages per forcing period that is within rounding
 _ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are still aligning
@@ -43,8 +45,9 @@ class Lyapunov:
 
     Attributes
     ----------
-    exponents, errors : shape (2n,)
-        Exponents per unit of time, in descending order, and their standard errors.
+    exponents, errors : shape (state_size,)
+        Exponents per unit of time, in descending order, and their standard errors. An exponent is minus infinity where
+        slip, stick or an impact without rebound makes neighbouring motions one.
     periods
         Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
     frequency
@@ -69,12 +72,12 @@ class Lyapunov:
 
     @property
     def per_period(self) -> NDArray[np.float64]:
-        """The exponents per forcing period, shape (2n,)."""
+        """The exponents per forcing period, shape (state_size,)."""
         return self.exponents * (PERIOD / self.frequency)
 
     @property
     def errors_per_period(self) -> NDArray[np.float64]:
-        """The errors per forcing period, shape (2n,)."""
+        """The errors per forcing period, shape (state_size,)."""
         return self.errors * (PERIOD / self.frequency)
 
     @cached_property
@@ -151,14 +154,16 @@ def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOption
 def lyapunov_run(
     system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
 ) -> tuple[Lyapunov, NDArray[np.float64]]:
-    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, 2n)."""
+    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, state_size)."""
     options = options or LyapunovOptions()
     stretching = _Stretching(system, check_state(system, state))
     length = min(_FIRST, options.max_periods)
     while True:
         stretching.extend(length)
         logs = stretching.logs[length // _ALIGNING :]
-        found = average(logs)
+        lost = np.isneginf(logs).any(axis=0)
+        found = average(np.where(lost, 0.0, logs))
+        found.mean[lost] = -np.inf
         order = np.argsort(-found.mean)
         value, error = found.mean[order], found.error[order]
         good = bool(np.all(error <= np.maximum(options.relative * np.abs(value), options.absolute)))
@@ -173,7 +178,7 @@ class _Stretching:
     def __init__(self, system: System, state: NDArray[np.float64]) -> None:
         self._flow, self._coefficients = flow_of(system, transition=True), coefficients_of(system)
         self._state, self._frame = state, np.eye(len(state))
-        self._segments = 1
+        self._segments, self._collapses = 1, collapses(system)
         self._logs: list[NDArray[np.float64]] = []
         self._strobes: list[NDArray[np.float64]] = []
 
@@ -189,22 +194,30 @@ class _Stretching:
         """Continue until `length` periods have been evaluated."""
         while len(self._logs) < length:
             state, frame, logs = self._period()
-            while logs.min() < _RESOLVED and self._segments < _MOST_SEGMENTS:
+            while self._is_blurred(logs) and self._segments < _MOST_SEGMENTS:
                 self._segments *= 2  # fast contraction is lost to rounding: factorise more often
                 state, frame, logs = self._period()
             self._state, self._frame = state, frame
             self._logs.append(logs.sum(axis=0))
             self._strobes.append(state)
 
+    def _is_blurred(self, logs: NDArray[np.float64]) -> bool:
+        """Return True if a stretching is lost to rounding; one that is nothing but rounding is an exact collapse."""
+        return bool(logs.min(where=~np.isneginf(logs), initial=0.0) < _RESOLVED)
+
     def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return state and frame after one period, and the logarithms of each segment of it, shape (segments, 2n)."""
+        """Return state and frame after one period, and the logarithms of each segment of it, in rows."""
         state, frame, logs = self._state, self._frame, []
         for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
             arc = self._flow.integrate(self._coefficients, state, start, stop)
             assert arc.transition is not None
             factors, scales, _, _ = lapack.dgeqrf(arc.transition @ frame)
             frame, state = lapack.dorgqr(factors, scales)[0], arc.state
-            logs.append(np.log(np.maximum(np.abs(factors.diagonal()), np.finfo(float).tiny)))
+            sizes = np.abs(factors.diagonal())
+            stretched = np.log(np.maximum(sizes, np.finfo(float).tiny))
+            if self._collapses:
+                stretched[sizes <= _COLLAPSED * sizes.max()] = -np.inf
+            logs.append(stretched)
         return state, frame, np.array(logs)
 
 
@@ -259,5 +272,6 @@ def _record(system: System, found: Average, periods: int, converged: bool) -> Ly
 def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
     """Compute the exponents of an orbit: ``log |mu| / (m T)``."""
     span = PERIOD * period / system.frequency
-    values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
+    with np.errstate(divide="ignore"):  # a multiplier may be 0
+        values = np.log(np.abs(multipliers)) / span
     return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)

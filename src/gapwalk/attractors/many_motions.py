@@ -38,11 +38,14 @@ class ManyMotions(Protocol):
         ...
 
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-        """Advance the states, shape (count, 2n), by some forcing periods."""
+        """Advance the states, shape (count, state_size), by some forcing periods."""
         ...
 
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
-        """Return the states 1, 2, ... forcing periods after the first `after` ones, shape (periods, count, 2n)."""
+        """Return the states at the start of each of some periods that follow the first `after` ones.
+
+        Their shape is (periods, count, state_size); the first is one period after them.
+        """
         ...
 
     def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
@@ -59,7 +62,7 @@ class ContactFigures(NamedTuple):
 
     Attributes
     ----------
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         States at the end.
     peaks : shape (count, contacts)
         Largest magnitude of each contact force.
@@ -84,7 +87,7 @@ def motions_of(
     ----------
     system
         The system.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         Initial states of the motions; the steps are chosen on some of them.
     values
         Parameter values by name, each of shape (count,), one for each motion; without any, the number of motions may
@@ -148,7 +151,7 @@ class ExactMotions:
                 motion = integrate(self._system(index), states[index], periods, _SAMPLES)
             except FlowError:
                 continue
-            ends[index] = np.concatenate((motion.q[-1], motion.v[-1]))
+            ends[index] = motion.states[-1]
             peaks[index] = np.abs(motion.forces).max(axis=0)
             closings = np.zeros(impacts.shape[1])
             for contact, _, switch in innermost:
@@ -168,7 +171,7 @@ class ExactMotions:
 
 
 def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the states, shape (count, 2n), of motions that have not diverged."""
+    """Mark the states, shape (count, state_size), of motions that have not diverged."""
     return np.asarray(np.isfinite(states).all(axis=1))
 
 

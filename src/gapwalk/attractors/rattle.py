@@ -255,7 +255,7 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quad
     nodes, weights = leggauss(_ORDER)
     thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
     integrated = sample(system, state, np.concatenate(([0.0], thetas)))
-    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events)
+    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events, integrated.z[1:])
     return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
 
 
@@ -336,13 +336,12 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
     if not 0 < best < len(nodes) - 1:
         return float(values[best])
     before, after = nodes[best - 1], nodes[best + 1]
-    flow, coefficients, n = flow_of(motion.system), coefficients_of(motion.system), motion.system.size
-    state = np.concatenate((motion.q[before], motion.v[before]))
+    flow, coefficients, state = flow_of(motion.system), coefficients_of(motion.system), motion.states[before]
     start, stop = float(motion.theta[before]), float(motion.theta[after])
 
     def negative(theta: float) -> float:
         at = flow.integrate(coefficients, state, start, theta).state
-        return -float(function(Motion(motion.system, np.array([theta]), at[None, :n], at[None, n:], ()))[0])
+        return -float(function(Motion.of(motion.system, np.array([theta]), at[None]))[0])
 
     found = minimize_scalar(negative, bounds=(start, stop), method="bounded", options={"xatol": 1e-6})
     return max(-float(found.fun), float(values[best]))

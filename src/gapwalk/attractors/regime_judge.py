@@ -78,7 +78,7 @@ class Verdicts(NamedTuple):
         The largest Lyapunov exponent per forcing period, if it was needed; otherwise nan.
     peaks, impacts : shape (count, contacts)
         Largest magnitude of each contact force, and impacts per forcing period; nan if they were not requested.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         Last states of the motions.
     """
 
@@ -96,10 +96,13 @@ class Verdicts(NamedTuple):
 
 
 def judge(
-    motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray[np.float64], options: RegimeOptions
+    motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], options: RegimeOptions
 ) -> Verdicts:
-    """Classify motions from states at theta = 0, shape (count, 2n), at excitation frequencies of shape (count,)."""
-    regime_judge = _RegimeJudge(motions, states, frequencies, options)
+    """Classify motions from states at theta = 0, by the scales of their entries; both of shape (count, state_size).
+
+    The scales are `System.state_scales`, with which a velocity counts as the derivative over theta.
+    """
+    regime_judge = _RegimeJudge(motions, states, scales, options)
     regime_judge.wait_for_returns()
     regime_judge.measure_growth()
     if options.forces:
@@ -111,12 +114,10 @@ class _RegimeJudge:
     """Classifier of many motions, which fills in its results."""
 
     def __init__(
-        self, motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray, options: RegimeOptions
+        self, motions: ManyMotions, states: NDArray[np.float64], scales: NDArray, options: RegimeOptions
     ) -> None:
         self.motions, self.options = motions, options
-        count, size = states.shape
-        self.weights = np.ones((count, size))  # velocities become derivatives over theta
-        self.weights[:, size // 2 :] = 1.0 / frequencies[:, None]
+        count, self.weights = len(states), 1.0 / scales
         none = np.empty((count, 0))
         regimes, periods = np.full(count, int(Regime.UNDECIDED)), np.zeros(count, dtype=int)
         self.found = Verdicts(regimes, periods, np.full(count, np.nan), none, none, np.array(states, dtype=float))

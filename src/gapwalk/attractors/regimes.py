@@ -60,7 +60,7 @@ class Regimes(Shown):
     peak_force, impacts : shape (rows, columns, contacts)
         Largest magnitude of each contact force, and impacts per forcing period; shape (rows, columns, 0) if not
         requested.
-    states : shape (rows, columns, 2n)
+    states : shape (rows, columns, state_size)
         A state of the motion at theta = 0.
     check
         Accuracy of the regimes.

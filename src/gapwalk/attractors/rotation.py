@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.attractors.lyapunov import birkhoff_weights
 
 _LEAST = 256  # the fewest strobes on each curve
+_CONSTANT = 1e-10  # deviation of a signal, over the largest of all, that is rounding: a rate while friction sticks
 _LINES = 8  # number of the strongest spectral lines from which candidates are made
 _GAP = 0.05  # the widest gap between phases: a rational number would visit only a few places
 _SMOOTH = 1.3  # largest length of the polygon over the least length that connects the strobes: 1 for a curve
@@ -52,13 +53,15 @@ def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | N
 
     Parameters
     ----------
-    strobes : shape (count, 2n)
+    strobes : shape (count, state_size)
         Successive strobes of the settled motion, at least 256 per curve; the error falls fast with their number.
     max_curves
         Largest number of curves that is tried.
     """
     deviation = strobes.std(axis=0)
-    scaled = (strobes - strobes.mean(axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
+    scaled = (strobes - strobes.mean(axis=0)) / np.where(
+        deviation > _CONSTANT * deviation.max(), deviation, max(1.0, deviation.max())
+    )
     for curves in range(1, max_curves + 1):
         on_one = scaled[::curves]
         if len(on_one) < _LEAST:

@@ -34,8 +34,8 @@ class Section:
         The system that moves.
     theta : shape (count,)
         Angle of the excitation at each state, in radians.
-    states : shape (count, 2n)
-        Positions, then velocities.
+    states : shape (count, state_size)
+        Positions, velocities and extensions.
     text
         The plane or phase of the section, in words.
     """
@@ -55,8 +55,7 @@ class Section:
 
     def signal(self, name: str) -> NDArray[np.float64]:
         """Return one signal at each state, by the names of `Motion.signal`; shape (count,)."""
-        n = self.system.size
-        return Motion(self.system, self.theta, self.states[:, :n], self.states[:, n:], ()).signal(name)
+        return Motion.of(self.system, self.theta, self.states).signal(name)
 
 
 class Crossing(StrEnum):
@@ -99,18 +98,18 @@ class Plane:
             raise ModelError('the normal of a plane is zero; name a signal with its weight, such as {"q1": 1.0}')
 
     def weights(self, system: System) -> NDArray[np.float64]:
-        """Return the weights of all positions, then of all velocities, shape (2n,).
+        """Return the weights of all entries of a state, shape (state_size,).
 
         Raises
         ------
         ModelError
             If the plane names a signal that is neither a position nor a velocity of the system.
         """
-        names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
+        names = system.state_names[: 2 * system.size]
         unknown = [name for name in self.normal if name not in names]
         if unknown:
             raise ModelError(f"a plane cannot be defined on {unknown[0]!r} here; it can be on {', '.join(names)}")
-        return np.array([float(self.normal.get(name, 0.0)) for name in names])
+        return np.array([float(self.normal.get(name, 0.0)) for name in system.state_names])
 
     @property
     def text(self) -> str:
@@ -130,7 +129,7 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     ----------
     system
         The system.
-    start : shape (2n,)
+    start : shape (state_size,)
         A state of the settled motion at theta = 0.
     plane
         The plane, and the direction of crossing.
@@ -151,7 +150,7 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
         current = crossings.follow(current, theta)
         theta += PERIOD
     thetas = np.array([theta for theta, _ in crossings.found])
-    states = np.array([found for _, found in crossings.found]).reshape(-1, 2 * system.size)
+    states = np.array([found for _, found in crossings.found]).reshape(-1, system.state_size)
     return Section(system, thetas, states, plane.text)
 
 
@@ -181,15 +180,15 @@ class _Crossings:
         return states[-1]
 
     def _height(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the signed distance of states, shape (..., 2n), from the plane."""
+        """Return the signed distance of states, shape (..., state_size), from the plane."""
         return states @ self._weights - self._plane.level
 
     def _slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of that distance over theta."""
         n = self._system.size
-        q, v = states[..., :n], states[..., n:]
+        q, v = states[..., :n], states[..., n : 2 * n]
         a = accelerations(layout_of(self._system.structure), self._coefficients, theta, q, v)
-        return (1.0 / self._system.frequency) * (v @ self._weights[:n] + a @ self._weights[n:])
+        return (1.0 / self._system.frequency) * (v @ self._weights[:n] + a @ self._weights[n : 2 * n])
 
     def _find(self, start: float, stop: float, state: NDArray[np.float64]) -> None:
         """Record the crossings in a short interval that begins at a state."""
@@ -255,15 +254,13 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
 
 
 def size_of(system: System, states: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
-    """Compute the size of a motion as a scale for each state component, shape (2n,), independent of the user's units.
+    """Compute the size of a motion as a scale for each entry of a state, shape (state_size,), in any units.
 
-    The scale of positions is the largest position, or the largest velocity over W if that is larger, and at least
-    `least`; the scale of velocities is W times that.
+    The scale of positions and extensions is the largest of them, or the largest velocity over W if that is larger, and
+    at least `least`; the scale of velocities is W times that.
     """
-    n, w = system.size, system.frequency
-    largest = max(float(np.abs(states[..., :n]).max()), float(np.abs(states[..., n:]).max()) / w)
-    size = max(largest, least, np.finfo(float).tiny)
-    return size * np.concatenate((np.ones(n), np.full(n, w)))
+    unit = system.state_scales()
+    return unit * max(float((np.abs(states) / unit).max()), least, np.finfo(float).tiny)
 
 
 def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
@@ -273,7 +270,7 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     ----------
     system
         The system.
-    start : shape (2n,)
+    start : shape (state_size,)
         A state of the settled motion at theta = 0.
     periods
         Number of states.
@@ -325,7 +322,10 @@ class Strobe:
         return self._flow.integrate(self._coefficients, state, self.phase, self.phase + PERIOD * periods)
 
     def run(self, state: NDArray[np.float64], count: int, every: int = 1) -> NDArray[np.float64]:
-        """Return the next `count` states, `every` forcing periods apart, shape (count, 2n), without the given one."""
+        """Return the next `count` states, `every` forcing periods apart, without the given one.
+
+        Their shape is (count, state_size).
+        """
         states = np.empty((count, len(state)))
         for k in range(count):
             state = self.arc(state, every).state

@@ -111,7 +111,7 @@ class _Transient:
             self._advance(min(target, options.max_periods) - self.periods)
             approach = self._look()
             if approach is not None:
-                orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
+                orbit, rate = approach.orbit, float(np.abs(approach.orbit.free_multipliers).max())
                 how = f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period}"
                 how += f" (largest multiplier {rate:.6g}) and contracts to it"
                 return self._record(True, orbit, approach.distance, how)

@@ -112,7 +112,7 @@ def judge_returns(track: NDArray[np.float64], longest: int) -> Returns:
 
     Parameters
     ----------
-    track : shape (strobes, count, 2n)
+    track : shape (strobes, count, state_size)
         Successive strobes of the motions, in their units.
     longest
         The longest period, in forcing periods; at most a third of the length of the track is used.
@@ -153,7 +153,7 @@ def has_settled(states: NDArray[np.float64], longest: int, tolerance: float) -> 
 
     Parameters
     ----------
-    states : shape (strobes, 2n)
+    states : shape (strobes, state_size)
         Successive strobes, in their units.
     longest
         The longest period, in forcing periods.
@@ -188,7 +188,7 @@ def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[
 
     Parameters
     ----------
-    states : shape (strobes, 2n)
+    states : shape (strobes, state_size)
         Strobes of the motion, divided by its size; the last ones are compared.
     longest
         The longest period; at most half the number of strobes is used.
@@ -245,7 +245,7 @@ class Drift(NamedTuple):
 
 
 def drift_of(states: NDArray[np.float64], longest: int) -> Drift:
-    """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
+    """Compute the drift along a sequence of scaled strobes, shape (count, state_size) with a count of 64 or more.
 
     Remainder after the nearest return within `longest` forcing periods (for example the size of a torus about an
     orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.

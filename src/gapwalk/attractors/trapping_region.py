@@ -24,11 +24,13 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.section import Strobe, size_of
 from gapwalk.errors import ConvergenceError, FlowError
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, stroboscopic, true_period
 from gapwalk.orbit.orbit_equation import Newton
 from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.orbit.sticking import released, transition_of
 
 _POINTS = 48  # points on each surface
 _SHELLS = np.array([1.0, 0.5, 0.25])
@@ -56,9 +58,9 @@ class TrappingRegion:
 
     Attributes
     ----------
-    strobes : shape (m, 2n)
+    strobes : shape (m, state_size)
         The states of the orbit, one forcing period apart.
-    shapes : shape (m, 2n, 2n)
+    shapes : shape (m, state_size, state_size)
         A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x - strobes[j])| <= 1``.
     """
 
@@ -89,7 +91,7 @@ class Approach:
         orbit this may take arbitrarily long.
     distance
         Distance of the motion from the orbit, relative to the size of the motion.
-    strobes : shape (periods, 2n)
+    strobes : shape (periods, state_size)
         Strobes of the motion while it was compared with the orbit, one forcing period apart; may be empty.
     """
 
@@ -101,8 +103,11 @@ class Approach:
 
 
 def trapping_region_of(orbit: Orbit) -> TrappingRegion | None:
-    """Build the trapping region of an orbit; None if it is not stable, or so weakly that no useful region was found."""
-    if np.abs(orbit.multipliers).max() >= 1.0 - _NEUTRAL:
+    """Build the trapping region of an orbit; None if it is not stable, or so weakly that no useful region was found.
+
+    An orbit with friction that never slips has none, since it is one of a continuum: motions nearby reach others of it.
+    """
+    if orbit.stuck or np.abs(orbit.free_multipliers).max() >= 1.0 - _NEUTRAL:
         return None
     builder = _Builder(orbit)
     first = builder.first_shape()
@@ -133,7 +138,7 @@ class _Builder:
         self.strobes = np.array(strobes[:-1])
         self.matrices = matrices
         self.scale = size_of(orbit.system, self.strobes)
-        self.rate = 0.5 * (1.0 + float(np.abs(orbit.multipliers).max()))
+        self.rate = 0.5 * (1.0 + float(np.abs(orbit.free_multipliers).max()))
         random = np.random.default_rng(_SEED)
         directions = random.normal(size=(_POINTS, len(orbit.state)))
         self.directions = directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -233,7 +238,7 @@ def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float
     """Follow a motion over several returns near an orbit; report whether it converges to the orbit or leaves it."""
     scale = _scale(orbit, least)
     distance = float(np.abs((state - orbit.state) / scale).max())
-    rate, none = float(np.abs(orbit.multipliers).max()), np.empty((0, len(state)))
+    rate, none = float(np.abs(orbit.free_multipliers).max()), np.empty((0, len(state)))
     if distance <= _ARRIVED:  # without damping the orbit may be neutral; a motion that is on it stays on it
         return Approach(orbit, rate <= 1.0 + _UNDECIDED, rate > _UNSTABLE, distance, none)
     unstable = rate > _UNSTABLE
@@ -265,7 +270,7 @@ class _Modes(NamedTuple):
         return cls(values, vectors, np.linalg.pinv(vectors))
 
     def sizes(self, deviations: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the components of deviations, shape (..., 2n), in the modes."""
+        """Return the components of deviations, shape (..., state_size), in the modes."""
         return deviations.astype(np.complex128) @ self.inverse.T
 
     def are_linear(self, track: NDArray[np.float64]) -> bool:
@@ -293,9 +298,9 @@ class _Modes(NamedTuple):
 
 
 def _monodromy(orbit: Orbit) -> NDArray[np.float64]:
-    transition = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period).transition
-    assert transition is not None
-    return transition
+    arc = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period)
+    layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
+    return transition_of(released(layout, coefficients, [arc], orbit.state)[0])
 
 
 def _returns(orbit: Orbit, state: NDArray[np.float64], followed: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -202,7 +202,7 @@ def posed_for(
 
 
 def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
-    """Return the state after half the period minus the initial state, shape (2n,), relative to the size of the state.
+    """Return the state after half the period minus the initial state, relative to the size of the state.
 
     It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
     through its parent.

@@ -60,7 +60,7 @@ class BranchTracerState(NamedTuple):
 
 def _change(first: BranchPoint, second: BranchPoint) -> float:
     """Return the change of multipliers between two neighbouring points, as a share of the change allowed in a step."""
-    return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
+    return largest_move(first.orbit.free_multipliers, second.orbit.free_multipliers) / _FAR
 
 
 class BranchTracer(Iterator[Step]):
@@ -293,8 +293,8 @@ class BranchTracer(Iterator[Step]):
         point = self.walk.bent_step(_BENT)
         if point is None or first.orbit.closings != point.orbit.closings:
             return None
-        off = np.abs(first.orbit.multipliers - point.orbit.multipliers).max()
-        if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
+        off = np.abs(first.orbit.free_multipliers - point.orbit.free_multipliers).max()
+        if off > _UNCHANGED * np.abs(first.orbit.free_multipliers).max() or first.determinant * point.determinant < 0.0:
             return None
         self.walk.go_on(state, point, _BENT)
         self.detector = Detector(self.beginning.corrector, self._kinds)

@@ -111,7 +111,7 @@ def _instabilities(kind: Kind, before: BranchPoint, after: BranchPoint) -> tuple
     signs = [point.determinant * float(point.tangent[-1]) for point in (before, after)]
     if not kind.moves_through_one or signs[0] * signs[1] >= 0.0 or sides[0].total != sides[1].total:
         return sides
-    near, far = (kind.critical_multiplier(point.orbit.multipliers).real for point in (before, after))
+    near, far = (kind.critical_multiplier(point.orbit.free_multipliers).real for point in (before, after))
     inner, outer = sides if near < far else sides[::-1]
     if max(near, far) <= 1.0:
         outer = outer._replace(above=outer.above + 1)
@@ -186,8 +186,8 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 def _is_undecided(point: BranchPoint) -> bool:
     """Return True if a multiplier is so near the unit circle that its error decides on which side it lies."""
     orbit = point.orbit
-    near = float(np.abs(np.abs(orbit.multipliers) - 1.0).min())
-    return is_on_border(orbit.multipliers) or near < orbit.multiplier_error
+    near = float(np.abs(np.abs(orbit.free_multipliers) - 1.0).min())
+    return is_on_border(orbit.free_multipliers) or near < orbit.multiplier_error
 
 
 def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
@@ -200,7 +200,7 @@ def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
         return True
     if not kind.moves_through_one:
         return _is_undecided(point)
-    near = abs(point.orbit.multipliers - 1.0).min()
+    near = abs(point.orbit.free_multipliers - 1.0).min()
     return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
 
 

@@ -247,7 +247,7 @@ def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen, is_flat:
     if kind.is_turning:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
     if kind.target is not None:
-        critical = [kind.critical_multiplier(each.point.orbit.multipliers) for each in (here, near, other)]
+        critical = [kind.critical_multiplier(each.point.orbit.free_multipliers) for each in (here, near, other)]
         blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
         if abs(critical[0] - kind.target) > SAFETY * blurred + _AT:
             return math.inf  # no multiplier is critical here

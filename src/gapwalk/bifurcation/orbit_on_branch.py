@@ -197,7 +197,7 @@ class StateSpace:
     """
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
-        self.size, self._period = 2 * branch.system.size, branch.period
+        self.size, self._period = branch.system.state_size, branch.period
         segments = (len(points[0].x) - 1) // self.size
         physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
         scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)

@@ -87,7 +87,7 @@ class SpecialPoint(Shown):
     @property
     def multiplier(self) -> complex:
         """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
-        return self.kind.critical_multiplier(self.point.orbit.multipliers)
+        return self.kind.critical_multiplier(self.point.orbit.free_multipliers)
 
     @property
     def is_vertex(self) -> bool:

@@ -170,7 +170,7 @@ def _warm(system: System) -> None:
 
     del signal
     with suppress(GapwalkError):
-        integrate(system, np.zeros(2 * system.size))
+        integrate(system, np.zeros(system.state_size))
 
 
 class Flows:

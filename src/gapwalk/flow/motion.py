@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -45,8 +45,8 @@ class Motion:
         Positions and velocities (over time).
     events
         The crossings of breakpoints, in order.
-    z : shape (samples, contacts with a memory)
-        Extensions of the springs in series with friction.
+    z : shape (samples, memories)
+        Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
     slips
         The modes of dry friction at the first sample, then their changes, in order.
     """
@@ -56,8 +56,30 @@ class Motion:
     q: NDArray[np.float64]
     v: NDArray[np.float64]
     events: tuple[ContactEvent, ...]
-    z: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     slips: tuple[SlipEvent, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.z.size:
+            object.__setattr__(self, "z", np.zeros((len(self.theta), len(self.system.structure.memories))))
+
+    @classmethod
+    def of(
+        cls,
+        system: System,
+        theta: NDArray[np.float64],
+        states: NDArray[np.float64],
+        events: Iterable[ContactEvent] = (),
+        slips: Iterable[SlipEvent] = (),
+    ) -> Motion:
+        """Make a motion from its states, shape (samples, state_size); real or complex."""
+        n = system.size
+        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], tuple(slips))
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """Positions, velocities and extensions, shape (samples, state_size)."""
+        return np.hstack((self.q, self.v, self.z))
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -96,8 +118,9 @@ class Motion:
         Parameters
         ----------
         name
-            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
-            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
+            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), the force of a contact
+            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train),
+            or the extension of a contact with a state of its own (``"brake.extension"``).
             For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
@@ -107,8 +130,8 @@ class Motion:
         ModelError
             If there is no such signal.
         """
-        place, size = signal_place(self.system, name), self.system.size
-        widths = {"q": size, "v": size, "a": size, "forces": len(self.system.structure.contacts)}
+        place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
+        widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
@@ -158,8 +181,8 @@ def integrate(
     ----------
     system
         The system.
-    start : shape (2n,)
-        Positions, then velocities, at `phase`.
+    start : shape (state_size,)
+        Positions, velocities and extensions at `phase`; extensions that are left out are zero.
     periods
         Length in forcing periods.
     samples
@@ -181,21 +204,28 @@ def integrate(
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
-    n, found = system.size, flow_of(system).sample(coefficients_of(system), initial, theta)
-    q, v, z = found.states[:, :n], found.states[:, n : 2 * n], found.states[:, 2 * n :]
-    return Motion(system, theta, q, v, tuple(found.contacts), z, tuple(found.slips))
+    found = flow_of(system).sample(coefficients_of(system), initial, theta)
+    return Motion.of(system, theta, found.states, found.contacts, found.slips)
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """Return the state as an array of 2n finite numbers; raise a ModelError that states what is allowed."""
+    """Return the state as an array of finite numbers, with extensions of zero if it has none.
+
+    Raises
+    ------
+    ModelError
+        If it is no state; the message says what is allowed.
+    """
     try:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):
         array = np.array([np.nan])
-    if array.shape != (system.state_size,) or not np.all(np.isfinite(array)):
-        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
-        raise ModelError(f"a state of this system is {2 * system.size} finite numbers ({order}), not {state!r}")
-    return array
+    size, count = system.state_size, 2 * system.size
+    if array.shape not in {(size,), (count,)} or not np.all(np.isfinite(array)):
+        order = f"{size} finite numbers ({', '.join(system.state_names)})"
+        without = f", or the first {count} of them, and the others are 0" if size > count else ""
+        raise ModelError(f"a state of this system is {order}{without}, not {state!r}")
+    return np.append(array, np.zeros(size - len(array)))
 
 
 def switch_names(system: System) -> list[tuple[str, str, int]]:
@@ -227,7 +257,8 @@ def signal_place(system: System, name: str) -> int:
 def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
+    extensions = system.state_names[2 * system.size :]
+    return [*derivatives, *map(force_of, system.structure.contacts), *extensions, *train_signals(system.structure)]
 
 
 def force_of(contact: ContactForm) -> str:

@@ -60,8 +60,8 @@ class Signal:
         ----------
         motion
             The motion.
-        states : shape (samples, 2n)
-            Derivatives of positions and velocities along that direction.
+        states : shape (samples, state_size)
+            Derivatives of positions, velocities and extensions along that direction.
         coefficients
             Derivatives of the coefficients of the flow; None if they are constant.
         theta
@@ -74,11 +74,11 @@ class Signal:
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size
-        q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n:]
+        q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n : 2 * n]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
         a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, angles, q, v)
-        columns = [q, v, a, forces]
+        columns = [q, v, a, forces, motion.z + step * states[:, 2 * n :]]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(

@@ -15,8 +15,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.structure import ContactForm, Structure, checked
+from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.units import Units
+from gapwalk.model.value_checks import checked
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, summarizes
 
@@ -215,6 +216,21 @@ class System(Shown):
     def state_size(self) -> int:
         """Size of a state: n positions, n velocities, and the state of each contact with a memory."""
         return self.structure.state_size
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the entries of a state: ``q1``, its rate ``q1'``, and ``brake.extension`` of a contact."""
+        return self.structure.state_names
+
+    def state_scales(self, length: float = 1.0, frequency: float | None = None) -> NDArray[np.float64]:
+        """Return the size of each entry of a state in a motion of one length, shape (state_size,).
+
+        A velocity counts as that length times a frequency, by default the frequency W of the excitation. The extension
+        of a contact is a length.
+        """
+        scales = np.full(self.state_size, float(length))
+        scales[self.size : 2 * self.size] *= self.frequency if frequency is None else frequency
+        return scales
 
     @property
     def frequency(self) -> float:

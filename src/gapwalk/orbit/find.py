@@ -61,8 +61,8 @@ def find_orbit(
     start
         ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
         rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
-        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. Or a state, 2n
-        numbers: positions, then velocities, at theta = 0.
+        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. Or a state at
+        theta = 0: positions, then velocities, then extensions, which are 0 if they are left out.
     method
         Discretisation of the orbit: `Shooting` (the default) or `Balance`.
     newton
@@ -99,14 +99,14 @@ def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton 
 
 
 def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):
-    """Return the state at theta = 0 of a start, shape (2n,)."""
+    """Return the state at theta = 0 of a start, shape (state_size,)."""
     if not isinstance(start, str):
         return check_state(system, start)
     if start == "rest":
-        return np.zeros(2 * system.size)
+        return np.zeros(system.state_size)
     if start == "settle":
-        return settle(system, np.zeros(2 * system.size), period)
-    raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {2 * system.size} numbers')
+        return settle(system, np.zeros(system.state_size), period)
+    raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {system.state_size} numbers')
 
 
 def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
@@ -133,7 +133,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     system, period, settled = equation.system, equation.period, None
     doubts = dissipation_doubts(system)
     try:
-        settled = settle(system, np.zeros(2 * system.size), period)
+        settled = settle(system, np.zeros(system.state_size), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
         if settled is None and not doubts:  # if the transient diverges, other starts do not help
@@ -141,7 +141,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         first = error
 
     def settled_at(other: System) -> Orbit:
-        return _solved(ShootingEquation(other, None, period), settle(other, np.zeros(2 * other.size), period), newton)
+        return _solved(ShootingEquation(other, None, period), settle(other, np.zeros(other.state_size), period), newton)
 
     tried = ["a transient from rest"]
     for words, state in other_starts(system, period, settled, settled_at):
@@ -192,7 +192,7 @@ def other_starts(
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
             yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
             yield "their mean", lambda: states.mean(axis=0)
-    yield "rest", lambda: np.zeros(2 * system.size)
+    yield "rest", lambda: np.zeros(system.state_size)
     name = system.structure.names[0]
     for ratio in _RATIOS:
         other = system.at({name: ratio * system[name]})
@@ -202,7 +202,7 @@ def other_starts(
 
         def balanced() -> NDArray[np.float64]:
             equation = Balance(harmonics=10).pose(system, None, period)
-            unknowns, evaluation = solve(equation, equation.start(np.zeros(2 * system.size)), 0.0)
+            unknowns, evaluation = solve(equation, equation.start(np.zeros(system.state_size)), 0.0)
             return equation.orbit(unknowns, 0.0, evaluation).state
 
         yield "harmonic balance", balanced
@@ -265,7 +265,7 @@ def _step(orbit: Orbit, target: System, names: list[str], change) -> Orbit:
     except FlowError as error:
         raise ConvergenceError(str(error)) from error
     # positions and velocities have equal weight when measured over theta
-    unit = np.repeat([1.0, 1.0 / target.frequency], target.size)
+    unit = 1.0 / target.state_scales()
     missed = np.linalg.norm(unit * (state - orbit.state - moved))
     if missed > _ASTRAY * np.linalg.norm(unit * moved) + _CLOSE * np.linalg.norm(unit * state):
         raise ConvergenceError("the next orbit lies far from the tangent; the branch bends sharply here, or has a fold")

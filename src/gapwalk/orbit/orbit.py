@@ -7,7 +7,7 @@ several times.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.contact_events import ContactEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.length_unit import magnitude
@@ -25,6 +26,7 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import Turns, measure, survey
 from gapwalk.orbit.method import Method
+from gapwalk.orbit.sticking import kept_words, without_kept
 
 _SIGNS = {1: "+", -1: "-"}
 SAME = 1e-6
@@ -41,16 +43,20 @@ class Orbit(Shown):
         The system, with the parameter values at which this orbit exists.
     period
         m: the orbit repeats after m forcing periods.
-    state : shape (2n,)
-        Positions, then velocities, at theta = 0.
-    multipliers : shape (2n,)
-        Floquet multipliers, largest modulus first.
+    state : shape (state_size,)
+        Positions, velocities and extensions at theta = 0.
+    multipliers : shape (state_size,)
+        Floquet multipliers, largest modulus first. It is exactly 1 for what friction keeps that never slips.
     events
         Crossings of breakpoints in one full period.
     residual
         Largest component of the difference between its end and its start.
     steps
         Number of integration steps over the orbit; it determines the sampling.
+    slips
+        Beginnings of slip and stick of friction in one full period; the modes at its start come first.
+    stuck
+        Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
     found_by
         Name of the method that finds such orbits.
     is_exact
@@ -70,22 +76,32 @@ class Orbit(Shown):
     events: tuple[ContactEvent, ...]
     residual: float
     steps: int
+    slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
+    stuck: tuple[int, ...] = field(default=(), kw_only=True)
 
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
-        n, switches = self.system.size, len(self.system.structure.breakpoints)
+        structure = self.system.structure
+        size, switches = structure.state_size, len(structure.breakpoints)
         shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
-        if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
+        if shapes != ((size,), (size,), (structure.size, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
         if not all(0 <= event.switch < switches for event in self.events):
             raise ValueError("a contact event has the number of a switch that the system does not have")
+        if not all(0 <= each < len(structure.contacts) for each in (*self.stuck, *(e.contact for e in self.slips))):
+            raise ValueError("friction slips at a contact that the system does not have")
 
     @cached_property
     def instability(self) -> Instability:
         """Numbers of multipliers outside the unit circle, by where they left it."""
-        return classify(self.multipliers)
+        return classify(self.free_multipliers)
+
+    @cached_property
+    def free_multipliers(self) -> NDArray[np.complex128]:
+        """Multipliers with 0 in place of those of what friction keeps that never slips; they decide on stability."""
+        return without_kept(self.multipliers, len(self.stuck))
 
     @property
     def stable(self) -> bool:
@@ -160,7 +176,7 @@ class Orbit(Shown):
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         for number in range(count - 1):
             start = number * apart % PERIOD
@@ -218,9 +234,10 @@ class Orbit(Shown):
     def __repr__(self) -> str:
         stability = "stable" if self.stable else f"unstable ({self.instability.label})"
         state = ", ".join(f"{value:.6g}" for value in self.state[:4])
+        kept = "".join(f", {words}" for words in kept_words(self.system.structure, self.stuck))
         return (
             f"Orbit(period {self.period} at {pace_text(self.system)}, {stability}, "
-            f"contacts {self.pattern}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
+            f"contacts {self.pattern}{kept}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
         )
 
 
@@ -232,7 +249,7 @@ def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
 
 
 def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
-    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
+    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, state_size)."""
     return orbit.strobes(orbit.period)
 
 
@@ -248,7 +265,7 @@ def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
 
 
 def phases(orbit: Orbit) -> NDArray[np.float64]:
-    """Return the states at theta = 0 of all orbits that are this motion with another phase; shape (m * `repeats`, 2n).
+    """Return the states at theta = 0 of all orbits that are this motion with another phase, m * `repeats` of them.
 
     If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
     that is the same motion.

@@ -18,8 +18,9 @@ from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import Motion, sample
 from gapwalk.flow.signal import Signal
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import released, transition_of
 
 _SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives
 
@@ -61,7 +62,7 @@ class Sensitivity:
 
     @cached_property
     def state(self) -> NDArray[np.float64]:
-        """Derivative of the orbit's state at theta = 0, shape (2n, k).
+        """Derivative of the orbit's state at theta = 0, shape (state_size, k).
 
         Raises
         ------
@@ -70,9 +71,9 @@ class Sensitivity:
         """
         length = PERIOD * self.orbit.period
         arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
-        assert arc.transition is not None
         size = len(self.orbit.state)
-        matrix = arc.transition - np.eye(size)
+        (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc], self.orbit.state)
+        matrix = transition_of(arc) - np.eye(size)
         singular = np.linalg.svd(matrix, compute_uv=False)
         if singular[-1] <= _SINGULAR * singular[0]:
             raise NumericalError("the orbit lies on a fold or a branch point, where it has no derivative by parameters")
@@ -89,9 +90,9 @@ class Sensitivity:
     def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
         """Return a signal at any angles, with its derivatives by the parameters and by the angle."""
         grid, back = _grid(self.orbit, theta)
-        system, n = self.orbit.system, self.orbit.system.size
+        system = self.orbit.system
         found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
-        motion = Motion(system, grid, found.states[:, :n], found.states[:, n:], tuple(found.contacts))
+        motion = Motion.of(system, grid, found.states, found.contacts)
         states = found.transitions @ self.state + found.sensitivities
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):

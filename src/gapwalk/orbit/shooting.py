@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
+from gapwalk.orbit.sticking import Closure, released, transition_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -61,7 +61,7 @@ class Shooting(Method):
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Shooting:
         """Return the method with as many segments as the orbit has states."""
-        return cls(max(1, count // (2 * orbit.system.size)))
+        return cls(max(1, count // orbit.system.state_size))
 
     def for_loci(self) -> Shooting:
         """Return the method with one segment."""
@@ -107,19 +107,26 @@ class ShootingEquation(OrbitEquation):
             self._flow.integrate(coefficients, state, start, stop, direction)
             for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
         ]
-        return assembled(arcs, states)._replace(reach=_shallowest(arcs) * float(coefficients[0]))
+        found = assembled(released(layout_of(self.system.structure), coefficients, arcs, states[0]), states)
+        return found._replace(evidence=arcs, reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
+        system = self.system_at(value)
+        closure = Closure.of(
+            layout_of(system.structure), lambda: coefficients_of(system), arcs, unknowns[: system.state_size]
+        )
         return Orbit(
-            self.system_at(value),
+            system,
             self.period,
-            unknowns[: 2 * self.system.size].copy(),
-            multipliers([_transition(arc) for arc in arcs]),
+            unknowns[: self.system.state_size].copy(),
+            closure.multipliers,
             tuple(event for arc in arcs for event in arc.contacts),
             max(map(abs, evaluation.residual.tolist())),
             sum(arc.steps for arc in arcs),
+            slips=closure.slips,
+            stuck=closure.stuck,
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -128,9 +135,9 @@ class ShootingEquation(OrbitEquation):
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""
-        size, segments = self.system.size, len(self.knots) - 1
-        unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
-        return np.tile(unit, segments) * np.sqrt(size * segments)
+        segments = len(self.knots) - 1
+        unit = self.system.state_scales(length, frequency)
+        return np.tile(unit, segments) * np.sqrt(self.system.size * segments)
 
     def otherwise(self) -> ShootingEquation:
         """Return the equation with one segment more: its steps and its rounding differ."""
@@ -138,7 +145,7 @@ class ShootingEquation(OrbitEquation):
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the change of the state at theta = 0, with zeros for the other states, which it determines."""
-        size = 2 * self.system.size
+        size = self.system.state_size
         return np.concatenate((direction[:size], np.zeros(len(other.scales(1.0)) - size)))
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -165,7 +172,10 @@ class ShootingEquation(OrbitEquation):
 
 
 def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
-    """Assemble residual and derivatives from the segments' arcs and their initial states, shape (segments, 2n)."""
+    """Assemble residual and derivatives from the segments' arcs and their initial states.
+
+    The states have the shape (segments, state_size).
+    """
     count, size = states.shape
     residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
     by_parameter = None if arcs[0].sensitivity is None else np.concatenate([_sensitivity(arc) for arc in arcs])
@@ -173,12 +183,12 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
     # [       P_2  -I  ]
     # [ -I        P_3  ]
     if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
-        jacobian = _transition(arcs[0]).copy()
+        jacobian = transition_of(arcs[0]).copy()
         jacobian.flat[:: size + 1] -= 1.0
         return Evaluation(residual, jacobian, by_parameter, arcs)
     jacobian = np.zeros((states.size, states.size))
     for j, arc in enumerate(arcs):
-        jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
+        jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = transition_of(arc)
     rows = np.arange(states.size)
     jacobian[rows, (rows + size) % states.size] -= 1.0
     return Evaluation(residual, jacobian, by_parameter, arcs)
@@ -187,13 +197,14 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
 def composed(arcs: list[Arc]) -> Arc:
     """Compose successive arcs into one."""
     first = arcs[0]
-    transition, sensitivity = _transition(first), first.sensitivity
+    transition, sensitivity = transition_of(first), first.sensitivity
     for arc in arcs[1:]:
-        transition = _transition(arc) @ transition
+        transition = transition_of(arc) @ transition
         if sensitivity is not None:
-            sensitivity = _transition(arc) @ sensitivity + _sensitivity(arc)
+            sensitivity = transition_of(arc) @ sensitivity + _sensitivity(arc)
     contacts = [event for arc in arcs for event in arc.contacts]
-    return Arc(arcs[-1].state, transition, sensitivity, contacts, sum(arc.steps for arc in arcs))
+    steps, slips = sum(arc.steps for arc in arcs), [event for arc in arcs for event in arc.slips]
+    return Arc(arcs[-1].state, transition, sensitivity, contacts, steps, slips)
 
 
 def _shallowest(arcs: list[Arc]) -> float:
@@ -208,11 +219,6 @@ def _shallowest(arcs: list[Arc]) -> float:
                 first = begun.pop(event.switch)
                 least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
     return least
-
-
-def _transition(arc: Arc) -> NDArray[np.float64]:
-    assert arc.transition is not None
-    return arc.transition
 
 
 def _sensitivity(arc: Arc) -> NDArray[np.float64]:

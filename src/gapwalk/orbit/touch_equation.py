@@ -25,6 +25,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
+from gapwalk.orbit.sticking import released
 
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
@@ -64,7 +65,7 @@ class Held(NamedTuple):
 
     Attributes
     ----------
-    states : shape (segments, 2n)
+    states : shape (segments, state_size)
         The state at the beginning of each segment.
     value
         Value of the parameter.
@@ -72,7 +73,7 @@ class Held(NamedTuple):
         The depth.
     evaluation
         Evaluation of the equation with all segments.
-    slope : shape (segments * 2n + 1,)
+    slope : shape (segments * state_size + 1,)
         Derivatives of the scaled states and the scaled parameter with respect to the depth.
     error
         Error of the value due to rounding: the change by another Newton step, and the rounding of the depth.
@@ -161,7 +162,7 @@ class TouchEquation:
         """Depth up to which a touch certainly begins after the start of its segment."""
         self.free = float(np.sign(touches[0].acceleration))
         """Sign of the depths at which the breakpoint is not passed."""
-        self._size = 2 * equation.system.size
+        self._size = equation.system.state_size
         self._scales = np.append(np.tile(scales[: self._size], len(self._posed.knots) - 1), scales[-1])
 
     def at(self, orbit: Orbit) -> Held:
@@ -219,7 +220,9 @@ class TouchEquation:
         """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
         pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(self._firsts)]
         states = held.states[self._firsts[:-1]]
-        return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
+        arcs, coefficients = [composed(piece) for piece in pieces], self._own.coefficients(held.value)[0]
+        found = assembled(released(layout_of(self._own.system.structure), coefficients, arcs, states[0]), states)
+        return states.ravel(), found._replace(evidence=arcs)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
@@ -321,7 +324,9 @@ def _reach(
     vector, (by_value, by_rate) = gauge.vector(coefficients), gauge.slopes(coefficients, direction, theta, state)
     if gauge.sways:
         by_value -= speed / turning * by_rate
-    return depth - 0.5 * speed**2 / turning, np.concatenate((vector, -speed / turning * vector)), by_value
+    by_state = np.zeros(len(state))
+    by_state[: 2 * len(vector)] = np.concatenate((vector, -speed / turning * vector))
+    return depth - 0.5 * speed**2 / turning, by_state, by_value
 
 
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:

@@ -269,7 +269,7 @@ def _check(sweep: Sweep, signal: str | None) -> str:
     place = sweep.place(signal)
     if not np.isfinite(sweep.sections[..., place]).any():
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
-    return [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)][place]
+    return sweep.system.state_names[place]
 
 
 @draws(Sweep)

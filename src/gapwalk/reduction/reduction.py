@@ -116,10 +116,10 @@ class Reduction:
         """
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
-        return Motion(full, sampled.theta, sampled.q @ back, sampled.v @ back, sampled.events)
+        return Motion(full, sampled.theta, sampled.q @ back, sampled.v @ back, sampled.events, sampled.z)
 
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Expand a state of the reduced system, shape (..., 2 r), to all coordinates, shape (..., 2 n).
+        """Expand a state of the reduced system, shape (..., state_size), to all coordinates.
 
         Raises
         ------
@@ -127,12 +127,13 @@ class Reduction:
             If it is not a state of the reduced system.
         """
         given, r = np.asarray(state, dtype=float), self.system.size
-        if given.ndim == 0 or given.shape[-1] != 2 * r:
+        if given.ndim == 0 or given.shape[-1] != self.system.state_size:
             raise ModelError(
-                f"the state has shape {given.shape}; it must have {2 * r} numbers: positions, then velocities"
+                f"the state has shape {given.shape}; it must have {self.system.state_size} numbers: positions, "
+                "then velocities, then extensions"
             )
         back = self.basis.vectors.T
-        return np.concatenate((given[..., :r] @ back, given[..., r:] @ back), axis=-1)
+        return np.concatenate((given[..., :r] @ back, given[..., r : 2 * r] @ back, given[..., 2 * r :]), axis=-1)
 
     def check(self, found: Orbit | Branch, method: Balance | None = None) -> OrbitCheck | BranchCheck:
         """Estimate the error of an orbit, or of a branch with its special points, compared with the full system.

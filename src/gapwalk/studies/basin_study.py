@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, ValidationInfo
 
 from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins, in_order
-from gapwalk.attractors.box import Window, beside_cells, state_names
+from gapwalk.attractors.box import Window, beside_cells
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import coordinate_words
 from gapwalk.notebook import shows_progress
@@ -96,7 +96,7 @@ def _cell_rows(found: Basins) -> Iterator[list[object]]:
 
 
 def _attractor_rows(found: Basins) -> Iterator[list[object]]:
-    yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in state_names(found.system.coordinates))]
+    yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in found.system.state_names)]
     for name, attractor in zip(found.names, found.attractors, strict=True):
         yield [name, attractor.kind.value, attractor.period, found.cells[name], *attractor.state.tolist()]
 

@@ -104,7 +104,7 @@ class BasinWork(CellWork):
     ----------
     system
         The system.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         The states.
     neighbours : shape (count, any number)
         Indices of the neighbours of each state.

@@ -86,7 +86,7 @@ def _unit(heading: str, system: System) -> str:
     if kind in MEASURES and signal in system.coordinates:
         return system.units.signal(signal)[1]
     state = heading.removesuffix("(0)")
-    if state.removesuffix("'") in system.coordinates:
+    if state in system.state_names:
         return system.units.state(state)
     name = heading.removeprefix("parameter ")
     return system.units.parameter(name) if name in system.structure.names else ""

@@ -15,6 +15,7 @@ from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError
+from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
@@ -290,7 +291,7 @@ def _end(end: LocusEnd) -> dict[str, Any]:
 Row = Sequence[object]
 
 
-def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
+def locus_rows(chart: Map, system: System, method: Sequence[str]) -> Iterator[Row]:
     """Yield the points of all loci, a row each, after the row of headings.
 
     The columns are: name and kind of the locus, period, the contact that grazes, both parameters, angle (the argument
@@ -298,13 +299,13 @@ def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) ->
     minimum, half the peak to peak, mean and rms of each coordinate; the state at theta = 0; the values of the method
     under the headings `method`.
     """
-    states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
+    coordinates = system.coordinates
     yield [
         *("locus", "kind", "period", "contact"),
         *parameter_headings((chart.first, chart.second), coordinates),
         *("angle", "contacts"),
         *measure_names(coordinates),
-        *states,
+        *(f"{name}(0)" for name in system.state_names),
         *method,
     ]
     for name, locus in zip(chart.names, chart.loci, strict=True):

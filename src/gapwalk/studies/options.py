@@ -233,8 +233,8 @@ class BranchOptions(RangeStudy):
     period
         m: the orbits repeat after m forcing periods.
     start
-        Start of the search for the first orbit; or the state itself at theta = 0, 2n numbers: positions, then
-        velocities.
+        Start of the search for the first orbit; or the state itself at theta = 0: positions, velocities, then
+        extensions, which are 0 if they are left out.
     walk
         Numerical options of the walk.
     method

@@ -253,11 +253,11 @@ class Result(Shown):
             return self.finding.tables()
         parameter, chart, system = self.walked.parameter, self.map, self.system
         if chart is not None:
-            about = (chart, system.coordinates, method_names(self.walked))
+            methods = method_names(self.walked)
             parameters = (parameter, chart.second)
             return {
-                "points": partial(locus_rows, *about),
-                "special-points": partial(codim2_rows, *about),
+                "points": partial(locus_rows, chart, system, methods),
+                "special-points": partial(codim2_rows, chart, system.coordinates, methods),
                 "sections": lambda: table_rows(self._point_rows(), *parameters, system=system),
             }
         tables: dict[str, Callable[[], Rows]] = {
@@ -268,9 +268,9 @@ class Result(Shown):
         return tables if search is None else {**tables, "search": lambda: [COVERAGE, *coverage_rows(search)]}
 
     def _point_rows(self) -> Iterator[dict[str, Any]]:
-        chart, coordinates = self.map, self.system.coordinates
+        chart = self.map
         second = [] if chart is None else [section.value for section in chart.sections for _ in section.branches]
-        states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
+        states = [f"{name}(0)" for name in self.system.state_names]
         multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
         for number, (name, branch) in enumerate(self.named, start=1):
             about = {"branch": number, "name": name, "period": branch.period, "parameter": 0.0}

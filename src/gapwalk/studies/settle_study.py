@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
-from gapwalk.attractors.box import state_names
 from gapwalk.attractors.classify import ClassifyOptions, identify
 from gapwalk.attractors.lyapunov import LyapunovOptions
 from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
@@ -115,7 +114,7 @@ class SettleFinding(Finding):
         The attractor.
     settled
         The motion on it, after its transient.
-    section : shape (points, 2n)
+    section : shape (points, state_size)
         States at the phase of the study, a forcing period apart.
     rattle
         Impacts, contact forces, energy and impulsiveness.
@@ -132,7 +131,7 @@ class SettleFinding(Finding):
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
-        if self.section.ndim != 2 or self.section.shape[1] != 2 * self.attractor.system.size:
+        if self.section.ndim != 2 or self.section.shape[1] != self.attractor.system.state_size:
             raise ValueError(f"a section of shape {self.section.shape} does not belong to this system")
 
     @property
@@ -203,7 +202,7 @@ class SettleFinding(Finding):
         }
 
     def _section_rows(self) -> Iterator[list[object]]:
-        yield ["period", *state_names(self.attractor.system.coordinates)]
+        yield ["period", *self.attractor.system.state_names]
         for number, state in enumerate(self.section.tolist()):
             yield [number, *state]
 

@@ -75,7 +75,7 @@ class SweepOptions:
         Section points at each value: states a forcing period apart, once the transient has settled.
     starts
         Number of starts: the first one is rest, the others are spread over the box of states. Or the states themselves,
-        2n numbers each.
+        one of 2n numbers each, or more with extensions.
     seed
         Seed of the starts and of the kicks: the same seed gives the same result.
     max_period
@@ -145,7 +145,7 @@ class Lane:
         Order in which the values are visited.
     start
         Number of the start, from 1.
-    state : shape (2n,)
+    state : shape (state_size,)
         The start.
     """
 
@@ -170,7 +170,7 @@ class SweepSegment:
     ----------
     lane, number
         Index of the lane in the sweep, and of the segment in the lane.
-    sections : shape (count, points, 2n)
+    sections : shape (count, points, state_size)
         States a forcing period apart; nan where the motion has diverged, and later if the state is carried over.
     transients : shape (count,)
         Forcing periods before the section points.
@@ -192,7 +192,7 @@ class SweepSegment:
 
     @property
     def last(self) -> NDArray[np.float64]:
-        """The state with which the next segment continues, shape (2n,)."""
+        """The state with which the next segment continues, shape (state_size,)."""
         return self.sections[-1, -1]
 
 
@@ -242,7 +242,7 @@ class Sweep(Shown):
         Its values, increasing.
     lanes
         The starts and orders of values, in the order of the first axis of the arrays below.
-    sections : shape (lanes, steps, points, 2n)
+    sections : shape (lanes, steps, points, state_size)
         The states at the start of forcing periods, one after the other; nan where there is nothing.
     transients : shape (lanes, steps)
         Forcing periods before the section points.
@@ -296,7 +296,7 @@ class Sweep(Shown):
 
     def place(self, coordinate: str | None) -> int:
         """Return the place of a coordinate or a velocity in a state; errors as `section`."""
-        names = [*self.system.coordinates, *(f"{name}'" for name in self.system.coordinates)]
+        names = self.system.state_names
         name = names[0] if coordinate is None else coordinate
         if name not in names:
             raise ModelError(f"there is no coordinate {name!r}; there are {', '.join(names)}")
@@ -319,7 +319,7 @@ def blank_sweep(
     system: System, parameter: str, values: NDArray[np.float64], lanes: tuple[Lane, ...], points: int
 ) -> Sweep:
     """Return a sweep in which nothing has been done yet; `enter` fills its arrays."""
-    count, steps, size = len(lanes), len(values), 2 * system.size
+    count, steps, size = len(lanes), len(values), system.state_size
     return Sweep(
         system,
         parameter,

@@ -33,7 +33,7 @@ class Settled(NamedTuple):
 
     Attributes
     ----------
-    state : shape (2n,)
+    state : shape (state_size,)
         Its last state.
     periods
         Forcing periods that it took.
@@ -63,9 +63,9 @@ def let_settle(
     ----------
     flow, coefficients
         The flow and the coefficients of the system.
-    state : shape (2n,)
+    state : shape (state_size,)
         Where it begins, at theta = 0.
-    box : shape (2n,)
+    box : shape (state_size,)
         Half-widths of the box of states: the unit of all distances.
     max_period
         Longest period, in forcing periods, for which a return is looked for.
@@ -98,9 +98,9 @@ def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period
 
     Parameters
     ----------
-    section : shape (points, 2n)
+    section : shape (points, state_size)
         States a forcing period apart, on a motion that has settled.
-    box : shape (2n,)
+    box : shape (state_size,)
         Half-widths of the box of states.
     max_period
         Longest period in question, in forcing periods.
@@ -125,7 +125,7 @@ def wandering_words(
         Name of the parameter.
     values : shape (count,)
         Its values, one for each motion.
-    states : shape (count, 2n)
+    states : shape (count, state_size)
         States of the motions at theta = 0.
     max_period
         Longest period, in forcing periods, that was searched for.
@@ -142,9 +142,9 @@ def wandering_words(
     if not isinstance(motions, BatchMotions):
         return [NOT_PERIODIC] * len(values)
     systems = [partial(system.at, {parameter: value}) for value in values.tolist()]
-    frequencies = np.array([system().frequency for system in systems])
+    scales = np.array([system().state_scales() for system in systems])
     options = RegimeOptions(longest=_RETURNS, max_period=max_period, forces=False)
-    found = settle_doubts(judge(motions, states, frequencies, options), systems)
+    found = settle_doubts(judge(motions, states, scales, options), systems)
     return [regime_word(*pair) for pair in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
 
 
@@ -156,13 +156,13 @@ class Task:
     ----------
     system, parameter, options
         As in `gapwalk.sweep`.
-    box : shape (2n,)
+    box : shape (state_size,)
         Half-widths of the box of states.
     lane, index, number
         The lane, its index in the sweep, and the index of the segment in the lane.
     places, values : shape (count,)
         The values in the order in which they are visited, and their places among those of the sweep.
-    state : shape (2n,)
+    state : shape (state_size,)
         State at which the first transient begins.
     """
 
@@ -217,4 +217,6 @@ def _kicked(state: NDArray[np.float64], task: Task, place: int) -> NDArray[np.fl
     if kick == 0.0:
         return state
     seed = np.random.SeedSequence(task.options.seed, spawn_key=(lane.way.number, lane.start, place))
-    return state + kick * task.box * np.random.default_rng(seed).uniform(-1.0, 1.0, len(state))
+    size, state = 2 * task.system.size, state.copy()  # an extension stays: friction would not let it be larger
+    state[:size] += kick * task.box[:size] * np.random.default_rng(seed).uniform(-1.0, 1.0, size)
+    return state

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ValidationInfo
 
-from gapwalk.attractors.box import state_names
-from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box, with_extensions
 from gapwalk.errors import ModelError, WorkError
 from gapwalk.flow.motion import check_state
 from gapwalk.model.system import System, check_system
@@ -122,8 +121,9 @@ class SweepFinding(Finding):
         }
 
     def _point_rows(self) -> Iterator[list[object]]:
-        names = self.sweep.system.coordinates
-        yield ["way", "start", *parameter_headings([self.sweep.parameter], names), "point", *state_names(names)]
+        system = self.sweep.system
+        headings = parameter_headings([self.sweep.parameter], system.coordinates)
+        yield ["way", "start", *headings, "point", *system.state_names]
         sections = self.sweep.sections.reshape(-1, *self.sweep.sections.shape[2:])
         for head, section in zip(self._heads(), sections, strict=True):
             for number, state in enumerate(section[~np.isnan(section[:, 0])].tolist(), start=1):
@@ -146,7 +146,7 @@ STRETCH = Part("segment", SweepSegment, numbered=True)
 
 def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
     system = info.context.system
-    return signal and check_signal(signal, state_names(system.coordinates) if system else [])
+    return signal and check_signal(signal, system.state_names if system else [])
 
 
 @dataclass(frozen=True)
@@ -212,9 +212,11 @@ class SweepWork(Work):
             raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}: it is empty")
         self.system, self.asked = system, asked
         self.values = np.linspace(low, high, asked.steps)
-        self.box = np.maximum(*(state_box(end) for end in at_ends))
+        box = np.maximum(*(state_box(end) for end in at_ends))
+        self.box = np.maximum(*(with_extensions(end, box) for end in at_ends))
         if isinstance(asked.starts, int):  # the first one is rest
-            starts = [np.zeros(len(self.box)), *spread_starts(self.box, asked.starts, asked.seed, 0.0)[1:]]
+            extensions = len(self.box) - len(box)
+            starts = [np.zeros(len(self.box)), *spread_starts(box, asked.starts, asked.seed, 0.0, extensions)[1:]]
         else:
             starts = [check_state(at_ends[0], start) for start in asked.starts]
         self.lanes = tuple(

@@ -111,10 +111,11 @@ class Surroundings:
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
     system = info.context.system
-    if system and len(start) != 2 * system.size:
+    if system and len(start) not in {2 * system.size, system.state_size}:
+        more = f", and perhaps the extensions ({', '.join(system.state_names[2 * system.size :])})"
         raise ValueError(
             f"is a list of {len(start)} numbers; it must have {2 * system.size}: the positions at t = 0, "
-            "then the velocities"
+            f"then the velocities{more if system.structure.memories else ''}"
         )
     return start
 
@@ -131,7 +132,7 @@ class Start(StrEnum):
 _STATE = "the state at t = 0, a list of numbers"
 
 State = Annotated[tuple[float, ...], AfterValidator(_state_length)]
-"""A state at t = 0: positions, then velocities."""
+"""A state at t = 0: positions, then velocities, then extensions, which are 0 if they are left out."""
 
 CountOrStates = Counted | Annotated[tuple[State, ...], MinLen(1)]
 """How many states; or the states themselves."""

@@ -54,7 +54,7 @@ class Track:
     @property
     def segments(self) -> int:
         """Number of segments with which it was shot, if it was."""
-        return max(1, (len(self.branch.points[0].x) - 1) // (2 * self.branch.system.size))
+        return max(1, (len(self.branch.points[0].x) - 1) // self.branch.system.state_size)
 
     def spots(self) -> Iterator[tuple[Spot, BranchPoint, Kind | None]]:
         """Yield all points and special points with their places, and the kinds of the latter."""
@@ -69,7 +69,7 @@ class Track:
 
     def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
         """Return changes of a state that represent the distance to where a point's multipliers were evaluated."""
-        size = 2 * self.branch.system.size
+        size = self.branch.system.state_size
         ways = np.random.default_rng(_SEED).normal(size=(_WAYS, size))
         ways = np.vstack((ways / np.linalg.norm(ways, axis=1)[:, None], point.tangent[:size]))
         return [sign * _ASIDE * way * self.corrector_at(point).scales[:size] for way in ways for sign in (-1.0, 1.0)]

@@ -170,7 +170,7 @@ def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64
 def _compare_with_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     """Find an exact motion near one that is not, and compare their states and stability."""
     orbit = point.orbit
-    near = float(np.abs(orbit.multipliers - 1.0).min())
+    near = float(np.abs(orbit.free_multipliers - 1.0).min())
     if near < _NEAR:
         return  # near a fold or a branch point
     try:
@@ -178,16 +178,16 @@ def _compare_with_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     except NumericalError as error:
         ledger.enter(Check.TRUTH, spot, math.inf, f"no exact motion is found from it: {error}")
         return
-    size = np.repeat(np.abs(orbit.motion().v).max(), 2 * orbit.system.size)
-    size[: orbit.system.size] = np.abs(orbit.extremes[:, :2]).max()
+    n, size = orbit.system.size, np.full(orbit.system.state_size, np.abs(orbit.extremes[:, :2]).max())
+    size[n : 2 * n] = np.abs(orbit.motion().v).max()
     off = float((np.abs(exact.state - orbit.state) / size).max())
     allowed = _AMPLIFIED * max(orbit.truncation, _FINEST) / min(1.0, near)
     ledger.enter(
         Check.TRUTH, spot, off / allowed, f"difference {off:.2g} of the motion, truncation {orbit.truncation:.2g}"
     )
     # the truncation may change the number of multipliers outside of the unit circle if one is near it
-    distances = np.abs(np.abs(orbit.multipliers) - 1.0)
-    if not is_on_border(orbit.multipliers) and distances.min() >= max(_NEAR, allowed):
+    distances = np.abs(np.abs(orbit.free_multipliers) - 1.0)
+    if not is_on_border(orbit.free_multipliers) and distances.min() >= max(_NEAR, allowed):
         found = exact.instability.total
         detail = f"{found} unstable multipliers of the exact motion, where {orbit.instability.total} are stored"
         ledger.enter(Check.STABILITY, spot, float(found != orbit.instability.total), detail)

@@ -17,9 +17,11 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.floquet import is_on_border, multipliers
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.orbit.sticking import Closure, collapses, without_kept
 from gapwalk.verification.branch_corrector import Track
 from gapwalk.verification.dop853 import Round, carry
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
@@ -37,7 +39,7 @@ class Reshot(NamedTuple):
 
     Attributes
     ----------
-    multipliers : shape (2n,)
+    multipliers : shape (state_size,)
         Largest modulus first.
     contraction
         Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
@@ -87,8 +89,10 @@ def _verify_orbit(
     ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / slack)
     extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
-    ledger.enter(Check.VOLUME, spot, abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction)))
-    off = _distance(reshot.multipliers, orbit.multipliers)
+    if not collapses(orbit.system):  # a volume that vanishes has no logarithm
+        off = abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction))
+        ledger.enter(Check.VOLUME, spot, off)
+    off = _distance(reshot.multipliers, orbit.free_multipliers)
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
         beside = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
@@ -97,7 +101,7 @@ def _verify_orbit(
         off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
     # the number of unstable multipliers is known unless one is on the unit circle
-    found, stored = (_not_critical(each, kind) for each in (reshot.multipliers, orbit.multipliers))
+    found, stored = (_not_critical(each, kind) for each in (reshot.multipliers, orbit.free_multipliers))
     if not (is_on_border(found) or is_on_border(stored)):
         counts = [int((np.abs(each) > 1.0).sum()) for each in (found, stored)]
         detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"
@@ -119,17 +123,21 @@ def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDA
 
 def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
-    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
+    needed = 0 if collapses(orbit.system) else math.ceil(abs(contraction) / _CONTRACTION)
+    count = min(_MOST, max(segments + 1, needed))
     equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
     logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
     total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
-    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
+    units = orbit.system.state_scales()
     around = np.eye(len(units))
     for arc in arcs:
         around = arc.transition @ around
     growth = float(np.linalg.norm(around * units / units[:, None], 2))
-    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
+    layout = layout_of(orbit.system.structure)
+    closure = Closure.of(layout, lambda: coefficients_of(orbit.system), arcs, orbit.state)
+    free = without_kept(closure.multipliers, len(closure.stuck))
+    return Reshot(free, total, max(1.0, growth))
 
 
 def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
@@ -170,5 +178,5 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
                 continue
             ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth)
             ledger.enter(Check.STAGES, spot, around.astray / reshot.growth)
-            ledger.enter(Check.MULTIPLIERS, spot, _distance(reshot.multipliers, orbit.multipliers))
+            ledger.enter(Check.MULTIPLIERS, spot, _distance(reshot.multipliers, orbit.free_multipliers))
             ledger.enter(Check.CONDITION, spot, locus.kind.residual(orbit, reshot.multipliers))

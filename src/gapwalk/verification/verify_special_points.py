@@ -145,7 +145,7 @@ class Examination:
         faults = [
             f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
             for side, point, stored in (("before", a, special.before), ("after", b, special.after))
-            if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total
+            if not is_on_border(point.orbit.free_multipliers) and point.instability.total != stored.total
         ]
         if special.kind is Kind.GRAZING:
             return self._graze(a, b, reach, faults)
@@ -213,7 +213,7 @@ class Examination:
 
     def _flip(self, before: BranchPoint, after: BranchPoint) -> str:
         """Return the criticality of a flip: supercritical if the doubled branch is where the motion is unstable."""
-        critical = [min(each.orbit.multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for each in (before, after)]
+        critical = [min(each.orbit.free_multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for each in (before, after)]
         outside = [abs(each) > 1.0 for each in critical]
         if outside[0] == outside[1]:
             return ""
@@ -227,7 +227,7 @@ class Examination:
         """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
         special, track = self.special, self.track
         segments = track.segments + 1
-        orbit, size = replace(special.orbit, period=2 * special.orbit.period), 2 * special.orbit.system.size
+        orbit, size = replace(special.orbit, period=2 * special.orbit.period), special.orbit.system.state_size
         equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
         known = track.corrector(len(special.point.x)).scales
         scales = np.append(np.tile(known[:size], segments), known[-1])

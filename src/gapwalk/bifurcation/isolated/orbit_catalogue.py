@@ -39,7 +39,7 @@ class Catalogue:
 
     Parameters
     ----------
-    scales : shape (2n,)
+    scales : shape (state_size,)
         Half-widths of the box of states, by which distances are scaled.
     """
 
@@ -81,7 +81,7 @@ class Catalogue:
         return self._owners[nearest], float(distances[nearest])
 
     def states(self, period: int) -> NDArray[np.float64]:
-        """Return all phases of orbits that repeat after `period` forcing periods; shape (K, 2n)."""
+        """Return all phases of orbits that repeat after `period` forcing periods; shape (K, state_size)."""
         return self._states[period % self._periods == 0]
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
-from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
+from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box, with_extensions
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
@@ -139,11 +139,11 @@ class Tally:
     ----------
     value
         Value of the parameter.
-    box : shape (2n,)
+    box : shape (state_size,)
         Half-widths of the box of starts.
     starts, settled, ran_away
         Transients followed; those that settled on a periodic orbit; those that could not be followed.
-    unsettled : shape (count, 2n)
+    unsettled : shape (count, state_size)
         Last states of the transients that did not become periodic: tori, chaos, or slow decay.
     newton_starts
         Number of starts of Newton's method.
@@ -248,7 +248,8 @@ def _chunks(
     box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
     if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
         raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
-    starts = spread_starts(box, options.starts, options.seed, value)
+    starts = spread_starts(box, options.starts, options.seed, value, system.state_size - len(box))
+    box = with_extensions(there, box)
     for block, first in enumerate(range(0, options.starts, options.block)):
         yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
 

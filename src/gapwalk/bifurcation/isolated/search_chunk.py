@@ -44,7 +44,7 @@ class Settling:
 
     Attributes
     ----------
-    path : shape (periods + 1, 2n)
+    path : shape (periods + 1, state_size)
         States at the start of each forcing period.
     entry
         The stable orbit on which it settled, or None.
@@ -69,9 +69,9 @@ class Chunk:
         Index of the block among those of this value.
     system
         The system at that value.
-    box : shape (2n,)
+    box : shape (state_size,)
         Half-widths of the box of states.
-    starts : shape (count, 2n)
+    starts : shape (count, state_size)
         The starts.
     known
         Orbits known at that value.
@@ -96,7 +96,7 @@ class Catch:
     ----------
     orbits
         Each orbit with the number of transients that settled on it, and of Newton iterations that ended on it.
-    unsettled : shape (count, 2n)
+    unsettled : shape (count, state_size)
         Last states of the transients that did not become periodic.
     ran_away
         Number of transients that could not be followed.
@@ -185,6 +185,7 @@ class _Hunt:
         while done < min(len(self.catalogue.entries), self._known + _MOST):  # the list grows in the loop
             orbit = self.catalogue.entries[done].orbit
             kick = self._random.normal(size=len(orbit.state))
+            kick[2 * orbit.system.size :] = 0.0  # friction would not let an extension be larger
             kick *= _KICK / np.linalg.norm(kick)
             self._try(orbit.state + kick * self._chunk.box, orbit.period, self.catalogue.states(orbit.period))
             done += 1

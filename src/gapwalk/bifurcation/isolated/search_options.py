@@ -53,7 +53,7 @@ class SearchOptions:
         Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     box
         Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
-        from the system; see `state_box`.
+        from the system; see `state_box`. Extensions begin at zero.
     spread
         Ratio of the derived box to the motions.
     seed
@@ -113,6 +113,13 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
         motion = orbit.motion(_SAMPLES)
         box = np.maximum(box, np.abs(np.hstack((motion.q, motion.v))).max(axis=0))
     return spread * box
+
+
+def with_extensions(system: System, box: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a box with half-widths for extensions, those of the deflections within the box; shape (state_size,)."""
+    structure, n = system.structure, system.size
+    vectors = (system.vector(structure.contacts[place].vectors[0]) for place in structure.memories)
+    return np.append(box, [float(np.abs(vector) @ box[:n]) for vector in vectors])
 
 
 def _touching(system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -226,16 +233,18 @@ def _side(spring: Spring, sign: int, reach: float) -> tuple[float, float, float]
     return slope, pull, width
 
 
-def spread_starts(box: NDArray[np.float64], count: int, seed: int, value: float) -> NDArray[np.float64]:
-    """Return starts spread evenly over a box by a scrambled Sobol sequence, shape (count, 2n).
+def spread_starts(
+    box: NDArray[np.float64], count: int, seed: int, value: float, extensions: int = 0
+) -> NDArray[np.float64]:
+    """Return starts spread evenly over a box by a scrambled Sobol sequence, shape (count, 2n + extensions).
 
-    They depend only on the seed and the value of the parameter, not on what else is searched.
+    They depend only on the seed and the value of the parameter, not on what else is searched. Extensions are zero.
     """
     from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 
     engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
     points = engine.random_base2((count - 1).bit_length())[:count]
-    return (2.0 * points - 1.0) * box
+    return np.pad((2.0 * points - 1.0) * box, ((0, 0), (0, extensions)))
 
 
 def generator(seed: int, value: float, block: int = 0) -> np.random.Generator:

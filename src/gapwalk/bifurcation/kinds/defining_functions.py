@@ -27,9 +27,9 @@ class Criticality(NamedTuple):
     ----------
     value
         Zero, with a change of sign, where a multiplier is critical.
-    directions : shape (k, 2n)
+    directions : shape (k, state_size)
         Unit vectors along which the derivative of the matrix is needed.
-    covectors : shape (k, 2n)
+    covectors : shape (k, state_size)
         A change dB of the matrix changes the value by the sum of ``covectors[j] @ dB @ directions[j]``.
     """
 

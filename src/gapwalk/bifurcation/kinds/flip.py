@@ -67,7 +67,7 @@ class Flip(Kind):
 
     def function(self, point: BranchPoint) -> float:
         """Return the product of ``mu + 1``."""
-        return bounded_product(nearest(point.orbit.multipliers + 1.0))
+        return bounded_product(nearest(point.orbit.free_multipliers + 1.0))
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
         """Return the flip with `nature` and `judged`; unchanged if the criticality cannot be determined."""

@@ -29,11 +29,11 @@ class NeimarkSacker(Kind):
 
     def function(self, point: BranchPoint) -> float:
         """Return the product of ``mu_i mu_j - 1``."""
-        return bounded_product(pair_factors(point.orbit.multipliers))
+        return bounded_product(pair_factors(point.orbit.free_multipliers))
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
         """Return True if a complex pair is on the unit circle: at a neutral saddle none is."""
-        multipliers = point.orbit.multipliers
+        multipliers = point.orbit.free_multipliers
         complex_ones = multipliers[np.abs(multipliers.imag) > _COMPLEX * np.abs(multipliers)]
         return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < near))
 

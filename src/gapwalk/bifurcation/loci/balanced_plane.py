@@ -174,10 +174,10 @@ class BalancedPlane(OrbitPlane):
 
     def _monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
         """Return the monodromy matrix of positions and momenta, with velocities in units of the frequency."""
-        matrix, n = self._equation.monodromy(evidence, linearised), self.system.size
-        if len(matrix) != 2 * n:
+        matrix = self._equation.monodromy(evidence, linearised)
+        units = self.system.state_scales(1.0, 1.0 / float(evidence.coefficients[0]))
+        if len(matrix) != len(units):
             return matrix
-        units = np.repeat([1.0, 1.0 / float(evidence.coefficients[0])], n)
         return matrix * units / units[:, None]
 
     @cached_property

@@ -134,10 +134,10 @@ def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoin
 
     def compute(point: BranchPoint) -> float:
         if what is not Codim2.GENERALISED_FLIP:
-            return _multiplier_test(locus, what, point.orbit.multipliers)
+            return _multiplier_test(locus, what, point.orbit.free_multipliers)
         equation = cast("MultiplierEquation", corrector.equation)
         coefficient = equation.flip_coefficient(point.x[:-1] * corrector.scales[:-1], point.value)
-        return coefficient * _product(point.orbit.multipliers - 1.0)  # the factor removes its poles, at fold-flips
+        return coefficient * _product(point.orbit.free_multipliers - 1.0)  # the factor removes its poles, at fold-flips
 
     def function(point: BranchPoint) -> float:
         known = point.memo.get(what)
@@ -214,7 +214,7 @@ def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInt
     pairs = (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING)
     if locus is Kind.NEIMARK_SACKER or what not in pairs:
         return True
-    multipliers = point.orbit.multipliers
+    multipliers = point.orbit.free_multipliers
     others = np.delete(multipliers, _critical(locus, multipliers))
     complex_ones = others[np.abs(others.imag) > _CIRCLE]
     return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles

@@ -318,7 +318,7 @@ class LocusTracer(Iterator[LocusStep]):
     def _angle(self, point: BranchPoint) -> float:
         if isinstance(self.beginning.equation, GrazingEquation):
             return float(point.x[-3] * self.beginning.corrector.scales[-3]) % (PERIOD * self.beginning.plane.period)
-        return self.beginning.kind.angle(point.orbit.multipliers)
+        return self.beginning.kind.angle(point.orbit.free_multipliers)
 
 
 def _distance(x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -20,10 +20,10 @@ from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.orbit.sticking import Closure, released, transition_of
 
 STEP = 1e-9
 """Step of forward differences of exact matrices, in units of the unknowns.
@@ -171,21 +171,25 @@ class ShotPlane(OrbitPlane):
         """See `OrbitPlane.place`. Errors as in `Flow.integrate`."""
         coefficients, slopes = self._parameters.coefficients(first, second)
         arc = self._turn(coefficients, unknowns, slopes)
-        jacobian, size = _derivatives(arc), len(unknowns)
+        closed = self._released(coefficients, arc, unknowns)
+        jacobian, size = _derivatives(closed), len(unknowns)
         jacobian[:, :size].flat[:: size + 1] -= 1.0
-        return Place(unknowns, coefficients, slopes, arc.state - unknowns, jacobian, arc)
+        return Place(unknowns, coefficients, slopes, closed.state - unknowns, jacobian, arc)
 
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
         arc: Arc = evaluation.evidence.evidence
+        closure = Closure.of(self._layout, lambda: evaluation.evidence.coefficients, [arc], unknowns)
         return Orbit(
             self._parameters.system_at(first, second),
             self.period,
             unknowns.copy(),
-            multipliers([_transition(arc)]),
+            closure.multipliers,
             tuple(arc.contacts),
             float(np.abs(evaluation.residual).max()),
             arc.steps,
+            slips=closure.slips,
+            stuck=closure.stuck,
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -198,23 +202,25 @@ class ShotPlane(OrbitPlane):
 
     def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
         """See `OrbitPlane.criticality`; from the monodromy matrix in units of the state."""
-        return kind.condition(self._scaled(place.evidence, scales))
+        return kind.condition(self._scaled(place, place.evidence, scales))
 
     def gradient(
         self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """See `OrbitPlane.gradient`."""
         units = scales[: len(place.unknowns)]
-        by_all, here = np.zeros(len(units) + 2), _derivatives(place.evidence)
+        here = _derivatives(self._released(place.coefficients, place.evidence, place.unknowns))
+        by_all = np.zeros(len(units) + 2)
         for direction, covector in zip(critical.directions, critical.covectors, strict=True):
             beside = self._turn(place.coefficients, place.unknowns + STEP * units * direction, place.slopes)
-            by_all += (covector / units) @ (_derivatives(beside) - here)
+            beside = _derivatives(self._released(place.coefficients, beside, place.unknowns))
+            by_all += (covector / units) @ (beside - here)
         return by_all / STEP
 
     def turning(self, switch: int, place: Place, theta: float) -> Turning:
         """See `OrbitPlane.turning`; the rate is over time."""
         gauge, coefficients, slopes = Gauge(self._layout, switch), place.coefficients, place.slopes
-        n, size = len(place.unknowns) // 2, len(place.unknowns)
+        n, size = self.system.size, len(place.unknowns)
         angle = theta % (PERIOD * self.period)
         there, by_all = place.unknowns, np.eye(size, size + 2)
         if angle > 0.0:
@@ -222,7 +228,7 @@ class ShotPlane(OrbitPlane):
             there, by_all = arc.state, _derivatives(arc)
         vector, (depth, rate, turning) = gauge.vector(coefficients), gauge.read(coefficients, angle, there)
         derivatives = np.empty((2, size + 3))
-        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n:]))
+        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n : 2 * n]))
         by_all[:, size:] += np.transpose([gauge.slopes(coefficients, each, angle, there) for each in slopes])
         derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
         derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
@@ -234,9 +240,9 @@ class ShotPlane(OrbitPlane):
 
         def monodromy(unknowns: NDArray[np.float64]):
             arc = self._turn(place.coefficients, unknowns, place.slopes)
-            return self._scaled(arc, scales), arc.contacts
+            return self._scaled(place, arc, scales), arc.contacts
 
-        here = self._scaled(place.evidence, scales), place.evidence.contacts
+        here = self._scaled(place, place.evidence, scales), place.evidence.contacts
         critical = self.criticality(Kind.FLIP, place, scales)
         bordering = np.eye(len(units)) - here[0]
         vectors = critical.directions[0], critical.covectors[0]
@@ -244,7 +250,7 @@ class ShotPlane(OrbitPlane):
 
     def shared(self) -> NDArray[np.bool_]:
         """Return a mask of all unknowns, since they form the state."""
-        return np.ones(2 * self.system.size, dtype=bool)
+        return np.ones(self.system.state_size, dtype=bool)
 
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
         """See `OrbitPlane.mean_of_halves`."""
@@ -255,10 +261,13 @@ class ShotPlane(OrbitPlane):
         """Integrate the motion from a state over the whole period, with all sensitivities."""
         return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes)
 
-    @staticmethod
-    def _scaled(arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the monodromy matrix of an arc, in units of the state."""
-        matrix = _transition(arc)
+    def _released(self, coefficients: NDArray[np.float64], arc: Arc, start: NDArray[np.float64]) -> Arc:
+        """Return the motion over the whole period with the reset of what friction keeps; see `released`."""
+        return released(self._layout, coefficients, [arc], start)[0]
+
+    def _scaled(self, place: Place, arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the monodromy matrix of a motion over the whole period, in units of the state."""
+        matrix = transition_of(self._released(place.coefficients, arc, place.unknowns))
         units = scales[: len(matrix)]
         return matrix * units / units[:, None]
 
@@ -268,11 +277,6 @@ class ShotPlane(OrbitPlane):
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
-    """Return the derivatives of the final state by initial state and both parameters, shape (2n, 2n + 2)."""
+    """Return the derivatives of the final state by initial state and both parameters, in rows of state_size + 2."""
     assert arc.sensitivity is not None
-    return np.concatenate((_transition(arc), arc.sensitivity), axis=1)
-
-
-def _transition(arc: Arc) -> NDArray[np.float64]:
-    assert arc.transition is not None
-    return arc.transition
+    return np.concatenate((transition_of(arc), arc.sensitivity), axis=1)

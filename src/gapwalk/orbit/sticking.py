@@ -1,0 +1,189 @@
+"""Friction that never slips over a whole period: what it keeps is no unknown of the orbit.
+
+A Jenkins element that never slips keeps the position of its slider, ``s = e.q - z`` with the deflection ``e.q`` and the
+extension z. Coulomb friction that never slips keeps the deflection itself. The motion is then one of a continuum, a
+multiplier is exactly 1, and Newton's method has no unique solution. This is no branch point. Such a position has the
+left eigenvector ``w = (e, 0, -1)`` or ``(e, 0, 0)`` of the monodromy matrix B, for every motion of the continuum.
+
+Therefore the motion over one period is followed by a reset: ``z = e.q - s``, or ``e.q = s``, with the position s that
+the start has. Its derivative N replaces the multiplier 1 of B by 0, as after slip, and leaves the others unchanged
+(Wielandt's deflation). So the determinant of ``N B - 1`` does not change its sign where slip begins, and Newton's method
+keeps s: an orbit is followed at the position that its friction has. To be exact, s is rounded to a fine grid; otherwise
+rounding errors of s, which nothing would correct, would grow by extrapolation from step to step of a walk.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.dry_state import SlipEvent
+from gapwalk.flow.flow import Arc
+from gapwalk.flow.length_unit import natural_length
+from gapwalk.model.coefficients import CoefficientLayout
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.orbit.floquet import multipliers
+
+_KEPT = 1e-6  # change over one period, as a share, of what is kept but for rounding
+_BITS = 30  # of the grid of positions that are kept: 1e-9 of the size of the motion
+_ROUNDING = 1e-12  # multipliers of motions with friction that are 0 but for rounding, over the largest
+
+
+def collapses(system: System) -> bool:
+    """Return True if friction or impacts can make neighbouring motions one, so that volumes of states vanish."""
+    return bool(system.structure.memories or system.structure.reactions)
+
+
+def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs: Sequence[Arc]) -> tuple[int, ...]:
+    """Return the numbers of the contacts whose friction sticks all through some arcs, and keeps what it had.
+
+    Friction of a stage that opens neither slips nor keeps anything meanwhile, so the transitions decide.
+
+    Parameters
+    ----------
+    layout
+        The layout of the coefficients.
+    coefficients
+        The coefficients of the flow.
+    arcs
+        The successive arcs of one period, with their transitions.
+    """
+    slipping = {event.contact for arc in arcs for event in arc.slips if event.slip}
+    found = []
+    for contact in sorted({event.contact for arc in arcs for event in arc.slips} - slipping):
+        kept = _kept_row(layout, coefficients, contact)
+        carried = kept
+        for arc in reversed(arcs):
+            carried = carried @ transition_of(arc)
+        if np.abs(carried - kept).max() <= _KEPT * np.abs(kept).max():
+            found.append(contact)
+    return tuple(found)
+
+
+def released(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs: Sequence[Arc], start: NDArray[np.float64]
+) -> list[Arc]:
+    """Return the arcs of one period with the reset of what friction keeps at the end of the last one.
+
+    Parameters
+    ----------
+    layout, coefficients, arcs
+        As in `stuck_in`.
+    start : shape (state_size,)
+        The state at the start of the first arc.
+    """
+    stuck = stuck_in(layout, coefficients, arcs)
+    if not stuck:
+        return [*arcs]
+    reset, offset = reset_of(layout, coefficients, stuck, start)
+    last = arcs[-1]
+    state, transition = reset @ last.state + offset, reset @ transition_of(last)
+    return [*arcs[:-1], last._replace(state=state, transition=transition)]
+
+
+def reset_of(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], stuck: Sequence[int], start: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the reset of what some contacts keep: a matrix N, and the vector c of ``N y + c``."""
+    structure, n = layout.structure, layout.structure.size
+    reset, offset = np.eye(structure.state_size), np.zeros(structure.state_size)
+    size = natural_length(layout, coefficients) + float(np.abs(start).max())
+    grid = 2.0 ** (round(math.log2(size)) - _BITS)
+    vectors = {contact: coefficients[layout.contacts[contact].deflection] for contact in stuck}
+    rigid = [vector for contact, vector in vectors.items() if contact not in structure.memories]
+    if rigid:
+        across = np.linalg.qr(np.transpose(rigid))[0]
+        reset[:n, :n] -= across @ across.T
+        offset[:n] = across @ (grid * np.round(start[:n] @ across / grid))
+    for contact, vector in vectors.items():
+        if contact in structure.memories:
+            row = 2 * n + structure.memories.index(contact)
+            reset[row] = 0.0
+            reset[row, :n] = vector @ reset[:n, :n]
+            kept = float(vector @ start[:n] - start[row])
+            offset[row] = vector @ offset[:n] - grid * round(kept / grid)
+    return reset, offset
+
+
+def _kept_row(layout: CoefficientLayout, coefficients: NDArray[np.float64], contact: int) -> NDArray[np.float64]:
+    """Return the derivative by the state of what friction keeps while it sticks; shape (state_size,)."""
+    structure = layout.structure
+    row = np.zeros(structure.state_size)
+    row[: structure.size] = coefficients[layout.contacts[contact].deflection]
+    if contact in structure.memories:
+        row[2 * structure.size + structure.memories.index(contact)] = -1.0
+    return row
+
+
+class Closure(NamedTuple):
+    """Multipliers of a motion with dry friction over one period.
+
+    Attributes
+    ----------
+    multipliers : shape (state_size,)
+        They are exactly 1 for what friction keeps, and exactly 0 where slip or stick makes neighbouring motions one.
+    slips
+        The log of slip: a mode that only goes on at the start of an arc is left out.
+    stuck
+        Numbers of the contacts whose friction never slips.
+    """
+
+    multipliers: NDArray[np.complex128]
+    slips: tuple[SlipEvent, ...] = ()
+    stuck: tuple[int, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        layout: CoefficientLayout,
+        coefficients: Callable[[], NDArray[np.float64]],
+        arcs: Sequence[Arc],
+        start: NDArray[np.float64],
+    ) -> Closure:
+        """Compute the multipliers of the successive arcs of one period; the coefficients only where friction sticks."""
+        if not any(arc.slips for arc in arcs):
+            return cls(multipliers([transition_of(arc) for arc in arcs]))
+        stuck = stuck_in(layout, coefficients(), arcs)
+        found = multipliers([transition_of(arc) for arc in released(layout, coefficients(), arcs, start)])
+        found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
+        values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
+        return cls(np.array(sorted(values, key=abs, reverse=True)), _joined(arcs), stuck)
+
+
+def _joined(arcs: Sequence[Arc]) -> tuple[SlipEvent, ...]:
+    """Return the log of slip of successive arcs as one."""
+    found: list[SlipEvent] = []
+    modes: dict[int, int] = {}
+    for event in (event for arc in arcs for event in arc.slips):
+        if modes.get(event.contact) != event.slip:
+            found.append(event)
+            modes[event.contact] = event.slip
+    return tuple(found)
+
+
+def transition_of(arc: Arc) -> NDArray[np.float64]:
+    """Return the transition of an arc that was integrated with it."""
+    assert arc.transition is not None
+    return arc.transition
+
+
+def without_kept(multipliers: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+    """Return multipliers with 0 in place of `count` that are 1, as in `Closure`."""
+    if not count:
+        return multipliers
+    order = np.argsort(np.abs(multipliers - 1.0), kind="stable")
+    return np.append(np.delete(multipliers, order[:count]), np.zeros(count))
+
+
+def kept_words(structure: Structure, stuck: Iterable[int]) -> list[str]:
+    """Return a clause for each contact that never slips: what it keeps."""
+    return [
+        f"{structure.contacts[contact].name} never slips: its "
+        f"{'extension' if contact in structure.memories else 'position'} is kept"
+        for contact in stuck
+    ]
