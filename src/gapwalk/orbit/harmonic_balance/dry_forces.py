@@ -22,6 +22,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.laws import Friction
 from gapwalk.orbit.harmonic_balance.linear_part import Linear, Share, firsts_of
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = legendre.leggauss(20)
+_ROUNDING = 1e-12  # multipliers that are 0 but for rounding, over the largest
 _ASIDE = 1e-9  # radians from a break, at which dampers beside it are read
 
 
@@ -54,14 +56,6 @@ class Links(NamedTuple):
     forces: NDArray[np.intp]
     columns: NDArray[np.complex128]
     rows: Array
-
-
-class Slip(NamedTuple):
-    """An angle phi at which an element begins to slip in a direction, 1 or -1, or to stick, 0."""
-
-    phi: float
-    contact: int
-    slip: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +132,14 @@ class DryForce:
     @cached_property
     def _stiffness(self) -> tuple[float, float]:
         return self.slider.number("stiffness")
+
+    @cached_property
+    def modes(self) -> list[int]:
+        """The mode of each phase: 1 or -1 in slip, 0 in stick, and where it has no force."""
+        middle = np.array([0.5 * (each.start + each.end) for each in self.phases])
+        pieces = np.maximum([each.piece for each in self.phases], 0)
+        acts = self.slider.limit(middle, pieces, partial=False).value > 0.0
+        return [each.slip * int(act) for each, act in zip(self.phases, acts, strict=True)]
 
     # -- lines and derivatives ------------------------------------------------------------------------------------
 
@@ -422,15 +424,28 @@ class Memory:
         """Return the extensions of all springs, shape (angles, elements)."""
         return np.array([each.extension(phi % TURN) for each in self.forces]).reshape(len(self.forces), -1).T
 
-    def slips(self) -> list[Slip]:
-        """Return all angles at which an element begins to slip or to stick, in order; its phase at 0 comes first."""
-        found = [
-            Slip(phase.start, each.slider.element.contact, phase.slip)
-            for each in self.forces
-            for before, phase in zip([None, *each.phases[:-1]], each.phases, strict=True)
-            if before is None or before.slip != phase.slip
-        ]
-        return sorted(found)
+    @property
+    def stuck(self) -> tuple[int, ...]:
+        """Numbers of the contacts that never slip."""
+        return tuple(each.slider.element.contact for each in self.forces if each.never_slips)
+
+    def slips(self, period: int) -> tuple[SlipEvent, ...]:
+        """Return the modes of all elements at the start of a motion of some forcing periods, and their changes."""
+        found = []
+        for each in self.forces:
+            mode = None
+            for phase, slip in zip(each.phases, each.modes, strict=True):
+                if slip != mode:
+                    found.append(SlipEvent(period * phase.start, each.slider.element.contact, slip))
+                mode = slip
+        return tuple(sorted(found))
+
+    def with_kept(self, multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return multipliers with 1 for each element that never slips, in place of 0, largest first."""
+        found, kept = multipliers.copy(), len(self.stuck)
+        found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
+        found = np.append(found[: len(found) - kept], np.ones(kept))
+        return found[np.argsort(-np.abs(found), kind="stable")]
 
     def resets(self, linear: Linear, dampers: Dampers) -> tuple[Array, Array]:
         """Return angles at which changes of the motion change at once, and the differences of the matrices from 1.
