@@ -33,9 +33,6 @@ _SETTLING = 1e-7  # radians after a change within which a guard of the new mode 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
-TAIL = 1e-6
-"""Radians that further impacts may last together for the contact to be held at once."""
-
 Array = NDArray[np.float64]
 
 
@@ -59,7 +56,8 @@ class DrySwitches(DryState):
         super().__init__(equations)
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
-        self._forgotten: set[int] = set()  # places of the state that the last event has reset
+        # places of the state that the last event has reset, and whether they follow a limit from there on
+        self._forgotten: dict[int, bool] = {}
         self._begun = [0.0] * len(self.slots)
 
     def start(
@@ -142,6 +140,10 @@ class DrySwitches(DryState):
             rate = side * (float(now.friction[place, 0]) or self.slip_acceleration(place, now, theta))
             if rate <= 0.0:
                 self._stick(place, theta)
+                if limit <= 0.0:
+                    self._reset_extension(place, 0, theta)
+            else:
+                self._forgotten[memory] = True
         self.apply()
 
     def _stick(self, place: int, theta: float) -> None:
@@ -162,7 +164,7 @@ class DrySwitches(DryState):
         if self.columns:
             self.rows()[:, memory] = side * extension_changes(self, place, theta) if side else 0.0
         self.state[memory] = side * float(self.read(theta).friction[place, 1]) / self.stiffness(place) if side else 0.0
-        self._forgotten.add(memory)
+        self._forgotten[memory] = False
 
     def _hold(self, theta: float, candidates: Iterable[int]) -> Readings | None:
         """Hold those of the candidates that stay within their bounds; the others slip, or open.
