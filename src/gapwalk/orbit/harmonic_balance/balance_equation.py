@@ -147,7 +147,7 @@ class BalanceEquation(OrbitEquation):
             places, columns, rows = forces.memory.links
             pushed = (compliance.flexibility[:, :, places] * columns.T[:, None]).transpose(1, 0, 2)
             both = np.concatenate((pushed.real, -pushed.imag[:, 1:]), axis=1)
-            jacobian += both.reshape(-1, len(places)) @ rows
+            jacobian += both.reshape(len(jacobian), len(places)) @ rows
         by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)

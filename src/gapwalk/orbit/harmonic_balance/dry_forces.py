@@ -361,8 +361,14 @@ class Memory:
     @cached_property
     def links(self) -> Links:
         """The derivatives by the motion at single angles."""
-        places, columns, rows = zip(*(link for each in self.forces for link in each.links), strict=True)
-        return Links(np.array(places), np.array(columns), np.array(rows))
+        found = [link for each in self.forces for link in each.links]
+        lines = self.forces[0].slider.motion.lines
+        places, columns, rows = ([link[part] for link in found] for part in range(3))
+        return Links(
+            np.array(places, dtype=np.intp),
+            np.array(columns, dtype=complex).reshape(len(found), lines.shape[1]),
+            np.array(rows, dtype=float).reshape(len(found), len(lines) * (2 * lines.shape[1] - 1)),
+        )
 
     def extensions(self, phi: Array) -> Array:
         """Return the extensions of all springs, shape (angles, elements)."""
