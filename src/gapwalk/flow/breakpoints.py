@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.flow.forces import Angles, Dry, accelerations
 from gapwalk.model.coefficients import CoefficientLayout
 
 
@@ -42,8 +42,8 @@ class Gauge:
     ) -> tuple[float, float, float]:
         """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
         n, vector = self._layout.structure.size, self.vector(coefficients)
-        q, v = state[:n], state[n : 2 * n]
-        motion = (q, v, accelerations(self._layout, coefficients, theta, q, v))
+        q, v, dry = state[:n], state[n : 2 * n], Dry(None, state[2 * n :])
+        motion = (q, v, accelerations(self._layout, coefficients, theta, q, v, dry=dry))
         depth, rate, turning = (float(vector @ each) for each in motion)
         if self._contact.sway is not None:
             angles = Angles(self._layout, coefficients, theta)

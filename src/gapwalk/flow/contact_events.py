@@ -301,17 +301,20 @@ class Switchboard:
         if self._rebounds[switch]:
             self._rebound(switch, theta)
             return True
-        if self.dry.count:
+        contact = self.equations.switches[switch][0]
+        if self.dry.count and self.dry.concerns(contact, self._jumps[switch] is not None):
             now = self.dry.read(theta)
             shifts = self._shifts(switch, theta) if self._columns else np.zeros(0)
             self._parameters[self._first + switch] = self._inside[switch] = inside
             self.dry.closed = self._closed()
-            self.dry.after_stage(self.equations.switches[switch][0], theta)
+            self.dry.after_stage(contact, theta)
             if self._columns:
-                self.dry.late(now, theta, shifts, velocity)
+                self.dry.add_delay(now, theta, shifts, velocity)
         elif self._columns and self._jumps[switch] is not None:
             self._jump(switch, velocity, inside, theta)
         self._parameters[self._first + switch] = self._inside[switch] = inside
+        if self.dry.count:
+            self.dry.closed = self._closed()
         if self.modes.mode_count:
             self.modes.refresh(theta, self._closed())
         return True
@@ -481,7 +484,7 @@ class Switchboard:
             rows = self._state[size:].reshape(self._columns, size)
             along, directions = np.zeros((self._columns, len(coefficients))), dry.directions
             along[self._columns - len(directions) :] = directions
-            flows = float(coefficients[0]) * begin.rates, float(coefficients[0]) * now.rates
+            flows = [float(coefficients[0]) * np.concatenate(each[:3]) for each in (begin, now)]
             guard = partial(self._depth_of, switch)
             rows[:] = pass_event(
                 rows, along, before, coefficients, theta, guard, reset, lambda _, passed: flows[int(passed)]

@@ -106,47 +106,47 @@ class Equations:
         """Indices of the components of all directions, in the joined coefficients of all directions."""
         return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
 
-    @property
+    @cached_property
     def first_switch(self) -> int:
         """Run-time parameter of the first switch."""
         return self.first_component(len(self.varying))
 
-    @property
+    @cached_property
     def first_weight(self) -> int:
         """Run-time parameter of the first weight of an event function."""
         return self.first_switch + len(self.switches)
 
-    @property
+    @cached_property
     def first_mode(self) -> int:
         """Run-time parameter of the first mode of a law."""
         return self.first_weight + len(self.switches)
 
-    @property
+    @cached_property
     def first_level(self) -> int:
         """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
         return self.first_mode + len(self.modes)
 
-    @property
+    @cached_property
     def first_slip(self) -> int:
         """Run-time parameter of the first slip of friction: 1 or -1 in slip, 0 in stick."""
         return self.first_level + len(self.layout.cycles)
 
-    @property
+    @cached_property
     def first_stick(self) -> int:
         """Run-time parameter of the first stick of friction: 1 in stick, otherwise 0."""
         return self.first_slip + len(self.dry)
 
-    @property
+    @cached_property
     def first_held(self) -> int:
         """Run-time parameter of the first switch of a rigid stop: 1 while the stop is held, otherwise 0."""
         return self.first_stick + len(self.dry)
 
-    @property
+    @cached_property
     def length(self) -> int:
         """Run-time parameter of the unit of length, in units of the model."""
         return self.first_held + len(self.stops)
 
-    @property
+    @cached_property
     def first_coefficient(self) -> int:
         """Run-time parameter of the first coefficient."""
         return self.length + 1
@@ -268,10 +268,10 @@ class Equations:
     def readings(self) -> list[hy.expression]:
         """Values by which friction and held stops are decided, as functions of the state and the run-time parameters.
 
-        The columns of the accelerations other than positions and velocities: forces of all contacts, waves. Then for
+        The columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves. Then for
         each friction: its slip rate, the force in slip, and that at which slip begins. Then rates of the extensions.
         """
-        found = [law.force for law in self._contact_laws] + self._waves
+        found = [*(law.force for law in self._contact_laws), hy.expression(1.0), *self._waves]
         for place, contact in enumerate(self.dry):
             found += [self.slip_rate(place), *self._contact_laws[contact].limits]
         found += self._extension_rates

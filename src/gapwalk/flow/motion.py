@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import Arc
 from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout

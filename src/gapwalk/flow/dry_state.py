@@ -1,0 +1,273 @@
+"""The modes of dry friction and of rigid stops at one instant, with the values by which they are decided.
+
+While contacts are held, the motion is that of a system with other coefficients (`gapwalk.flow.constraints`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.constraints import Constraint
+from gapwalk.flow.equations import Equations
+from gapwalk.flow.forces import Angles, Dry
+
+_STEP = 1e-150  # of the complex step
+
+Array = NDArray[np.float64]
+
+
+class SlipEvent(NamedTuple):
+    """Dry friction begins to slip or to stick.
+
+    Attributes
+    ----------
+    theta
+        Angle of the event, in radians of the fundamental excitation.
+    contact
+        Number of the contact in the structure.
+    slip
+        Its mode from there on: 1 or -1 in slip, by the direction, 0 in stick.
+    """
+
+    theta: float
+    contact: int
+    slip: int
+
+
+class Kink(NamedTuple):
+    """An instant at which velocities or accelerations jump: positions, and both of them before and after."""
+
+    theta: float
+    positions: Array
+    velocities: tuple[Array, Array]
+    accelerations: tuple[Array, Array]
+
+
+class Readings(NamedTuple):
+    """Values at one state, under the present modes.
+
+    Attributes
+    ----------
+    velocities, accelerations : shape (n,)
+        Derivatives of the state over time.
+    extending : shape (contacts with a memory,)
+        Rates of the extensions.
+    reactions : shape (reactions,)
+        The reactions; 0 of those that are not held.
+    friction : shape (contacts that are friction, 3)
+        Slip rate, force in slip, and force at which slip begins, of each.
+    """
+
+    velocities: Array
+    accelerations: Array
+    extending: Array
+    reactions: Array
+    friction: Array
+
+
+class _Held(NamedTuple):
+    """Coefficients of the system while some contacts are held, and their derivatives along the directions.
+
+    The table has the rows of accelerations and reactions, by the values of `Equations.readings`.
+    """
+
+    coefficients: Array
+    directions: Array
+    constraint: Constraint
+    table: Array
+
+
+class DryState:
+    """Modes of friction and of rigid stops of one compiled integrator.
+
+    Parameters
+    ----------
+    equations
+        Its equations.
+
+    Attributes
+    ----------
+    slots, laws, reaction_of, memory_of
+        For each contact that is friction: its slots, its law, the number of its reaction or None, and the place of its
+        extension in a state or None.
+    slips, sticks
+        The modes of these: 1 or -1 in slip, 0 otherwise; and True in stick.
+    held
+        The numbers of the reactions that are held.
+    sign_of
+        For each reaction of a stop, its side: 1 or -1.
+    coefficients
+        The present coefficients: those of the system while its present contacts are held.
+    base, directions
+        Coefficients of the system without constraints, and their derivatives along each direction.
+    stop_reaction
+        The number of the reaction of each switch of a rigid stop.
+    columns
+        Number of sensitivity columns.
+    closed
+        For each contact which of its stages are closed.
+    """
+
+    closed: list[list[bool]]
+    coefficients: Array
+    entry: _Held
+
+    def __init__(self, equations: Equations) -> None:
+        layout, structure = equations.layout, equations.layout.structure
+        self.equations, self.layout, self.n, self.size = equations, layout, structure.size, structure.state_size
+        self.count = len(equations.dry) + len(equations.stops)
+        self.slots = [layout.contacts[contact] for contact in equations.dry]
+        self.laws: list[Any] = [slots.form.law for slots in self.slots]
+        by_contact = {contact: number for number, (contact, switch) in enumerate(structure.reactions) if switch < 0}
+        self.reaction_of = [by_contact.get(contact) for contact in equations.dry]
+        places = {contact: 2 * self.n + place for place, contact in enumerate(structure.memories)}
+        self.memory_of = [places.get(contact) for contact in equations.dry]
+        self.friction_of = {number: place for place, number in enumerate(self.reaction_of) if number is not None}
+        self.sign_of = {
+            number: layout.contacts[contact].stages[equations.switches[switch][1]].sign
+            for number, (contact, switch) in enumerate(structure.reactions)
+            if switch >= 0
+        }
+        self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
+        self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
+        self.held: tuple[int, ...] = ()
+        self._known: dict[tuple[int, ...], _Held] = {}
+        self.base, self.directions = np.zeros(0), np.zeros((0, 0))
+        self._numbers = (b"", b"")
+        self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
+        self._columns_end = layout.accelerations.shape[1]
+        self._friction_end = self._columns_end + 3 * len(self.slots)
+        self._width = self._friction_end + len(structure.memories)
+        self._sways = any(layout.contacts[contact].sway is not None for contact, _ in structure.reactions)
+
+    def compile(self) -> Any:
+        """Return the compiled readings, for `attach`; integrators of the same equations share them."""
+        if not self.count:
+            return None
+        variables = [*self.equations.positions, *self.equations.velocities, *self.equations.extensions]
+        return hy.cfunc(self.equations.readings, vars=variables)
+
+    def attach(self, integrator: Any, columns: int, compiled: Any) -> None:
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
+        self.integrator, self.state, self._parameters = integrator, integrator.state, integrator.pars
+        self.columns, self._compiled = columns, compiled
+        self._read_from = self._parameters[: compiled.nparams] if self.count else self._parameters
+
+    def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
+        """Begin with the coefficients of a system, which the integrator has, and nothing held.
+
+        `changed` is called with the coefficients whenever they change. What was computed for the system before is kept
+        if it differs by its frequency only.
+        """
+        numbers = (base[1:].tobytes(), directions[:, 1:].tobytes())
+        same, self._numbers = numbers == self._numbers and not self._sways, numbers
+        self.base, self.directions, self._changed = base, directions, changed
+        if same:
+            for entry in self._known.values():
+                entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
+        else:
+            self._known = {}
+        self.slips, self.sticks, self.held = [0] * len(self.slots), [False] * len(self.slots), ()
+        self.entry = self._entry_of(())
+        self.coefficients = self.entry.coefficients
+        changed(self.coefficients)
+        self.apply()
+
+    def _entry_of(self, held: tuple[int, ...]) -> _Held:
+        """Return the coefficients and the rest for a set of held contacts."""
+        known = self._known.get(held)
+        if known is not None:
+            return known
+        layout, n = self.layout, self.n
+        constraint, directions = Constraint(layout, self.base, held), self.directions.copy()
+        coefficients = constraint.coefficients()
+        if held and len(directions):
+            step = 1j * _STEP
+            changes = [Constraint(layout, self.base + step * each, held).coefficients().imag for each in directions]
+            directions = np.array(changes) / _STEP
+        table = np.vstack((coefficients[layout.accelerations], coefficients[layout.reactions]))
+        table[:, : 2 * n + len(layout.contacts)] *= -1.0
+        self._known[held] = found = _Held(coefficients, directions, constraint, table)
+        return found
+
+    def apply(self) -> None:
+        """Give the integrator the present modes, and the coefficients of what is held."""
+        equations, entry, count = self.equations, self._entry_of(self.held), len(self.slots)
+        if self.entry is not entry:
+            self.entry, self.coefficients = entry, entry.coefficients
+            self._parameters[self._first_coefficient :] = entry.coefficients[equations.active]
+            if len(entry.directions):
+                self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
+            self._changed(entry.coefficients)
+        held = [number in self.held for number in self.sign_of]
+        first = self._first_slip
+        self._parameters[first : first + 2 * count + len(held)] = [*self.slips, *self.sticks, *held]
+
+    def read(self, theta: float) -> Readings:
+        """Return the values at the present state under the present modes."""
+        n, columns, last = self.n, self._columns_end, self._friction_end
+        found, state = np.empty(self._width), self.state[: self.size]
+        found[: 2 * n] = state[: 2 * n]
+        self._compiled(state, outputs=found[2 * n :], pars=self._read_from, time=theta)
+        values = self.entry.table @ found[:columns]
+        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], found[columns:last].reshape(-1, 3))
+
+    def rows(self) -> Array:
+        """Return the changes of the state, one row for each column of the sensitivities (a live view)."""
+        return self.state[self.size : self.size * (1 + self.columns)].reshape(self.columns, self.size)
+
+    def along(self) -> Array:
+        """Return the change of the system's coefficients along each row."""
+        along = np.zeros((self.columns, len(self.base)))
+        along[self.columns - len(self.directions) :] = self.directions
+        return along
+
+    def stiffness(self, place: int) -> float:
+        """Return the stiffness of the spring of friction with a memory."""
+        return float(self.base[self.slots[place].numbers["stiffness"]])
+
+    def acceleration(self, contact: int, now: Readings, theta: float) -> float:
+        """Return the second derivative of a deflection over time."""
+        slots = self.layout.contacts[contact]
+        moved = float(self.base[slots.deflection] @ now.accelerations)
+        if slots.sway is not None:
+            moved += float(Angles(self.layout, self.base, theta).sway(slots, 0, 2))
+        return moved
+
+    def slip_acceleration(self, place: int, now: Readings, theta: float) -> float:
+        """Return the derivative of the slip rate of friction over time, with a limit that is constant."""
+        return self.acceleration(self.equations.dry[place], now, theta)
+
+    def gap(self, number: int, theta: float) -> tuple[float, float, float]:
+        """Return the deflection beyond a stop, by its reaction; its rate over time; and the size of its clearance."""
+        n, (contact, switch) = self.n, self.layout.structure.reactions[number]
+        slots, angles = self.layout.contacts[contact], Angles(self.layout, self.base, theta)
+        clearance = float(self.base[slots.stages[self.equations.switches[switch][1]].clearance])
+        vector = self.base[slots.deflection]
+        depth = float(vector @ self.state[:n] + angles.sway(slots)) - self.sign_of[number] * clearance
+        return depth, float(vector @ self.state[n : 2 * n] + angles.sway(slots, 0, 1)), clearance
+
+    def speed(self) -> float:
+        """Return the size of the velocities, now or a quarter of a period later."""
+        numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
+        return max(*numbers[self.n :], max(numbers[: self.n]) / float(self.base[0]))
+
+    def keeps_still(self, vector: Array) -> bool:
+        """Return True if what is held determines the rate of a deflection, which then has no turning points."""
+        vectors = self.entry.constraint.vectors
+        if not self.held or not len(vectors):
+            return False
+        shares = np.linalg.lstsq(vectors.T, vector, rcond=None)[0]
+        return float(np.abs(shares @ vectors - vector).max()) <= 1e-12 * float(np.abs(vector).max())
+
+    @property
+    def present(self) -> Dry | None:
+        """The present modes and extensions, for `gapwalk.flow.forces`; None without friction and rigid stops."""
+        if not self.count:
+            return None
+        return Dry(np.array(self.slips, dtype=float), self.state[2 * self.n : self.size].copy())
