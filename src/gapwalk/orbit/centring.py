@@ -21,7 +21,7 @@ from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import ContactSlots
 
 _SAMPLES = 32  # per forcing period, between which the deflection turns at most once
-_EXACT = 1e-8  # tolerance of an angle at which the deflection turns: the square of it is rounding
+_SECANTS = 4  # steps of the secant method: the deflection depends on the square of the error of an angle
 _STEP = 1e-150  # of the complex step
 
 
@@ -112,8 +112,6 @@ class _Deflection:
         self, segment: int, start: float, stop: float, states: NDArray[np.float64]
     ) -> list[tuple[float, int, float]]:
         """Return the largest and the smallest deflection of a segment, with its number and the angle of each."""
-        from scipy.optimize import brentq  # imported late: it takes long
-
         thetas = np.linspace(start, stop, 2 + int(_SAMPLES * (stop - start) / PERIOD))
         sampled = self._flow.sample(self._coefficients, states[segment], thetas).states
         places, rates = self.at(thetas, sampled), self.at(thetas, sampled, 1)
@@ -127,13 +125,15 @@ class _Deflection:
             peaks = places[inner] + 0.5 * width * first**2 / (first - last)
             k = int(inner[np.argmax(way * peaks)])
 
-            def rate(theta: float, k: int = k) -> float:
-                if theta <= thetas[k]:
-                    return float(rates[k])
+            low, high = (float(thetas[k]), float(rates[k])), (float(thetas[k + 1]), float(rates[k + 1]))
+            for _ in range(_SECANTS):
+                theta = low[0] - low[1] * (high[0] - low[0]) / (high[1] - low[1])
+                if not thetas[k] < theta < thetas[k + 1]:
+                    break
                 state = self._flow.integrate(self._coefficients, sampled[k], float(thetas[k]), theta).state
-                return float(self.at(theta, state, 1))
-
-            theta: Any = brentq(rate, thetas[k], thetas[k + 1], xtol=_EXACT)
-            state = self._flow.integrate(self._coefficients, sampled[k], float(thetas[k]), theta).state
-            found.append((float(self.at(theta, state)), segment, float(theta)))
+                found.append((float(self.at(theta, state)), segment, theta))
+                low, high = (high, low) if abs(low[1]) < abs(high[1]) else (low, high)
+                low = theta, float(self.at(theta, state, 1))
+                if low[1] == high[1]:
+                    break
         return found
