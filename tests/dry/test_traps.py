@@ -10,9 +10,10 @@ import pytest
 import gapwalk as gw
 from gapwalk.attractors.lyapunov import lyapunov
 from gapwalk.errors import ModelError
+from gapwalk.flow.signal import signal_of
 from gapwalk.model.contact import Contact, friction
 from gapwalk.model.laws.friction import Hysteretic
-from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.orbit.sensitivity import sensitivity, signal_along
 from tests.dry.event_reference import Reference
 from tests.results.again import again
 
@@ -235,3 +236,35 @@ def test_a_state_names_its_extensions():
     motion = gw.find_orbit(system).motion()
     assert motion.signal("brake.extension") == pytest.approx(motion.z[:, 0])
     assert np.abs(motion.z).max() == pytest.approx(0.1 / 2.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("system", [jenkins(0.3), coulomb(0.8, frequency=0.3), chain(0.1, 2.0), chain(0.2, None)])
+def test_accelerations_and_forces_are_those_of_the_modes(system: gw.System):
+    """Where nothing jumps, they are the derivatives of the motion, and they balance."""
+    motion = gw.find_orbit(system).motion(4096)
+    assert {event.slip for event in motion.slips} == {1, -1, 0}
+    slopes = np.gradient(motion.states, motion.time, axis=0, edge_order=2)
+    smooth = np.abs(motion.rates - slopes).max(axis=1) < 1e-4
+    assert smooth.mean() > 0.99
+    n, contacts = system.size, system.structure.contacts
+    load = np.array([np.cos(motion.theta) * amplitude for amplitude in ([1.0] if n == 1 else [0.3, 0.0])]).T
+    inner = motion.a + motion.q @ system.matrix("stiffness").T + motion.v @ system.matrix("damping").T
+    pushes = np.array([system.vector(contact.vectors[0]) for contact in contacts])
+    assert inner + motion.forces @ pushes == pytest.approx(load + system.vector("mean"), abs=1e-12)
+
+
+def test_the_slope_of_a_signal_of_friction_is_that_of_neighbouring_orbits():
+    system, angles, step = jenkins(0.3), np.linspace(0.2, 6.0, 7), 1e-5
+    orbit = gw.find_orbit(system)
+    for name in ("x", "x''", "brake.force", "brake.extension"):
+        signal = signal_of(system, name)
+        found = sensitivity(orbit, ["frequency", "brake.limit"]).signal(signal, angles)
+        for column, (parameter, value) in enumerate((("frequency", 0.8), ("brake.limit", 0.3))):
+            ends = [
+                signal_along(
+                    gw.find_orbit(system.at({parameter: value + way * step}), start=orbit.state), signal, angles
+                )
+                for way in (-1.0, 1.0)
+            ]
+            expected = (ends[1] - ends[0]) / (2.0 * step)
+            assert found.by_parameters[:, column] == pytest.approx(expected, abs=1e-5)
