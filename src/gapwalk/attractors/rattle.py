@@ -255,7 +255,7 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quad
     nodes, weights = leggauss(_ORDER)
     thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
     integrated = sample(system, state, np.concatenate(([0.0], thetas)))
-    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events, integrated.z[1:])
+    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events, integrated.z[1:], integrated.slips)
     return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
 
 

@@ -21,7 +21,8 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
+from gapwalk.flow.forces import Angles, contact_deflections
+from gapwalk.flow.sampled_modes import SampledModes, forces_along, modes_along
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.displacement import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -89,12 +90,36 @@ class Motion:
     @cached_property
     def a(self) -> NDArray[np.float64]:
         """Accelerations, shape (samples, n)."""
-        return accelerations(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+        return self._balance[0]
 
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces ``f_k``, shape (samples, contacts)."""
-        return contact_forces(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+        return self._balance[1]
+
+    @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
+        structure, layout = self.system.structure, layout_of(self.system.structure)
+        extending, dry = np.zeros_like(self.z), [k for k, each in enumerate(structure.contacts) if each.law.is_dry]
+        for place, contact in enumerate(structure.memories):
+            slots, slips = layout.contacts[contact], self.modes.slips
+            rate = self.v @ self._coefficients[slots.deflection] - self._coefficients[slots.numbers["speed"]]
+            rate = rate + Angles(layout, self._coefficients, self.theta).sway(slots, 0, 1)
+            extending[:, place] = rate * (True if slips is None else slips[:, dry.index(contact)] == 0.0)
+        return np.hstack((self.v, self.a, extending))
+
+    @cached_property
+    def modes(self) -> SampledModes:
+        """The modes of friction and of rigid stops at the samples."""
+        layout = layout_of(self.system.structure)
+        return modes_along(layout, self._coefficients, self.theta, self.q, self.v, self.slips)
+
+    @cached_property
+    def _balance(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Accelerations and contact forces."""
+        layout, states = layout_of(self.system.structure), (self.q, self.v, self.z)
+        return forces_along(layout, self._coefficients, self.theta, states, self.modes)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.forces import accelerations, contact_forces
 from gapwalk.flow.motion import Motion, signal_factor, signal_place, train_histories, train_signals
+from gapwalk.flow.sampled_modes import forces_along
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -77,8 +77,9 @@ class Signal:
         q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n : 2 * n]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
-        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, angles, q, v)
-        columns = [q, v, a, forces, motion.z + step * states[:, 2 * n :]]
+        z = motion.z + step * states[:, 2 * n :]
+        a, forces = forces_along(layout, numbers, angles, (q, v, z), motion.modes)
+        columns = [q, v, a, forces, z]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(
