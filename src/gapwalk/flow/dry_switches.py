@@ -23,7 +23,7 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -70,6 +70,7 @@ class DrySwitches(DryState):
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self.slots)
+        self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
             self._move_within(theta, unit)
