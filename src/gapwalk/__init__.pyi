@@ -42,6 +42,8 @@ from .model.contact import Side as Side
 from .model.contact import Stage as Stage
 from .model.contact import backlash as backlash
 from .model.contact import force as force
+from .model.contact import friction as friction
+from .model.contact import rigid_stop as rigid_stop
 from .model.contact import stop as stop
 from .model.damping_matrix import ModalDamping as ModalDamping
 from .model.damping_matrix import ProportionalDamping as ProportionalDamping

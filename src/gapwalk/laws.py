@@ -2,8 +2,9 @@
 
 Functions: `register`, `register_formula`, `spring_curve`, `measured_spring`.
 
-Classes: `Corner`, `Curve`, `Edge`, `Elastic`, `Expression`, `Formula`, `HuntCrossley`, `HuntCrossleyAsPrinted`, `Law`,
-`Parameter`, `Piecewise`, `Pushing`, `QuantityKind`, `StageTerms`, `Stages`, `Viscous`.
+Classes: `Corner`, `Coulomb`, `Curve`, `Edge`, `Elastic`, `Expression`, `Formula`, `Friction`, `Host`, `HuntCrossley`,
+`HuntCrossleyAsPrinted`, `Hysteretic`, `Jenkins`, `Law`, `Parameter`, `Piecewise`, `Pushing`, `QuantityKind`, `Rigid`,
+`StageTerms`, `Stages`, `Viscous`.
 
 Exceptions: `FormulaError`.
 

@@ -3,10 +3,16 @@
 from .model.laws import CLEARANCE as CLEARANCE
 from .model.laws import CUBIC as CUBIC
 from .model.laws import STIFFNESS as STIFFNESS
+from .model.laws import Coulomb as Coulomb
 from .model.laws import Expression as Expression
+from .model.laws import Friction as Friction
+from .model.laws import Host as Host
+from .model.laws import Hysteretic as Hysteretic
+from .model.laws import Jenkins as Jenkins
 from .model.laws import Law as Law
 from .model.laws import Piecewise as Piecewise
 from .model.laws import Pushing as Pushing
+from .model.laws import Rigid as Rigid
 from .model.laws import Stages as Stages
 from .model.laws import StageTerms as StageTerms
 from .model.laws import register as register

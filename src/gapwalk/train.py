@@ -2,8 +2,8 @@
 
 Functions: `chain`, `nondimensional`, `paper_numbers`.
 
-Classes: `Counted`, `Force`, `Gear`, `Inertia`, `Link`, `NonDimensional`, `PaperNumbers`, `Quantity`, `Scales`,
-`Shaft`, `Train`, `Unit`, `Units`.
+Classes: `Counted`, `Force`, `Friction`, `Gear`, `Inertia`, `Link`, `NonDimensional`, `PaperNumbers`, `Quantity`,
+`Scales`, `Shaft`, `Train`, `Unit`, `Units`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -2,6 +2,7 @@
 
 from .model.drivetrain import Counted as Counted
 from .model.drivetrain import Force as Force
+from .model.drivetrain import Friction as Friction
 from .model.drivetrain import Gear as Gear
 from .model.drivetrain import Inertia as Inertia
 from .model.drivetrain import NonDimensional as NonDimensional

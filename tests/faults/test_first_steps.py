@@ -86,7 +86,7 @@ def test_not_all_of_very_many_names_are_told() -> None:
         (
             "clearance = 1.0",
             "clearance = 1.0\nfriction = 0.2",
-            '"stop".friction is not a key here; dry friction, which sticks, cannot be modelled yet',
+            '"stop".friction is not a key here; write hysteresis = ..., the limit of friction',
         ),
         ("clearance = 1.0", 'clearance = "1 mm"', "a number without a unit, in consistent units"),
         ("clearance = 1.0", 'clearance = "0,5"', "it has a point, not a comma: 0.5"),

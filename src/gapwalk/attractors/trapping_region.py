@@ -299,7 +299,8 @@ class _Modes(NamedTuple):
 
 def _monodromy(orbit: Orbit) -> NDArray[np.float64]:
     arc = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period)
-    return transition_of(released(layout_of(orbit.system.structure), coefficients_of(orbit.system), [arc])[0])
+    layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
+    return transition_of(released(layout, coefficients, [arc], orbit.state)[0])
 
 
 def _returns(orbit: Orbit, state: NDArray[np.float64], followed: NDArray[np.float64]) -> NDArray[np.float64]:

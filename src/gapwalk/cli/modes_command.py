@@ -37,6 +37,8 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     closed, reason = _closed(system)
     if closed is not None and not any(np.array_equal(closed.frequencies, each.frequencies) for _, each in found):
         found.append((_closed_words(system), closed))
+    if closed is not None and system.structure.memories:
+        found.append((_closed_words(system, stuck=True), find_modes(system, "stuck")))
     if picture is not None and not found:
         raise ModelError(f"there are no modes to draw: there is no static equilibrium, and {reason}")
     if picture is not None:
@@ -47,6 +49,7 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
         print_json(_document(title, system, rest, closed, picture))
         return DONE
     lines = [*variation_lines(system), *_rest_lines(rest, system.units), *[f"  {reason}"] * bool(reason)]
+    lines += [f"  {note}" for note in rest.notes]
     show([title or str(file), *train_lines(system), *lines])
     for heading, modes in found:
         show([f"\nNatural vibrations {heading}:", _table(modes, system)])
@@ -66,11 +69,15 @@ def _closed(system: System) -> tuple[Modes | None, str]:
         return None, str(error)
 
 
-def _closed_words(system: System) -> str:
+def _closed_words(system: System, *, stuck: bool = False) -> str:
     """Describe the linearisation that does not depend on the load."""
     contacts = system.structure.contacts
-    words = ["with the first stage of every contact closed"] * any(form.stages for form in contacts)
-    words += ["at zero deflection of the forces by formulas"] * any(not form.stages for form in contacts)
+    stages = [form for form in contacts if form.stages and not form.law.rebounds]
+    words = ["with the first stage of every contact closed"] * bool(stages)
+    words += ["with rigid stops open"] * any(form.law.rebounds for form in contacts)
+    formulas = any(not (form.stages or form.law.is_dry) for form in contacts)
+    words += ["at zero deflection of the forces by formulas"] * formulas
+    words += ["with the springs of friction that sticks"] * stuck
     return ", and ".join(words) or "with the first stage of every contact closed"
 
 
@@ -175,6 +182,7 @@ def _document(title: str, system: System, rest: Rest, closed: Modes | None, pict
         "coordinates": list(system.coordinates),
         "inertias": list(closed.inertias) if closed else [],
         "complete": rest.complete,
+        "notes": list(rest.notes),
         "rest": [_rest_document(system, each) for each in rest.equilibria],
         "closed": _modes_document(closed) if closed else None,
         "resonances": plain(resonance_values(system, closed)) if closed else None,

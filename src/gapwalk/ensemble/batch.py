@@ -25,8 +25,8 @@ class Batch:
 
     Parameters
     ----------
-    states : shape (N, 2n)
-        Positions, then velocities.
+    states : shape (N, state size)
+        Positions, then velocities, then extensions of Jenkins elements.
     systems
         The different systems, of equal structure.
     places : shape (N,)
@@ -125,10 +125,11 @@ class BatchSurvey:
     low, high : shape (N, n)
         Smallest and largest value of each coordinate.
     peak_force : shape (N, contacts)
-        Largest magnitude of each contact force.
+        Largest magnitude of each contact force; 0 for a rigid stop, whose impacts have no force.
     impacts : shape (N, contacts, 2)
         Contacts per forcing period: entries into the innermost stage of each contact on the positive and on the
-        negative side. A contact that lasts less than a step may be missed.
+        negative side. A contact that lasts less than a step may be missed. Of the impacts of a rigid stop that follow
+        each other within a step, the first is counted.
     """
 
     periods: int
@@ -144,11 +145,11 @@ class BatchRun:
 
     Attributes
     ----------
-    states : shape (N, 2n)
-        Positions, then velocities, at the end; NaN for trajectories that diverged.
+    states : shape (N, state size)
+        Positions, then velocities, then extensions of Jenkins elements, at the end; NaN for trajectories that diverged.
     ran_away : shape (N,), bool
         True for trajectories that diverged.
-    strobes : shape (noted, N, 2n), or None
+    strobes : shape (noted, N, state size), or None
         States every so many forcing periods, if requested.
     survey
         Extremes, contacts and largest forces, if requested.
@@ -195,10 +196,11 @@ def _states(system: System, states: ArrayLike) -> NDArray[np.float64]:
         array = np.array(states, dtype=float)
     except (TypeError, ValueError):
         array = np.empty(0)
-    if array.ndim != 2 or array.shape[-1] != 2 * system.size or not len(array) or not np.all(np.isfinite(array)):
-        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
+    if array.ndim != 2 or array.shape[-1] != system.state_size or not len(array) or not np.all(np.isfinite(array)):
+        extensions = [f"extension of {system.structure.contacts[index].name}" for index in system.structure.memories]
+        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates), *extensions])
         raise ModelError(
-            f"states must be an array of finite numbers, a row for each trajectory with {2 * system.size} of them "
+            f"states must be an array of finite numbers, a row for each trajectory with {system.state_size} of them "
             f"({order}), not one of shape {array.shape}"
         )
     return array

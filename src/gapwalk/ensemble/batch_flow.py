@@ -25,7 +25,7 @@ from gapwalk.ensemble.force_source import LANES
 from gapwalk.ensemble.kernel import Kernel, kernel_of
 from gapwalk.ensemble.kernel_source import Form
 from gapwalk.ensemble.scheme import Linear, Scheme, deflections_of, scheme_of
-from gapwalk.ensemble.start import guards_of, history_of, lag, slopes_of
+from gapwalk.ensemble.start import admissible, history_of, lag, past_numbers, slopes_of
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
@@ -68,8 +68,8 @@ class BatchFlow:
 
         Parameters
         ----------
-        states : array_like, shape (N, 2n)
-            Positions, then velocities, of each trajectory.
+        states : array_like, shape (N, state size)
+            Positions, then velocities, then extensions of Jenkins elements, of each trajectory.
         periods
             Number of forcing periods.
         parameters
@@ -130,7 +130,7 @@ class BatchFlow:
                 trials += [Trial(*each) for each in zip(looked_at, before, after, strict=True)]
         trials = [trial for trial in trials if np.all(np.isfinite(trial.before))]
         gone = np.flatnonzero(blocks.left >= 0)
-        nowhere, last = np.full(2 * batch.linear.n, np.nan), blocks.last
+        nowhere, last = np.full(batch.states.shape[1], np.nan), blocks.last
         trials += [Trial(int(lane), last[lane], nowhere) for lane in gone[: self.options.sample]]
         verdict = judge(trials, batch.system, LIMIT)
         return BatchRun(
@@ -252,7 +252,7 @@ class Blocks:
     ----------
     block_plan
         The systems and the steps.
-    states : shape (N, 2n)
+    states : shape (N, state size)
         States of the trajectories at theta = 0.
     noted, every
         Number of times at which the states are recorded, and forcing periods between them.
@@ -272,10 +272,13 @@ class Blocks:
         height = max(block_plan.kernel(kind).source.height for kind in {False, survey})
         self._data = np.zeros((number, height, LANES))
         basis, jumps = block_plan.linear.basis, bool(block_plan.linear.layout.cycles)
+        states = admissible(block_plan.linear, states)
         begun = states - lag(block_plan.linear, states, block_plan.steps) if jumps else states
-        modal = begun if basis is None else np.linalg.solve(basis, begun[:, :, None])[:, :, 0]
+        modal, n2 = begun.copy(), 2 * block_plan.linear.n
+        if basis is not None:
+            modal[:, :n2] = np.linalg.solve(basis, begun[:, :n2, None])[:, :, 0]
         forces = history_of(block_plan.linear, states, block_plan.steps).reshape(-1, self.count)
-        rows = np.concatenate((modal.T, forces, guards_of(block_plan.linear, states)))
+        rows = np.concatenate((modal.T, forces, past_numbers(block_plan.linear, states)))
         self._data[:, : len(rows)] = self._in_blocks(rows)
         self._record = np.full((number, noted, self._size, LANES), np.nan)
         self._left = np.full((number, LANES), -1, dtype=np.int64)
@@ -284,12 +287,12 @@ class Blocks:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """The present states of the trajectories, shape (N, 2n); NaN for those that diverged."""
+        """The present states of the trajectories, shape (N, state size); NaN for those that diverged."""
         return self._physical(self._data[:, : self._size])
 
     @property
     def strobes(self) -> NDArray[np.float64] | None:
-        """The recorded states, shape (noted, N, 2n)."""
+        """The recorded states, shape (noted, N, state size)."""
         if not self._every:
             return None
         noted = [self._physical(self._record[:, row]) for row in range(self._record.shape[1])]
@@ -353,10 +356,12 @@ class Blocks:
         return rows[:, self._lanes].reshape(len(rows), len(self._lanes) // LANES, LANES).transpose(1, 0, 2)
 
     def _physical(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
+        """Return the states in the user's coordinates, from blocks of shape (blocks, state size, LANES)."""
         states = blocks.transpose(0, 2, 1).reshape(-1, self._size)[: self.count]
-        basis = self.block_plan.linear.basis
-        states = states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]
+        basis, n2 = self.block_plan.linear.basis, 2 * self.block_plan.linear.n
+        states = states.copy()
+        if basis is not None:
+            states[:, :n2] = (basis @ states[:, :n2, None])[:, :, 0]
         if self.block_plan.linear.layout.cycles:
             states += lag(self.block_plan.linear, states, self.block_plan.steps)
         return states
@@ -369,7 +374,7 @@ class Trial(NamedTuple):
     ----------
     lane
         Index of the trajectory.
-    before, after : shape (2n,)
+    before, after : shape (state size,)
         Its states at the start and at the end; NaN at the end if it diverged.
     """
 
@@ -426,24 +431,27 @@ def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: fl
         return Verdict(math.inf, math.inf, len(trials))
     if not differences:
         return Verdict(0.0, 0.0, 0)
-    scale = _scale(np.array(sizes).max(axis=0))
+    scale = _scale(np.array(sizes).max(axis=0), system_of(trials[0].lane).size)
     errors = (np.array(differences) / scale).max(axis=1)
     return Verdict(float(np.sqrt(np.mean(errors**2))), float(errors.max()), len(errors))
 
 
 def _exact(system: System, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Integrate the exact motion over one forcing period, shape (samples, 2n); None if it diverges."""
+    """Integrate the exact motion over one forcing period, shape (samples, state size); None if it diverges."""
     try:
         return flow_of(system).sample(coefficients_of(system), state, np.linspace(0.0, PERIOD, _SAMPLES)).states
     except FlowError:
         return None
 
 
-def _scale(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the scale of each component: its own size, or a tiny number if it does not move at all."""
-    halves = sizes.reshape(2, -1)
-    least = np.maximum(halves.max(axis=1, keepdims=True) * _SMALL, np.finfo(float).tiny)
-    return np.maximum(halves, least).ravel()
+def _scale(sizes: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+    """Return the scale of each component: its own size, or a tiny number if it does not move at all.
+
+    The extension of a Jenkins element may be as large as a position.
+    """
+    kinds = [sizes[:n], sizes[n : 2 * n], sizes[2 * n :]]
+    least = [max(float(kind.max()) * _SMALL, np.finfo(float).tiny) for kind in kinds[:2]]
+    return np.concatenate([np.maximum(kind, least[place % 2]) for place, kind in enumerate(kinds)])
 
 
 def first_guess(linear: Linear, error: float, states: NDArray[np.float64]) -> int:

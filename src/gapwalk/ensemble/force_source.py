@@ -58,8 +58,8 @@ def advance(S, C, T, first, periods, steps, every, record, left, last, limit, st
 Atom = Sequence[str]
 
 _FULL = 64  # largest number of products in a loop
-_NAME = re.compile(r"\b(?:[zufy]\d+|[hp]\d+_\d+|c\d+)\b")
-_TARGET = re.compile(r"^([zufy]\d+|h\d+_\d+) = ")
+_NAME = re.compile(r"\b(?:[zufy]\d+|[hjp]\d+_\d+|c\d+)\b")
+_TARGET = re.compile(r"^([zufy]\d+|[hj]\d+_\d+) = ")
 
 
 @dataclass

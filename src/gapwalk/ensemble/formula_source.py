@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, clipped, greatest, least, size
+from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, bump, clipped, greatest, size
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ContactSlots
 from gapwalk.model.laws import KINKS, Stages, StageTerms
@@ -80,7 +80,7 @@ class FormulaSource:
                 guards.append(law.guards(given[0][1], terms, numbers)[mode])
                 modes[mode] = Switch.of(guards[mode])
                 if isinstance(guards[mode], Term):
-                    kinks[mode] = _bump(guards[mode], size(guards[mode] - sheet.name(past[mode])) + _TINY)
+                    kinks[mode] = bump(guards[mode], size(guards[mode] - sheet.name(past[mode])) + _TINY)
             force = law.force(given[0][1], terms, numbers)
             for place, (_, early) in enumerate(stages):
                 just = [
@@ -111,15 +111,9 @@ class FormulaSource:
         for stage in self._slots.stages:
             values = {name: self._number(slot) for name, slot in stage.numbers.items()}
             past = (x if stage.sign > 0 else -x) - values["clearance"]
-            depth = greatest(past, 0.0) + _bump(past, width)
+            depth = greatest(past, 0.0) + bump(past, width)
             closed = Switch.of(past + width)
             mean = clipped(past / width + 0.5)
             terms = StageTerms(stage.sign, depth if stage.sign > 0 else -depth, closed, stage.innermost, values)
             found.append((terms, closed - mean))
         return found
-
-
-def _bump(guard: Term, width: Term) -> Term:
-    """Write what ``max(guard, 0)`` is too small by next to its kink, if the guard changes by `width` in a step."""
-    away = least(size(guard) / width, 1.0)
-    return width * (1.0 / 12.0) * ((1.0 - away) * (1.0 - 3.0 * away))

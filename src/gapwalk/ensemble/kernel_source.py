@@ -7,9 +7,10 @@ arrays; values that all lanes share are scalars.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,14 @@ from numpy.typing import NDArray
 from gapwalk.ensemble.excitation import Excitation
 from gapwalk.ensemble.force_source import FRAME, LANES, Chunk, ForceSource, chunks_of, total
 from gapwalk.ensemble.formula_source import FormulaSource
-from gapwalk.ensemble.scheme import HISTORY, Linear, Scheme, deflections_of
+from gapwalk.ensemble.friction_source import HostTerms, JenkinsSource, past_of, refuse
+from gapwalk.ensemble.rigid_source import RigidSource, polynomial
+from gapwalk.ensemble.scheme import DEGREE, HISTORY, Linear, Scheme, deflections_of, rigid_stops
 from gapwalk.ensemble.source_text import Sheet, Term
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.structure import Structure
+
+_SWEEPS = 2  # over the reactions of several stops
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,9 @@ class Source:
 
     def __init__(self, form: Form) -> None:
         self.form, self.layout = form, layout_of(form.structure)
-        self.n, self.contacts = form.structure.size, len(form.structure.contacts)
+        refuse(form.structure)
+        self.n, self.contacts, self._size = form.structure.size, len(form.structure.contacts), form.structure.state_size
+        self._stops = rigid_stops(self.layout)
         self._slots: dict[tuple[str, tuple[int, ...]], int] = {}
         self._patterns = patterns_of(form)
         loaded = np.asarray(self._patterns["loads"].any(axis=1))
@@ -62,8 +69,9 @@ class Source:
         self._moves = [
             [place for place, (k, _) in enumerate(deflections) if k == each] for each in range(self.contacts)
         ]
-        laws = [contact.form.law for contact in self.layout.contacts]
-        self._modes = [f"p{mode}_{k}" for k, law in enumerate(laws) for mode in range(law.mode_count)]
+        self._past = [
+            f"p{number}_{k}" for k in range(self.contacts) for number, _ in enumerate(past_of(form.structure, k))
+        ]
 
     @cached_property
     def text(self) -> str:
@@ -82,7 +90,7 @@ class Source:
         times = [f"t{column} = T[i * {columns} + {column}]" for column in range(columns)]
         return FRAME.format(
             lanes=LANES,
-            size=2 * self.n,
+            size=self._size,
             outside=_indented(outside, 1),
             times=_indented(times, 3),
             loops=_indented(loops, 3),
@@ -94,13 +102,13 @@ class Source:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        """Row of each name that outlives a loop: states, forces, guards, then (after the survey) stored values."""
-        names = [f"z{i}" for i in range(2 * self.n)]
+        """Row of each name that outlives a loop: states, forces, past numbers; after a survey, stored values."""
+        names = [f"z{i}" for i in range(self._size)]
         names += [f"h{j}_{k}" for j in range(HISTORY) for k in range(self.contacts)]
-        names += self._modes
+        names += self._past
         rows = {name: row for row, name in enumerate(names)}
         for name in (name for chunk in self._chunks for name in chunk.keeps):
-            rows[name] = len(rows) + self._tallies
+            rows.setdefault(name, len(rows) + self._tallies)  # a stop changes what was kept before
         return rows
 
     @cached_property
@@ -108,7 +116,7 @@ class Source:
         """First row of each quantity of a survey, after states and history, and the row after all of them."""
         if not self.form.survey:
             return {}
-        first, rows = 2 * self.n + HISTORY * self.contacts + len(self._modes), {}
+        first, rows = self._size + HISTORY * self.contacts + len(self._past), {}
         for kind, count in (
             ("low", self.n), ("high", self.n), ("peak", self.contacts), ("contacts", 2 * self.contacts),
         ):  # fmt: skip
@@ -134,6 +142,9 @@ class Source:
             "rows": scheme.rows,
             "forecast": scheme.forecast,
             "span": scheme.span,
+            "impulse": scheme.impulse,
+            "echo": scheme.echo,
+            "hold": scheme.hold,
             "coefficient": linear.coefficients,
             "basis": linear.basis if linear.basis is not None else np.zeros((len(scheme.span), 0, 0)),
         }
@@ -149,7 +160,10 @@ class Source:
         """Yield the lines of one step of one lane, in groups of dependent lines."""
         size = 2 * self.n
         yield from ([f"u{i} = {self._drift(i)}"] for i in range(size))
-        yield from ([*self._forecast(k), *self._force(k)] for k in range(self.contacts))
+        yield from self._impacts()
+        dry = [slots.form.law.is_dry for slots in self.layout.contacts]
+        for k in sorted(range(self.contacts), key=dry.__getitem__):  # the force of a host comes before its friction
+            yield [*self._forecast(k), *self._force(k)] if k not in self._stops else [f"f{k} = 0.0"]
         kicks = [f"y{i} = {total([f'u{i}', *self._kick(i)])}" for i in range(size)]
         stores = [f"S[{i * LANES} + l] = y{i}" for i in range(size)]
         if self.form.survey:  # it needs both the old and the new states
@@ -159,7 +173,7 @@ class Source:
         else:
             yield from map(list, zip(kicks, stores, strict=True))
         for k in range(self.contacts):
-            first = (size + k) * LANES
+            first = (self._size + k) * LANES
             yield [
                 f"S[{first + j * self.contacts * LANES} + l] = {f'h{j - 1}_{k}' if j else f'f{k}'}"
                 for j in range(HISTORY)
@@ -183,10 +197,10 @@ class Source:
         present = np.flatnonzero(self._patterns["rows"][which, k]).tolist()
         return total([f"{self._slot('rows', which, k, i)} * {symbol}{i}" for i in present])
 
-    def _forecast(self, k: int) -> list[str]:
+    def _forecast(self, k: int, called: Sequence[tuple[str, str]] | None = None) -> list[str]:
         """Write the lines that predict the deflections and rates of a contact at the end of the step."""
         sheet, lines = Sheet("s"), []
-        for argument, (move, names) in enumerate(zip(self._moves[k], self._names(k), strict=True)):
+        for argument, (move, names) in enumerate(zip(self._moves[k], called or self._names(k), strict=True)):
             for which, name in enumerate(names):
                 known = [
                     f"{self._slot('forecast', j, which, move, m)} * h{j}_{m}"
@@ -205,9 +219,9 @@ class Source:
             else [("x", "r")]
         )
 
-    def _force(self, k: int) -> list[str]:
-        """Write the lines for the contact force at the end of the step."""
-        slots, sheet, span, result = self.layout.contacts[k], Sheet(), self._slot("span"), f"f{k}"
+    def _numbers(self, k: int, sheet: Sheet) -> Callable[[int], Term]:
+        """Return a function that writes a coefficient of a contact, with what it varies by."""
+        slots = self.layout.contacts[k]
         waves = {stage.numbers[name]: wave for stage in slots.stages for name, wave in stage.waves.items()}
         waves |= {slots.numbers[name]: wave for name, wave in slots.waves.items() if name in slots.numbers}
 
@@ -218,12 +232,18 @@ class Source:
                 else sheet.name(self._coefficient(slot))
             )
 
+        return number
+
+    def _force(self, k: int) -> list[str]:
+        """Write the lines for the contact force at the end of the step."""
+        slots, sheet, span, result = self.layout.contacts[k], Sheet(), self._slot("span"), f"f{k}"
+        if slots.form.law.is_dry:
+            return self._friction(k)
+        number = self._numbers(k, sheet)
         if not slots.form.has_closed_form:
             past = [f"p{mode}_{k}" for mode in range(slots.form.law.mode_count)]
             lines, guards = FormulaSource(slots, number).lines(sheet, self._names(k), span, past, result)
-            first = 2 * self.n + HISTORY * self.contacts
-            rows = {name: first + self._modes.index(name) for name in guards}
-            return [*lines, *(f"S[{row * LANES} + l] = {guards[name]}" for name, row in rows.items())]
+            return [*lines, *self._stored(guards)]
         used: list[Term] = []
 
         def name(slot: int) -> str:
@@ -232,6 +252,89 @@ class Source:
 
         lines = ForceSource(slots, name, self._active).lines(span, result)
         return [*sheet.lines(*used), *lines]
+
+    def _stored(self, past: Mapping[str, str]) -> list[str]:
+        """Write the lines that store numbers for the next step."""
+        first = self._size + HISTORY * self.contacts
+        rows = {name: first + self._past.index(name) for name in past}
+        return [f"S[{row * LANES} + l] = {past[name]}" for name, row in rows.items()]
+
+    def _friction(self, k: int) -> list[str]:
+        """Write the lines for the extension and the force of a Jenkins element at the end of the step."""
+        slots, sheet, lines, host = self.layout.contacts[k], Sheet(), [], self.form.structure.host(k)
+        own, state = self._numbers(k, sheet), 2 * self.n + self.form.structure.memories.index(k)
+        past = [sheet.name(f"p{number}_{k}") for number, _ in enumerate(past_of(self.form.structure, k))]
+        hosts = None
+        if host is not None:
+            lines = self._forecast(host, [("hx", "hr")])
+            move = sheet.name("hx"), sheet.name("hr")
+            hosts = HostTerms(
+                self.layout.contacts[host], self._numbers(host, sheet), move, past[-1], sheet.name(f"f{host}")
+            )
+        source = JenkinsSource(slots, own, self._active, sheet, sheet.name(self._slot("span")))
+        x, rate = map(sheet.name, self._names(k)[0])
+        found = source.terms((x, rate), sheet.name(f"z{state}"), past, hosts)
+        kept = {name.text: term.text for name, term in zip(past, found.past, strict=True)}
+        return [
+            *lines,
+            *sheet.lines(found.force, found.extension, *found.past),
+            f"f{k} = {found.force.text}",
+            f"S[{state * LANES} + l] = {found.extension.text}",
+            *self._stored(kept),
+        ]
+
+    def _impacts(self) -> Iterable[list[str]]:
+        """Yield the lines by which rigid stops change the states at the end of the step."""
+        for stop, k in enumerate(self._stops):
+            sheet, source = self._stop(k)
+            move, names = self._moves[k][0], [("bx", "br"), ("x", "r")]
+            lines = []
+            for which, name in enumerate(names[0]):
+                sway = self._excitation.sway(sheet, k, 0, which, start=True)
+                lines += [*sheet.lines(sway), f"{name} = {total([self._row(which, move, 'z'), _text(sway)])}"]
+
+            def echo(which: int, rest: Any, stop: int = stop, sheet: Sheet = sheet) -> Any:
+                return polynomial([sheet.name(self._slot("echo", j, which, stop)) for j in range(DEGREE + 1)], rest)
+
+            start, end = (tuple(map(sheet.name, pair)) for pair in names)
+            slots = self.layout.contacts[k]
+            numbers = {name: sheet.name(self._coefficient(slot)) for name, slot in slots.numbers.items()}
+            rebound = partial(slots.form.law.rebound, numbers=numbers)
+            found = source.impact(start, end, sheet.name(f"p0_{k}"), rebound, echo)
+            lines += [*self._forecast(k), *sheet.lines(*found)]
+            lines += [f"j{number}_{k} = {_text(term)}" for number, term in enumerate(found)]
+            yield lines
+            for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
+                sheet = Sheet()
+                gone = polynomial(
+                    [sheet.name(self._slot("impulse", j, i, stop)) for j in range(DEGREE + 1)], sheet.name(f"j1_{k}")
+                )
+                yield [*sheet.lines(gone), f"u{i} = u{i} - j0_{k} * {gone.text} - {self._held(i, stop, k)}"]
+        for _ in range(_SWEEPS if self._stops[1:] else 0):  # each reaction moves the other stops
+            for stop, k in enumerate(self._stops):
+                sheet, source = self._stop(k)
+                removed = sheet.name(f"j2_{k}"), sheet.name(f"j3_{k}")
+                struck = sheet.name(total([f"abs(j0_{other})" for other in self._stops if other != k]))
+                found = source.again((sheet.name("x"), sheet.name("r")), removed, sheet.name(f"j4_{k}"), struck)
+                lines = [*self._forecast(k), *sheet.lines(*found)]
+                names = (f"j{number}_{k}" for number in (2, 3, 5, 6, 4))
+                yield [*lines, *(f"{name} = {_text(term)}" for name, term in zip(names, found, strict=True))]
+                for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
+                    yield [f"u{i} = u{i} - {self._held(i, stop, k, 5)}"]
+        yield from ([*self._stored({f"p0_{k}": f"j4_{k}"})] for k in self._stops)
+
+    def _held(self, i: int, stop: int, k: int, first: int = 2) -> str:
+        """Write what a reaction changes in a component of the state."""
+        deflection, rate = (self._slot("hold", which, i, stop) for which in (0, 1))
+        return f"({deflection} * j{first}_{k} + {rate} * j{first + 1}_{k})"
+
+    def _stop(self, k: int) -> tuple[Sheet, RigidSource]:
+        """Return the writer of the lines for a rigid stop, and its sheet."""
+        sheet, slots = Sheet(), self.layout.contacts[k]
+        clearances = {
+            stage.sign: sheet.name(self._coefficient(stage.clearance)) for stage in slots.stages if stage.innermost
+        }
+        return sheet, RigidSource(sheet, clearances, sheet.name(self._slot("span")))
 
     def _survey(self) -> Iterable[list[str]]:
         """Yield the lines for extremes of the coordinates, largest contact forces, and entries on each side."""
@@ -252,6 +355,11 @@ class Source:
                 "turn = vz * vy < 0.0",
                 "fall = (vz - vy) if turn else 1.0",
                 f"tip = (qz + {self._slot('span')} * vz * vz / (2.0 * fall)) if turn else qy",
+                # at an impact it turns at once
+                *(
+                    f"tip = (qz + {self._slot('span')} * vz * (1.0 - j1_{k})) if j0_{k} != 0.0 else tip"
+                    for k in self._stops
+                ),
                 keep(rows["low"] + i, "min(qy, tip)", "min"),
                 keep(rows["high"] + i, "max(qy, tip)", "max"),
             ]
@@ -271,6 +379,10 @@ class Source:
                 lines += [*sheet.lines(sway), f"x{symbol} = {total([self._row(0, move, symbol), _text(sway)])}"]
             for stage in (each for each in slots.stages if each.innermost):
                 sign = stage.sign
+                if k in self._stops:
+                    row = rows["contacts"] + 2 * k + (sign < 0)
+                    lines.append(f"S[{row * LANES} + l] += 1.0 if j0_{k} {'>' if sign > 0 else '<'} 0.0 else 0.0")
+                    continue
                 clearance = self._slot("coefficient", stage.clearance) if self._active(stage.clearance) else "0.0"
                 row, dash = rows["contacts"] + 2 * k + (sign < 0), "" if sign > 0 else "-"
                 lines.append(
@@ -306,12 +418,16 @@ def patterns_of(form: Form) -> dict[str, NDArray[np.bool_]]:
     reach = np.eye(2 * n, dtype=bool) | (linear.matrix[0] != 0)
     for _ in range(2 * n):
         reach = reach @ reach
-    patterns = {"transition": reach, "loads": reach @ loads, "weights": reach @ push, "rows": rows}
+    stops = rigid_stops(layout)
+    patterns = {"transition": reach, "loads": reach @ loads, "impulse": reach @ push[:, stops], "rows": rows}
+    push[:, stops] = False  # impulses and reactions instead of a force
+    patterns["weights"] = reach @ push
     patterns["forecast"] = rows @ patterns["weights"]
     if form.modal:
         patterns["transition"] = np.kron(np.eye(n, dtype=bool), np.ones((2, 2), dtype=bool))
         patterns["loads"] = np.broadcast_to(loads.any(axis=0), loads.shape)
         patterns["weights"] = np.broadcast_to(push.any(axis=0), push.shape)
+        patterns["impulse"] = np.ones((2 * n, len(stops)), dtype=bool)
         patterns["rows"] = np.broadcast_to(rows.any(axis=2, keepdims=True), rows.shape)
     return patterns
 

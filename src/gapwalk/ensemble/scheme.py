@@ -19,13 +19,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
 """Number of earlier values of each contact force that a step uses."""
 
+DEGREE = 4
+"""Degree of the polynomial, of the rest of a step, that gives the change of the state by an impulse before that."""
+
 _MODAL_FROM = 3  # degrees of freedom from which the two numbers per mode are fewer than those of a full matrix
 _LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost; the others exceed the accuracy
+
+
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # of Chebyshev, in steps
+
+
+def rigid_stops(layout: CoefficientLayout) -> list[int]:
+    """Return the numbers of the contacts that are rigid stops."""
+    return [k for k, slots in enumerate(layout.contacts) if slots.form.law.rebounds]
 
 
 def deflections_of(layout: CoefficientLayout) -> list[tuple[int, int]]:
@@ -101,6 +113,27 @@ class Linear:
         return rows
 
     @cached_property
+    def impulses(self) -> NDArray[np.float64]:
+        """Change of the state by impacts that change the rate of each rigid stop by 1, shape (lanes, 2n, stops).
+
+        Raises
+        ------
+        ModelError
+            If a stop does not act against its own deflection.
+        """
+        places, stops = [contact for contact, _ in deflections_of(self.layout)], rigid_stops(self.layout)
+        found = -self.push[:, :, stops]
+        rows = self.deflections[:, 1, [places.index(stop) for stop in stops]]
+        rates = np.einsum("lkz,lzk->lk", rows, found)
+        for stop, each in zip(stops, rates.T, strict=True):
+            if not np.all(each > 0.0):
+                raise ModelError(
+                    f"the force of the rigid stop {self.layout.contacts[stop].form.name!r} does not oppose its "
+                    "deflection: e M^-1 d must be > 0; leave its force out, then it acts along its deflection"
+                )
+        return found / rates[:, None]
+
+    @cached_property
     def basis(self) -> NDArray[np.float64] | None:
         """Real modal basis, shape (lanes, 2n, 2n), in pairs of adjacent columns; None if it does not save work."""
         if self.n < _MODAL_FROM:
@@ -141,6 +174,13 @@ class Scheme:
         Contribution of earlier contact forces to the deflections and rates at the end of the step.
     span : shape (lanes,)
         Length of the step, in time.
+    impulse : shape (lanes, degree + 1, 2n, stops)
+        Contribution of an impact that changes the rate of a rigid stop by 1: a polynomial of the rest of the step.
+    echo : shape (lanes, degree + 1, 2, stops)
+        That polynomial for the deflection of the stop itself, and for its rate.
+    hold : shape (lanes, 2, 2n, stops)
+        Contribution of the reaction, linear over the step, that changes the deflection at its end by 1 and not the
+        rate; and of the one that changes the rate by 1 and not the deflection.
     """
 
     transition: NDArray[np.float64]
@@ -149,6 +189,9 @@ class Scheme:
     rows: NDArray[np.float64]
     forecast: NDArray[np.float64]
     span: NDArray[np.float64]
+    impulse: NDArray[np.float64]
+    echo: NDArray[np.float64]
+    hold: NDArray[np.float64]
 
     def some(self, lanes: NDArray[np.intp]) -> Scheme:
         """Select some of the lanes."""
@@ -169,12 +212,33 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
     before = _interpolating(moments[:HISTORY], np.arange(0.0, -HISTORY, -1.0))
     rows = linear.deflections
     forecast = np.einsum("lakz,ljzm->ljakm", rows, before)
+    impulse, echo, hold = _of_stops(linear, span)
     if linear.basis is not None:
+        impulse, hold = (np.linalg.solve(linear.basis[:, None], each) for each in (impulse, hold))
         transition = np.linalg.solve(linear.basis, transition @ linear.basis)
         loads = np.linalg.solve(linear.basis, loads)
         weights = np.linalg.solve(linear.basis[:, None], weights)
         rows = rows @ linear.basis[:, None]
-    return Scheme(transition, loads, weights, rows, forecast, span)
+    return Scheme(transition, loads, weights, rows, forecast, span, impulse, echo, hold)
+
+
+def _of_stops(linear: Linear, span: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Compute what impulses and reactions of rigid stops contribute: `Scheme.impulse`, `echo` and `hold`."""
+    stops = rigid_stops(linear.layout)
+    if not stops:
+        lanes, n2 = len(span), 2 * linear.n
+        return tuple(np.zeros((lanes, *shape, 0)) for shape in ((DEGREE + 1, n2), (DEGREE + 1, 2), (2, n2)))
+    carried = expm(linear.matrix[:, None] * (span[:, None] * _NODES)[:, :, None, None]) @ linear.impulses[:, None]
+    impulse = np.einsum("pj,ljzk->lpzk", np.linalg.inv(np.vander(_NODES, increasing=True)), carried)
+    places = [contact for contact, _ in deflections_of(linear.layout)]
+    rows = linear.deflections[:, :, [places.index(stop) for stop in stops]]
+    powers = np.arange(DEGREE + 1)
+    reactions = np.stack(  # constant over the step, and growing with the rest of it
+        [np.einsum("p,lpzk->lzk", 1.0 / (powers + more), impulse) for more in (1.0, 2.0)], axis=1
+    )
+    effect = np.einsum("lakz,lrzk->lkar", rows, reactions)
+    hold = np.einsum("lrzk,lkra->lazk", reactions, np.linalg.inv(effect))
+    return impulse, np.einsum("lakz,lpzk->lpak", rows, impulse), hold
 
 
 def _augmented(linear: Linear, span: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -154,6 +154,17 @@ def clipped(term: Any) -> Any:
     return least(greatest(term, 0.0), 1.0)
 
 
+def either(condition: Term, one: Any, other: Any) -> Any:
+    """Return one of two terms or numbers: the first where a condition holds."""
+    return condition.sheet.write("{} if {} else {}", one, condition, other)
+
+
+def bump(guard: Any, width: Any) -> Any:
+    """Write what ``max(guard, 0)`` is too small by next to its kink, if the guard changes by `width` in a step."""
+    away = least(size(guard) / width, 1.0)
+    return width * (1.0 / 12.0) * ((1.0 - away) * (1.0 - 3.0 * away))
+
+
 def floor(term: Any) -> Any:
     """Return the largest whole number below a term."""
     return term.sheet.write("np.floor({})", term)

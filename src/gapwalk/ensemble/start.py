@@ -7,6 +7,7 @@ kernel differs from that of the motion until then. `lag` is this difference at t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from gapwalk.ensemble.excitation import share_at, smooth_step
 from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import ContactSlots, CycleSlots
-from gapwalk.model.laws import Stages, StageTerms
+from gapwalk.model.laws import Friction, Host, Stages, StageTerms
 
 _STEP = 1e-150  # of the complex step
+_ROUNDING = 1e-9  # of the limit of friction: so close to it, an element slips
 _Moves = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
@@ -31,23 +33,28 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
     ----------
     linear
         The systems, one for each state or one for all.
-    states : shape (lanes, 2n)
-        Positions, then velocities, at theta = 0.
+    states : shape (lanes, state size)
+        Positions, then velocities, then extensions of Jenkins elements, at theta = 0.
     steps
         Steps per forcing period.
+
+    Notes
+    -----
+    Dry friction keeps its mode, stick or slip, as the forces before theta = 0 only continue those after it.
     """
     turn = -2.0 * np.pi / steps
     h = (turn * linear.rate)[:, None]
     levels: list[Any] = [is_at_high(cycle, linear.coefficients, 0.0) * 1.0 for cycle in linear.layout.cycles]
-    forces = [_contact_forces(linear, 0.0, states, _shares(linear, 0.0, steps))]
+    slips = slips_of(linear, states)
+    forces = [_contact_forces(linear, 0.0, states, _shares(linear, 0.0, steps), slips)]
     for number in range(HISTORY - 1):
         theta = number * turn
-        k1 = _slopes(linear, theta, states, levels)
-        k2 = _slopes(linear, theta + turn / 2, states + h / 2 * k1, levels)
-        k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2, levels)
-        k4 = _slopes(linear, theta + turn, states + h * k3, levels)
+        k1 = _slopes(linear, theta, states, levels, slips)
+        k2 = _slopes(linear, theta + turn / 2, states + h / 2 * k1, levels, slips)
+        k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2, levels, slips)
+        k4 = _slopes(linear, theta + turn, states + h * k3, levels, slips)
         states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        forces.append(_contact_forces(linear, theta + turn, states, _shares(linear, theta + turn, steps)))
+        forces.append(_contact_forces(linear, theta + turn, states, _shares(linear, theta + turn, steps), slips))
     return np.array(forces).transpose(0, 2, 1)
 
 
@@ -55,16 +62,65 @@ def _shares(linear: Linear, theta: float, steps: int) -> list[NDArray[np.float64
     return [share_at(linear.coefficients, cycle, theta, steps) for cycle in linear.layout.cycles]
 
 
-def guards_of(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the guards of all modes of laws at theta = 0, shape (modes, lanes)."""
+def past_numbers(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the numbers of all contacts at theta = 0 that the first step needs, shape (numbers, lanes).
+
+    They are those which `gapwalk.ensemble.friction_source.past_of` names.
+    """
     angles, found = Angles(linear.layout, linear.coefficients, 0.0), []
-    for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True):
-        if slots.form.law.mode_count:
-            numbers = angles.named(slots.numbers, slots.waves)
+    moved = _moves(linear, angles, states)
+    for index, (slots, moves) in enumerate(zip(linear.layout.contacts, moved, strict=True)):
+        law = slots.form.law
+        numbers = angles.named(slots.numbers, slots.waves)
+        if law.is_dry:
+            host = linear.layout.structure.host(index)
+            limit, rate = _limit(linear, index, angles, moved), moves[0][1] - numbers["speed"]
+            found += [moves[0][0], rate, limit / numbers["stiffness"], *([] if host is None else [moved[host][0][0]])]
+        elif law.rebounds:
+            found.append(np.zeros(len(states)))
+        elif law.mode_count:
             with np.errstate(all="ignore"):
-                guards = slots.form.law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
-            found += [np.broadcast_to(each, len(states)) for each in guards]
-    return np.array(found).reshape(len(found), len(states))
+                guards = law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
+            found += guards
+    return np.array([np.broadcast_to(each, len(states)) for each in found]).reshape(len(found), len(states))
+
+
+def admissible(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return states at theta = 0 with the extensions of all Jenkins elements within their limits."""
+    if not linear.layout.structure.memories:
+        return states
+    angles, states = Angles(linear.layout, linear.coefficients, 0.0), states.copy()
+    moved = _moves(linear, angles, states)
+    for place, index in enumerate(linear.layout.structure.memories, start=2 * linear.n):
+        slots = linear.layout.contacts[index]
+        most = _limit(linear, index, angles, moved) / angles.named(slots.numbers, slots.waves)["stiffness"]
+        states[:, place] = np.clip(states[:, place], -most, most)
+    return states
+
+
+def slips_of(linear: Linear, states: NDArray[np.float64]) -> dict[int, NDArray[np.float64]]:
+    """Return the mode of each Jenkins element at theta = 0, shape (lanes,): 1 or -1 in slip, 0 in stick."""
+    angles, found = Angles(linear.layout, linear.coefficients, 0.0), {}
+    moved = _moves(linear, angles, states)
+    for place, index in enumerate(linear.layout.structure.memories, start=2 * linear.n):
+        slots = linear.layout.contacts[index]
+        numbers, extension = angles.named(slots.numbers, slots.waves), states[:, place]
+        rate, limit = moved[index][0][1] - numbers["speed"], _limit(linear, index, angles, moved)
+        full = numbers["stiffness"] * np.abs(extension) >= limit * (1.0 - _ROUNDING)
+        found[index] = np.where(full & (extension * rate >= 0.0), np.where(rate < 0.0, -1.0, 1.0), 0.0)
+    return found
+
+
+def _limit(linear: Linear, index: int, angles: Angles, moved: list[_Moves]) -> NDArray[np.float64]:
+    """Compute the limit of friction."""
+    slots, host = linear.layout.contacts[index], linear.layout.structure.host(index)
+    law, stages = slots.form.law, Stages([])
+    assert isinstance(law, Friction)
+    if host is not None:
+        hosting = linear.layout.contacts[host]
+        pressed = stages_of(hosting, angles, moved[host])
+        stages.host = Host(pressed, contact_force(hosting, angles, moved[host]))
+    return np.maximum(law.limit(stages, angles.named(slots.numbers, slots.waves)), 0.0)
 
 
 def slopes_of(linear: Linear, states: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -78,6 +134,9 @@ def slopes_of(linear: Linear, states: NDArray[np.float64]) -> list[NDArray[np.fl
     for slots, moves in zip(linear.layout.contacts, moved, strict=True):
         if slots.stages:
             found.append(_slope_of_stages(slots, linear.coefficients.T))
+            continue
+        if slots.form.law.has_memory:
+            found.append(linear.coefficients[:, slots.numbers["stiffness"]])
             continue
         for place, (x, rate) in enumerate(moves):
             shifted = [*moves[:place], (x + 1j * _STEP, rate), *moves[place + 1 :]]
@@ -103,7 +162,7 @@ def _slope_of_stages(slots: ContactSlots, coefficients: NDArray[np.float64]) -> 
 
 def _moves(linear: Linear, angles: Angles, states: NDArray[np.float64]) -> list[_Moves]:
     """Return the deflections with their rates of each contact."""
-    moved = np.einsum("lakz,lz->akl", linear.deflections, states)
+    moved = np.einsum("lakz,lz->akl", linear.deflections, states[:, : 2 * linear.n])
     found: list[_Moves] = [[] for _ in linear.layout.contacts]
     for place, (contact, argument) in enumerate(deflections_of(linear.layout)):
         slots = linear.layout.contacts[contact]
@@ -113,32 +172,57 @@ def _moves(linear: Linear, angles: Angles, states: NDArray[np.float64]) -> list[
 
 
 def _contact_forces(
-    linear: Linear, theta: float, states: NDArray[np.float64], levels: list[Any]
+    linear: Linear,
+    theta: float,
+    states: NDArray[np.float64],
+    levels: list[Any],
+    slips: Mapping[int, NDArray[np.float64]],
 ) -> NDArray[np.float64]:
     """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
     angles = Angles(linear.layout, linear.coefficients, theta, levels)
-    with np.errstate(all="ignore"):  # a formula may overflow far outside
-        forces = [
-            np.broadcast_to(contact_force(slots, angles, moves), len(states))
-            for slots, moves in zip(linear.layout.contacts, _moves(linear, angles, states), strict=True)
-        ]
+    moved, forces = _moves(linear, angles, states), []
+    for index, (slots, moves) in enumerate(zip(linear.layout.contacts, moved, strict=True)):
+        law = slots.form.law
+        if not isinstance(law, Friction):
+            with np.errstate(all="ignore"):  # a formula may overflow far outside
+                forces.append(contact_force(slots, angles, moves))
+            continue
+        numbers, place = angles.named(slots.numbers, slots.waves), linear.layout.structure.memories.index(index)
+        strained = numbers["stiffness"] * states[:, 2 * linear.n + place]
+        limit = _limit(linear, index, angles, moved)
+        forces.append(np.where(slips[index] == 0.0, strained, slips[index] * limit))
+    forces = [np.broadcast_to(force, len(states)) for force in forces]
     return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
 
 
-def _slopes(linear: Linear, theta: float, states: NDArray[np.float64], levels: list[Any]) -> NDArray[np.float64]:
-    """Compute the time derivatives of the states, shape (lanes, 2n)."""
-    angles = theta * np.array(linear.layout.orders, dtype=float)
+def _slopes(
+    linear: Linear,
+    theta: float,
+    states: NDArray[np.float64],
+    levels: list[Any],
+    slips: Mapping[int, NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Compute the time derivatives of the states, shape (lanes, state size)."""
+    orders = theta * np.array(linear.layout.orders, dtype=float)
     basis = np.ones(linear.loads.shape[2])
-    basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)
-    return (
-        np.einsum("lij,lj->li", linear.matrix, states)
-        + np.einsum("lik,lk->li", linear.push, _contact_forces(linear, theta, states, levels))
+    basis[1::2], basis[2::2] = np.cos(orders), np.sin(orders)
+    found = (
+        np.einsum("lij,lj->li", linear.matrix, states[:, : 2 * linear.n])
+        + np.einsum("lik,lk->li", linear.push, _contact_forces(linear, theta, states, levels, slips))
         + linear.loads @ basis
     )
+    if not slips:
+        return found
+    angles = Angles(linear.layout, linear.coefficients, theta, levels)
+    moved, rates = _moves(linear, angles, states), []
+    for index, slip in slips.items():
+        speed = linear.coefficients[:, linear.layout.contacts[index].numbers["speed"]]
+        rates.append((slip == 0.0) * (moved[index][0][1] - speed))
+    return np.hstack((found, np.stack(rates, axis=1)))
 
 
 def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-    """Return the state of the motion less that of the kernel at theta = 0, shape (lanes, 2n) or broadcast to it.
+    """Return the state of the motion less that of the kernel at theta = 0, shape (lanes, state size) or (1, ...).
 
     It is 0 unless a level of a variation jumps a few steps before or after theta = 0. The force of the motion jumps;
     that of the kernel is the polynomial through samples. The zeroth and the first moment of their difference over all
@@ -148,12 +232,13 @@ def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.f
     ----------
     linear
         The systems, one for each state or one for all.
-    states : shape (lanes, 2n)
-        Positions, then velocities, of either.
+    states : shape (lanes, state size)
+        Positions, then velocities, then extensions of Jenkins elements, of either.
     steps
         Steps per forcing period.
     """
     total = np.zeros((1, states.shape[1]))
+    own, slips = 2 * linear.n, slips_of(linear, states)
     shares, h = _shares(linear, 0.0, steps), (2.0 * np.pi / steps * linear.rate)[:, None]
     for number, cycle in enumerate(linear.layout.cycles):
         zeroth, first, sampled = (each[:, None] for each in _later_moments(cycle, linear.coefficients, steps))
@@ -162,12 +247,18 @@ def lag(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.f
         high, low = ([*shares[:number], level, *shares[number + 1 :]] for level in (1.0, 0.0))
 
         def jump(theta: float, states: NDArray[np.float64], high: list[Any] = high, low: list[Any] = low) -> Any:
-            forces = _contact_forces(linear, theta, states, high) - _contact_forces(linear, theta, states, low)
+            forces = _contact_forces(linear, theta, states, high, slips) - _contact_forces(
+                linear, theta, states, low, slips
+            )
             return np.einsum("lik,lk->li", linear.push, forces)
 
-        now, later = jump(0.0, states), jump(2.0 * np.pi / steps, states + h * _slopes(linear, 0.0, states, shares))
+        now, later = (
+            jump(0.0, states),
+            jump(2.0 * np.pi / steps, states + h * _slopes(linear, 0.0, states, shares, slips)),
+        )
         turned = h * np.einsum("lij,lj->li", linear.matrix, now)
-        total = total + h * (first * turned - sampled * (later - now) - zeroth * now)
+        change = h * (first * turned - sampled * (later - now) - zeroth * now)
+        total = total + np.pad(change, ((0, 0), (0, states.shape[1] - own)))
     return total
 
 

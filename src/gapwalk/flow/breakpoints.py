@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.flow.forces import Angles, Dry, accelerations
 from gapwalk.model.coefficients import CoefficientLayout
 
 
@@ -41,8 +41,9 @@ class Gauge:
         self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
     ) -> tuple[float, float, float]:
         """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
-        n, vector = len(state) // 2, self.vector(coefficients)
-        motion = (state[:n], state[n:], accelerations(self._layout, coefficients, theta, state[:n], state[n:]))
+        n, vector = self._layout.structure.size, self.vector(coefficients)
+        q, v, dry = state[:n], state[n : 2 * n], Dry(None, state[2 * n :])
+        motion = (q, v, accelerations(self._layout, coefficients, theta, q, v, dry=dry))
         depth, rate, turning = (float(vector @ each) for each in motion)
         if self._contact.sway is not None:
             angles = Angles(self._layout, coefficients, theta)
@@ -58,8 +59,8 @@ class Gauge:
         state: NDArray[np.float64],
     ) -> tuple[float, float]:
         """Return the derivatives of the depth and of its rate along a direction of the coefficients, at one state."""
-        n, vector = len(state) // 2, self.vector(direction)
-        depth, rate = float(vector @ state[:n]), float(vector @ state[n:])
+        n, vector = self._layout.structure.size, self.vector(direction)
+        depth, rate = float(vector @ state[:n]), float(vector @ state[n : 2 * n])
         if (sway := self._contact.sway) is not None:
             count, orders = len(self._layout.orders), np.array(self._layout.orders, dtype=float)
             waves, (cosines, sines) = Angles(self._layout, coefficients, theta).waves, np.split(coefficients[sway], 2)

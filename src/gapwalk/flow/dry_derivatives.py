@@ -7,7 +7,8 @@ was strained. Where forces jump, an event that comes later contributes what they
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -145,7 +146,7 @@ def add_delay(
     theta: float,
     shifts: Array,
     speed: float,
-    forgotten: Iterable[int] = (),
+    forgotten: Mapping[int, bool] = MappingProxyType({}),
     after: Readings | None = None,
 ) -> None:
     """Add what an event contributes that comes earlier or later: ``(F+ - R_y F- - R_theta) (g_y s + g_p) / den``.
@@ -165,7 +166,7 @@ def add_delay(
     speed
         Rate of the guard over time before the event.
     forgotten
-        Places of the state that the event resets.
+        Places of the state that the event resets: to a constant, or (True) to a limit that they follow.
     after
         The values after the event, if they are known.
     """
@@ -177,7 +178,8 @@ def add_delay(
         jump[n : 2 * n] += constraint.impulses[:, place] * state.acceleration(contact, before, theta)
     if state.size > 2 * n:
         kept = before.extending.copy()
-        kept[[place - 2 * n for place in forgotten]] = 0.0
+        for place, follows in forgotten.items():
+            kept[place - 2 * n] = now.extending[place - 2 * n] if follows else 0.0
         jump[2 * n :] = now.extending - kept
         size = max(size, float(np.abs(kept).max()), float(np.abs(now.extending).max()))
     jump[np.abs(jump) <= _NOTHING * size] = 0.0

@@ -132,6 +132,8 @@ class DryState:
         The present coefficients: those of the system while its present contacts are held.
     base, directions
         Coefficients of the system without constraints, and their derivatives along each direction.
+    stop_reaction
+        The number of the reaction of each switch of a rigid stop.
     columns
         Number of sensitivity columns.
     closed
@@ -158,12 +160,17 @@ class DryState:
             for number, (contact, switch) in enumerate(structure.reactions)
             if switch >= 0
         }
+        self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.held: tuple[int, ...] = ()
         self.hold_log: list[Hold] = []
         self._known: dict[tuple[int, ...], _Held] = {}
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
+        self._numbers = (b"", b"")
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
+        self._columns_end = layout.accelerations.shape[1]
+        self._friction_end = self._columns_end + 3 * len(self.slots)
+        self._width = self._friction_end + len(structure.memories)
         self._sways = any(layout.contacts[contact].sway is not None for contact, _ in structure.reactions)
 
     def compile(self) -> Any:
@@ -185,13 +192,8 @@ class DryState:
         `changed` is called with the coefficients whenever they change. What was computed for the system before is kept
         if it differs by its frequency only.
         """
-        same = (
-            not self._sways
-            and base.shape == self.base.shape
-            and directions.shape == self.directions.shape
-            and np.array_equal(base[1:], self.base[1:])
-            and np.array_equal(directions[:, 1:], self.directions[:, 1:])
-        )
+        numbers = (base[1:].tobytes(), directions[:, 1:].tobytes())
+        same, self._numbers = numbers == self._numbers and not self._sways, numbers
         self.base, self.directions, self._changed = base, directions, changed
         if same:
             for entry in self._known.values():
@@ -231,25 +233,18 @@ class DryState:
                 self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
-        held = [self.stop_reaction[switch] in self.held for switch in equations.stops]
+        held = [number in self.held for number in self.sign_of]
         first = self._first_slip
         self._parameters[first : first + 2 * count + len(held)] = [*self.slips, *self.sticks, *held]
 
-    @property
-    def stop_reaction(self) -> dict[int, int]:
-        """The number of the reaction of each switch of a rigid stop."""
-        return {self.layout.structure.reactions[number][1]: number for number in self.sign_of}
-
     def read(self, theta: float) -> Readings:
         """Return the values at the present state under the present modes."""
-        n, state = self.n, self.state[: self.size]
-        found = self._compiled(state, pars=self._read_from, time=theta)
-        columns = self.entry.table.shape[1] - 2 * n
-        last = columns + 3 * len(self.slots)
-        values = self.entry.table @ np.concatenate((state[: 2 * n], found[:columns]))
-        return Readings(
-            state[n : 2 * n].copy(), values[:n], found[last:], values[n:], found[columns:last].reshape(-1, 3)
-        )
+        n, columns, last = self.n, self._columns_end, self._friction_end
+        found, state = np.empty(self._width), self.state[: self.size]
+        found[: 2 * n] = state[: 2 * n]
+        self._compiled(state, outputs=found[2 * n :], pars=self._read_from, time=theta)
+        values = self.entry.table @ found[:columns]
+        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], found[columns:last].reshape(-1, 3))
 
     def rows(self) -> Array:
         """Return the changes of the state, one row for each column of the sensitivities (a live view)."""
@@ -288,8 +283,8 @@ class DryState:
 
     def speed(self) -> float:
         """Return the size of the velocities, now or a quarter of a period later."""
-        q, v = np.abs(self.state[: self.n]).max(), np.abs(self.state[self.n : 2 * self.n]).max()
-        return max(float(v), float(q) / float(self.base[0]))
+        numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
+        return max(*numbers[self.n :], max(numbers[: self.n]) / float(self.base[0]))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

@@ -59,7 +59,8 @@ class DrySwitches(DryState):
         super().__init__(equations)
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
-        self._forgotten: set[int] = set()  # places of the state that the last event has reset
+        # places of the state that the last event has reset, and whether they follow a limit from there on
+        self._forgotten: dict[int, bool] = {}
         self._begun = [0.0] * len(self.slots)
 
     def start(
@@ -106,7 +107,7 @@ class DrySwitches(DryState):
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
         still = _STILL * self.speed()
-        now, candidates = self.read(theta), self._touching(theta, still)
+        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
             rate = float(now.friction[place, 0])
             if number is None:
@@ -143,6 +144,10 @@ class DrySwitches(DryState):
             rate = side * (float(now.friction[place, 0]) or self.slip_acceleration(place, now, theta))
             if rate <= 0.0:
                 self._stick(place, theta)
+                if limit <= 0.0:
+                    self._reset_extension(place, 0, theta)
+            else:
+                self._forgotten[memory] = True
         self.apply()
 
     def _stick(self, place: int, theta: float) -> None:
@@ -163,7 +168,7 @@ class DrySwitches(DryState):
         if self.columns:
             self.rows()[:, memory] = side * extension_changes(self, place, theta) if side else 0.0
         self.state[memory] = side * float(self.read(theta).friction[place, 1]) / self.stiffness(place) if side else 0.0
-        self._forgotten.add(memory)
+        self._forgotten[memory] = False
 
     def _hold(self, theta: float, candidates: Iterable[int]) -> Readings | None:
         """Hold those of the candidates that stay within their bounds; the others slip, or open.

@@ -84,12 +84,12 @@ class Dry(NamedTuple):
     Attributes
     ----------
     slips : shape (..., contacts that are friction)
-        1 or -1 in slip, 0 in stick.
+        1 or -1 in slip, 0 in stick; None: friction slips by the sign of its rate.
     extensions : shape (..., contacts with a memory)
         Their own states.
     """
 
-    slips: NDArray
+    slips: NDArray | None
     extensions: NDArray
 
 
@@ -154,7 +154,8 @@ def contact_forces(
                 stages_of(outside, angles, moves[host], shut), contact_force(outside, angles, moves[host], shut)
             )
         rate = moves[index][0][1] - coefficients[..., slots.numbers["speed"]]
-        stages.slip = np.sign(np.real(rate)) if dry is None else dry.slips[..., friction]
+        by_sign = dry is None or dry.slips is None
+        stages.slip = np.sign(np.real(rate)) if by_sign else dry.slips[..., friction]
         if index in structure.memories:
             place = structure.memories.index(index)
             stages.extension = 0.0 if dry is None else dry.extensions[..., place]

@@ -95,6 +95,11 @@ def _unit_of(structure: Structure) -> LengthUnit:
     return LengthUnit(layout_of(structure))
 
 
+def natural_length(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> float:
+    """Return the length of `LengthUnit.natural` for the coefficients of a system."""
+    return _unit_of(layout.structure).natural(coefficients)
+
+
 def smallness(system: System) -> float:
     """Return the size, at most 1, below which states are negligible: tolerances are relative to it or more.
 

@@ -8,8 +8,11 @@ from enum import StrEnum
 from itertools import accumulate, pairwise
 
 from gapwalk.errors import ModelError
-from gapwalk.model.laws import Coulomb, Expression, Jenkins, Law, law_of, law_with
+from gapwalk.model.laws import HYSTERESIS, LAWS, Coulomb, Expression, Hysteretic, Jenkins, Law, law_of, law_with
 from gapwalk.model.parameter import Parameter
+
+RIGID = "rigid"
+"""The stiffness, in a model file or a drive train, of a stage that is a rigid stop."""
 
 
 class Side(StrEnum):
@@ -46,7 +49,8 @@ class Stage:
         The parameters of a stage with a name are called ``contact.name.clearance`` instead of
         ``contact.clearance``. Only a single stage may be without a name.
     numbers
-        Further parameters of the stage by name, if the force law of the contact has any.
+        Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
+        dry friction while the stage is closed (`friction` acts by it).
     """
 
     clearance: float
@@ -118,6 +122,8 @@ class Contact:
                 '{"impact_damping": 0.1}'
             )
         known, given = law_of(law), {**(numbers or {}), **more}
+        if any(HYSTERESIS.name in stage.numbers for stage in stages) and known in LAWS.values() and not known.rebounds:
+            known = Hysteretic(known.name)
         own = {each.name: given.get(each.name, each.default) for each in known.parameters}
         parts = (name, deflection, tuple(stages), force, known, own)
         for each, value in zip(fields(self), parts, strict=True):
@@ -200,6 +206,7 @@ def friction(
     *,
     coefficient: float | None = None,
     normal: str = "",
+    stages_of: str = "",
     stiffness: float | None = None,
     static: float | None = None,
     speed: float | None = None,
@@ -217,6 +224,9 @@ def friction(
         The force in slip, >= 0.
     coefficient, normal
         Instead of the limit: the coefficient of friction, and the name of the contact whose force presses.
+    stages_of
+        Name of the contact by whose stages it acts: to the limit, 0 by default, each closed stage adds its number
+        `hysteresis`.
     stiffness
         Stiffness of the spring in series; without it friction sticks rigidly.
     static
@@ -236,13 +246,18 @@ def friction(
     >>> friction("brake", {"x": 1.0}, 0.3, static=1.2).numbers
     {'limit': 0.3, 'static': 1.2, 'speed': 0.0}
     """
-    if (limit is None) is (coefficient is None) or bool(normal) is (coefficient is None):
+    ways = (limit is not None and not stages_of, coefficient is not None, bool(stages_of))
+    if sum(ways) != 1 or bool(normal) is (coefficient is None):
+        given = {"limit": limit, "coefficient": coefficient, "normal": normal, "stages_of": stages_of}
+        words = ", ".join(f"{each}={value!r}" for each, value in given.items() if value not in (None, ""))
         raise ModelError(
-            f"friction {name!r} has limit = {limit}, coefficient = {coefficient} and normal = {normal!r}; give a "
-            'limit, or a coefficient with the contact that presses: coefficient=0.3, normal="stop"'
+            f"friction {name!r} has {words or 'no limit'}; give a limit; or a coefficient with the contact that "
+            'presses, as in coefficient=0.3, normal="stop"; or stages_of="clutch", whose stages have a hysteresis'
         )
     kind = Coulomb if stiffness is None else Jenkins
-    law = kind("normal", normal) if normal else kind()
+    law = kind("normal", normal) if normal else kind("stages", stages_of) if stages_of else kind()
+    if stages_of and limit is None:
+        limit = 0.0
     given = {"limit": limit, "coefficient": coefficient, "stiffness": stiffness, "static": static, "speed": speed}
     numbers = {each: value for each, value in given.items() if value is not None}
     return Contact(name, deflection, (), force, law, numbers)
@@ -278,6 +293,45 @@ def stop(
     return Contact(name, deflection, stages, force, "hunt-crossley", impact_damping=impact_damping)
 
 
+def rigid_stop(
+    name: str,
+    deflection: Mapping[str, float],
+    clearance: float,
+    restitution: float,
+    *,
+    side: Side | str = Side.POSITIVE,
+    force: Mapping[str, float] | None = None,
+) -> Contact:
+    """Make a rigid stop: where the deflection reaches the clearance, its rate is reversed.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    deflection
+        The vector by coordinate name.
+    clearance
+        Where the stop is, >= 0.
+    restitution
+        Rate after an impact over that before it, from 0 (it stays) to 1 (no energy is lost).
+    side
+        ``"positive"``, ``"negative"``, or ``"both"`` for a gap between two rigid sides.
+    force
+        The vector along which the impulse acts; by default its deflection.
+
+    Raises
+    ------
+    ModelError
+        If its numbers are not allowed.
+
+    Examples
+    --------
+    >>> rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).numbers
+    {'restitution': 0.8}
+    """
+    return Contact(name, deflection, (Stage(clearance, side=Side(side)),), force, "rigid", restitution=restitution)
+
+
 def _stage_problems(contact: Contact):
     if contact.stages and not contact.law.stage_parameters:
         yield f"it has stages, but the law {contact.law.name!r} has none"
@@ -291,11 +345,14 @@ def _stage_problems(contact: Contact):
             if name and (not name.isidentifier() or name in ("deflection", "force")):
                 yield f"stage name {name!r}: write another word of letters, digits and underscores"
     for stage in contact.stages:
+        if stage.stiffness == RIGID:
+            yield f"the stiffness of a stage is {RIGID!r}; write the rigid stop as a contact of its own, by rigid_stop"
         if not stage.clearance >= 0:
             yield f"clearance is {stage.clearance}; it must be a number >= 0"
     yield from (f"stages {each}" for each in order_problems((each.side, each.clearance) for each in contact.stages))
     for sign in (1, -1):
-        slopes = accumulate(stage.stiffness for stage in contact.stages if sign in stage.side.signs)
+        own = [stage for stage in contact.stages if sign in stage.side.signs and stage.stiffness != RIGID]
+        slopes = accumulate(stage.stiffness for stage in own)
         for slope in slopes if contact.law.is_damped else ():
             if slope < 0:
                 yield f"the slope of the force falls to {slope}; a damped contact needs slopes >= 0"

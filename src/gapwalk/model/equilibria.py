@@ -112,19 +112,26 @@ class Rest:
         the mean load drives the system away.
     complete
         True if these are known to be all equilibria.
+    notes
+        What was left out, a sentence each: dry friction, with which there is a continuum of rests; rigid stops, which
+        are open.
     """
 
     equilibria: tuple[Equilibrium, ...]
     complete: bool
+    notes: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.equilibria)
 
 
-def tangent(system: System, closed: Sequence[tuple[Slope, ...]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def tangent(
+    system: System, closed: Sequence[tuple[Slope, ...]], *, stuck: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute stiffness and damping matrices for small motions while these stages are closed, each shape (n, n).
 
     Just past the clearances of the stages, where no force has built up, and at zero deflection of forces by formulas.
+    Dry friction is left out; with `stuck`, Jenkins elements stick, and have the stiffness of their springs.
 
     Raises
     ------
@@ -138,7 +145,24 @@ def tangent(system: System, closed: Sequence[tuple[Slope, ...]]) -> tuple[NDArra
         along = np.outer(spring.force, spring.deflection)
         stiffness += sum(each.stiffness for each in slopes) * along
         damping += spring.drag(None, slopes) * along
+        if stuck and spring.form.law.has_memory:
+            stiffness += system.equations[f"{spring.form.name}.stiffness"] * along
     return stiffness, damping
+
+
+def left_out(system: System) -> tuple[str, ...]:
+    """Say how dry friction and rigid stops enter static equilibria and modes, a sentence each."""
+    forms = system.structure.contacts
+    dry, rigid = ([form.name for form in forms if getattr(form.law, which)] for which in ("is_dry", "rebounds"))
+    notes = []
+    if dry:
+        notes.append(
+            f"dry friction is left out ({', '.join(dry)}): with it there is a continuum of rests, all positions about "
+            "an equilibrium in which it can hold"
+        )
+    if rigid:
+        notes.append(f"rigid stops are open ({', '.join(rigid)}): a rest against one is not computed")
+    return tuple(notes)
 
 
 def find_equilibria(system: System) -> Rest:
@@ -151,19 +175,14 @@ def find_equilibria(system: System) -> Rest:
     Of forces by formulas (and by other laws that are no polynomials) there may be any number of equilibria. If there is
     one coordinate, and all forces are polynomials, they are all real roots; otherwise those nearest to zero that a
     search from many positions finds, and `Rest.complete` is False. Numbers that vary over the angle have their mean
-    value, and prescribed displacements are zero.
+    value, and prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
 
     Raises
     ------
     ConvergenceError
         If the least energy is not found.
-    ModelError
-        If the force law of a contact reverses the rate at an impact.
     """
     springs, forces = springs_of(system), static_forces_of(system)
-    for each in forces:
-        if each.form.law.rebounds:
-            each.form.closed_form("an equilibrium")  # raises the error
     stiffness, load = system.matrix("stiffness"), static_load(system)
     formulas = [each for each in forces if each.is_formula]
     if any(slope.curved for spring in springs for slope in spring.slopes) or not all(
@@ -203,11 +222,12 @@ def _rest(system: System, positions: Sequence[NDArray[np.float64]], springs: Seq
             break
     nearest = [*found.values()][:most]
     ordered = sorted(nearest, key=lambda each: not each.stable)
-    return Rest(tuple(ordered), complete and len(found) == len(nearest))
+    complete = complete and len(found) == len(nearest) and not any(each.form.law.rebounds for each in springs)
+    return Rest(tuple(ordered), complete, left_out(system))
 
 
 def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Spring]) -> Equilibrium | None:
-    """Make a record of a position; None if a formula has no finite slope there."""
+    """Make a record of a position; None if a formula has no finite slope there, or it is beyond a rigid stop."""
     contacts, forces = [], static_forces_of(system)
     stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
     stiffest = np.abs(stiffness).max()
@@ -215,8 +235,12 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
         depth, law = float(spring.deflection @ x), force.at(x)
         if not law.is_finite:
             return None
+        if spring.form.law.is_dry:
+            continue
         margin = _TINY * max(abs(depth), *(each.clearance for each in spring.slopes), 0.0)
         slopes = spring.closed(depth, margin)
+        if slopes and spring.form.law.rebounds:
+            return None
         names, side = tuple(each.stage for each in slopes), slopes[0].sign if slopes else 0
         own = float(law.force) if slopes or force.is_formula else 0.0
         contacts.append(ContactRest(spring.form.name, depth, own, side, names, force.is_formula))

@@ -21,13 +21,13 @@ class Idea(NamedTuple):
 IDEAS = (
     Idea(
         "friction|coulomb|slip_?torque|stiction|stick|mu_?[sk]|jenkins|iwan|hysteresis",
-        "dry friction, which sticks, cannot be modelled yet; a drag that depends on the rate alone is a [[force]] with "
-        'law = "c*v*abs(v)", say',
+        "dry friction is a [[friction]] with its limit, the force in slip; that of a [[contact]], a [[shaft]] or a "
+        "stage is its hysteresis",
     ),
     Idea(
         "restitution|bounce|rigid_?(stop|impact)|impulse",
-        "rigid impacts cannot be modelled yet; write a stiff spring with law = "
-        '"hunt-crossley" and impact_damping = 1.5 * (1 - restitution) / (approach velocity)',
+        'a rigid stop is a [[contact]], a [[shaft]] or a stage with stiffness = "rigid", a clearance and a restitution '
+        "from 0 to 1",
     ),
     Idea(
         "backlash|gap|play|lash|freeplay|free_?play|deadband|dead_?zone|half_?gap|slack",
@@ -79,8 +79,8 @@ def idea_of(key: str) -> str:
 
     Examples
     --------
-    >>> idea_of("restitution")[:35]
-    'rigid impacts cannot be modelled ye'
+    >>> idea_of("bounce")[:35]
+    'a rigid stop is a [[contact]], a [['
     """
     word = key.lower().replace("-", "_")
     for idea in IDEAS:

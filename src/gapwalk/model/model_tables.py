@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache, wraps
 from typing import Annotated, Any, Self, TypeVar
 
@@ -21,12 +22,15 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, Side, Stage, order_problems
+from gapwalk.model.contact import RIGID, Contact, Side, Stage, order_problems
+from gapwalk.model.contact_parts import OF_FRICTION, SPRING_OF_FRICTION, ContactParts
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.force_table import ForcePart
-from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
+from gapwalk.model.friction_table import friction_part
+from gapwalk.model.laws import HYSTERESIS, LAWS, STIFFNESS, Law, Rigid, law_of, law_parameters, law_with
 from gapwalk.model.load_table import load_fields, loads_of
 from gapwalk.model.loads import LOADS
+from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
 from gapwalk.model.schema import (
     MAX_COORDINATES,
@@ -49,6 +53,7 @@ from gapwalk.model.schema import (
     without_repeats,
 )
 from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
@@ -62,10 +67,28 @@ class StageBase(Part):
 
     name: Name | None = None
 
+    @classmethod
+    def hint_for(cls, key: str, value: object) -> str:
+        """Return the line to write in place of a key of the contact as a whole."""
+        if key == SPRING_OF_FRICTION:
+            return "the friction of all stages has one spring; write it above the tables of the stages"
+        return _hysteresis_for(key)
+
+
+def _hysteresis_for(key: str) -> str:
+    """Return the line to write in place of friction in the table of springs; empty for any other key."""
+    return "write hysteresis = ..., the limit of friction beside these springs" if key == "friction" else ""
+
 
 def stage_of(part: Part, name: str) -> Stage:
     """Make a stage from its own table, or from the table of its contact."""
     found = given_of(part, "stage_parameters")
+    of_stage = {key: getattr(part, key, None) for key in ("restitution", HYSTERESIS.name)}
+    if not isinstance(part, StageBase):
+        of_stage.pop("restitution")  # it is a number of the contact as a whole
+        if "stiffness" not in found and getattr(part, "restitution", None) is not None:
+            found["stiffness"] = RIGID
+    found |= {key: value for key, value in of_stage.items() if value is not None}
     plain = {key: found.pop(key) for key in ("clearance", "stiffness", "cubic") if key in found}
     side = getattr(part, "side", None) or Side.BOTH
     return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found)
@@ -81,14 +104,43 @@ def law_fields(which: str) -> dict[str, Any]:
     """Make the fields of the parameters in a table, all of them optional."""
     found: dict[str, Any] = {}
     for name, each in law_parameters(which).items():
-        found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
+        found[name] = (Annotated[_field_of(each) | None, Field(validate_default=True, description=each.words)], None)
     return found
+
+
+def _field_of(parameter: Parameter) -> Any:
+    return Annotated[number_of(parameter), or_rigid()] if parameter == STIFFNESS else number_of(parameter)
+
+
+def or_rigid() -> WrapValidator:
+    """Make a validator that accepts the word for a rigid stop in place of a stiffness."""
+
+    def check(value: object, handler: Callable[[object], Any]) -> Any:
+        if isinstance(value, str) and value.isalpha() and value != RIGID:
+            raise ValueError(
+                f'is {given(value)}; it must be a stiffness, or "rigid" for a rigid stop with a restitution'
+            )
+        return value if value == RIGID else handler(value)
+
+    return WrapValidator(check)
+
+
+def friction_fields() -> dict[str, Any]:
+    """Make the fields of the friction beside the springs of a contact."""
+    numbers = HYSTERESIS, Parameter(SPRING_OF_FRICTION, QuantityKind.STIFFNESS, "it is that of the spring that sticks")
+    return {each.name: (Annotated[number_of(each) | None, Field(description=each.words)], None) for each in numbers}
 
 
 def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
     """Refuse a parameter of a stage that the force law of the contact lacks, and ask for one that it needs."""
     law, name = info.context.law, info.field_name
+    if RIGID in (info.data.get("stiffness"), value):
+        if value not in (None, RIGID) and name != "clearance":
+            raise ValueError(f"is {given(value)}, but the stage is rigid; leave it out")
+        return value
     parameter = next((each for each in law.stage_parameters if each.name == name), None)
+    if name == "stiffness" and isinstance(law, Rigid) and value is not None:
+        raise ValueError(f'is {given(value)}, but the contact is rigid; write stiffness = "rigid", or another law')
     if parameter is None and value is not None:
         raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")
     if parameter is not None and value is None and parameter.default is None:
@@ -140,8 +192,22 @@ def stages_field(least: int) -> Any:
 def _stage_part() -> type[StageBase]:
     fields = law_fields("stage_parameters")
     check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
-    fields["side"] = (SideName, Side.BOTH)
+    check["is_rigid"] = field_validator("restitution", HYSTERESIS.name)(classmethod(_suits_the_stiffness))
+    fields |= {"side": (SideName, Side.BOTH), HYSTERESIS.name: friction_fields()[HYSTERESIS.name]}
+    fields["restitution"] = (Annotated[Number, Field(ge=0.0, le=1.0)] | None, Field(None, validate_default=True))
     return create_model("StagePart", __base__=StageBase, __validators__=check, **fields)
+
+
+def _suits_the_stiffness(cls: type[Part], value: float | None, info: ValidationInfo[Names]) -> float | None:
+    """Refuse a restitution of springs, and hysteresis of a rigid stop; ask for a restitution."""
+    bounces, rigid = info.field_name == "restitution", info.data.get("stiffness") == RIGID
+    if bounces and value is not None and not rigid and not isinstance(info.context.law, Rigid):
+        raise ValueError(f'is {given(value)}, but the stage is a spring; write stiffness = "rigid", or leave it out')
+    if not bounces and value is not None and (rigid or isinstance(info.context.law, Rigid)):
+        raise ValueError(f"is {given(value)}, but the stage is rigid, and loses energy by restitution; leave it out")
+    if bounces and value is None and rigid and not isinstance(info.context.law, Rigid):
+        raise ValueError("is missing; it is the rate after an impact over that before it, as in restitution = 0.8")
+    return value
 
 
 LawName = Annotated[Any, BeforeValidator(lambda name: LAWS[one_of(LAWS)(name)])]
@@ -151,6 +217,11 @@ class LawTable(Part):
     """A table with a force law: ``[[contact]]``, ``[[shaft]]`` and ``[[gear]]``."""
 
     law: LawName | None = None
+
+    @classmethod
+    def hint_for(cls, key: str, value: object) -> str:
+        """See `Part.hint_for`."""
+        return _hysteresis_for(key)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -166,8 +237,11 @@ def law_of_table(table: Any) -> Law:
     named = table.get("law")
     if isinstance(named, str) and named in LAWS:
         return LAWS[named]
+    if table.get("stiffness") == RIGID:
+        return law_of("rigid")
+    apart = ("restitution",) if table.get("stage") else ()  # it is that of a rigid stage then
     try:
-        return law_with([name for name in law_parameters("parameters") if name in table])
+        return law_with([name for name in law_parameters("parameters") if name in table and name not in apart])
     except ModelError:
         return law_of("elastic")
 
@@ -204,7 +278,7 @@ class ContactBase(LawTable):
     def hint_for(cls, key: str, value: object) -> str:
         """Return the line to write in place of ``damping``, which is a key of the system as a whole."""
         if key != "damping":
-            return ""
+            return _hysteresis_for(key)
         if isinstance(value, str):
             return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
@@ -217,16 +291,20 @@ class ContactBase(LawTable):
         return name
 
     @model_validator(mode="after")
-    def _makes_a_contact(self) -> ContactBase:
+    def _makes_a_contact(self, info: ValidationInfo[Names]) -> ContactBase:
         try:
-            self.contact()
+            made = self.contacts()
         except ModelError as error:
             reason = str(error).removeprefix(f"contact {self.name!r}: ")
             raise ValueError(f"is refused: {reason}") from None
+        for each in made:
+            if each.name != self.name and each.name in info.context.taken:
+                raise ValueError(f"makes {given(each.name)} beside its springs, but that name is taken; choose another")
+            info.context.taken.add(each.name)
         return self
 
-    def contact(self) -> Contact:
-        """Make the contact."""
+    def contacts(self) -> tuple[Contact, ...]:
+        """Make the contact, and the friction and the rigid stop beside it."""
         own = given_of(self, "parameters")
         tables: list[StageBase] = getattr(self, "stage", None) or []
         if tables:
@@ -235,7 +313,10 @@ class ContactBase(LawTable):
             stages = [stage_of(part, name if len(tables) > 1 else "") for part, name in zip(tables, names, strict=True)]
         else:
             stages = [stage_of(self, "")]
-        return Contact(self.name, self.deflection, stages, self.force, self.law or law_with(own), own)
+        of_friction = {name: value for name in OF_FRICTION if (value := getattr(self, name)) is not None}
+        if not tables:
+            of_friction.pop(HYSTERESIS.name, None)  # it is that of the stage
+        return ContactParts(self.name, self.deflection, stages, self.force, self.law, {**own, **of_friction}).contacts()
 
 
 def _is_in_one_place(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
@@ -334,19 +415,34 @@ class SystemBase(Part):
 
     def system(self) -> System:
         """Make the system, at the frequency 1 if the file gives none."""
+        contacts: list[ContactBase] = getattr(self, "contact", [])
+        made = {part.name: part.contacts() for part in contacts}
         return System(
             coordinates=self.coordinates,
             stiffness=self.stiffness,
             damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
             mass=self.mass,
             contacts=[
-                *(part.contact() for part in getattr(self, "contact", ())),
+                *(each for name in made for each in made[name]),
+                *(part.contact() for part in getattr(self, "friction", ())),
                 *(part.force(self.coordinates) for part in self.force),
             ],
             mean=self.mean,
-            harmonics=loads_of(self),
+            harmonics=[_displacing(load, made) for load in loads_of(self)],
             frequency=self.frequency or 1.0,
         )
+
+
+def _displacing(load: Any, contacts: Mapping[str, tuple[Contact, ...]]) -> Any:
+    """Return a load that displaces the friction and the rigid stop beside a contact as it displaces the contact."""
+    varies = dict(load.varies)
+    for name, factor in load.varies.items():
+        first, _, rest = name.partition(".")
+        for each in contacts.get(first, ()):
+            # a clearance that varies is no motion, and friction has none
+            if rest == "deflection" or (rest == "clearance" and each.stages):
+                varies.setdefault(f"{each.name}.{rest}", factor)
+    return load if varies == load.varies else replace(load, varies=varies)
 
 
 @by_registered_kinds
@@ -359,6 +455,8 @@ def system_part() -> type[SystemBase]:
         "suits_the_law": field_validator(*own)(classmethod(_suits_the_law)),
     }
     fields: dict[str, Any] = {"stage": (stages_field(1) | None, None), **of_stages, "side": (side, None), **own}
+    fields |= friction_fields()
     contact: Any = create_model("ContactPart", __base__=ContactBase, __validators__=checks, **fields)
     contacts: Any = (list[contact], Field(default=[], max_length=MAX_COORDINATES))
-    return create_model("SystemPart", __base__=SystemBase, contact=contacts, **load_fields())
+    friction: Any = (list[friction_part()], Field(default=[], max_length=MAX_COORDINATES))
+    return create_model("SystemPart", __base__=SystemBase, contact=contacts, friction=friction, **load_fields())

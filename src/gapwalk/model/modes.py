@@ -25,7 +25,9 @@ class Clearances(StrEnum):
     OPEN = "open"
     """None."""
     CLOSED = "closed"
-    """The first stage of every contact."""
+    """The first stage of every contact; rigid stops are open, and dry friction is left out."""
+    STUCK = "stuck"
+    """The first stage of every contact, with the springs of all Jenkins elements, which stick."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,9 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
     system
         Any system; the modes of a `Train` are also given by its inertias.
     at
-        ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; both with the slopes of
-        formulas at zero deflection. Or an equilibrium from `find_equilibria`, with the stages that are closed there,
+        ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; ``"stuck"``: closed, and with
+        the springs of Jenkins elements; all with the slopes of formulas at zero deflection. Otherwise dry friction is
+        left out. Or an equilibrium from `find_equilibria`, with the stages that are closed there,
         and the slopes there. Numbers that vary over the angle have their mean value.
 
     Raises
@@ -88,9 +91,9 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
         stiffness, damping = at.stiffness, at.damping
     elif at in [*Clearances]:
         closed = [
-            spring.innermost() if at == Clearances.CLOSED and spring.slopes else () for spring in springs_of(system)
+            spring.innermost() if at != Clearances.OPEN and spring.slopes else () for spring in springs_of(system)
         ]
-        stiffness, damping = tangent(system, closed)
+        stiffness, damping = tangent(system, closed, stuck=at == Clearances.STUCK)
     else:
         raise ModelError(f"at is {at!r}; it must be an equilibrium, or {did_you_mean(str(at), [*Clearances])}")
     stiffness, damping = of_angles(system, stiffness, damping)

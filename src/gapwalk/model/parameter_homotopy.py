@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import layout_of
-from gapwalk.model.structure import NameBlock, ParameterNames, Structure, value_problems
+from gapwalk.model.structure import NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
+from gapwalk.model.value_checks import value_problems
 
 WAY = "way"
 """The name of the parameter: 0 at the first values, 1 at the others."""

@@ -30,8 +30,8 @@ from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import Path, Problem, did_you_mean, given
-from gapwalk.model.structure import mass_problems
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
+from gapwalk.model.value_checks import mass_problems
 
 MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""
@@ -413,6 +413,8 @@ def _unknown_key(key: str, value: object, owner: type[Part] | None, root: type[P
     if owner and (hint := owner.hint_for(key, value)):
         return hint
     if owner is not root and key in _fields(root):
+        if any(_parts_in([root.model_fields[key].annotation])):
+            return f"it is a table of its own, [[{key}]]"
         above = f"the {at[0]}, above the first of its tables" if at else _TOP
         return f"{key} belongs to {above}"
     for name, info in root.model_fields.items() if owner is root else ():

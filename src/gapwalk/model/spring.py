@@ -240,7 +240,8 @@ def springs_of(system: System) -> tuple[Spring, ...]:
     springs, coefficients = [], coefficients_of(system)
     for slots in layout_of(system.structure).contacts:
         law, names = slots.form.law, [stage.name for stage, _ in slots.form.sides]
-        terms = None if law.rebounds else closed_form_of(law, slots.form.shapes)
+        # a rigid stop has no force until it is reached, and then any
+        terms = () if law.rebounds else closed_form_of(law, slots.form.shapes)
         lines = _tangents(slots, coefficients) if terms is None else _polynomials(slots, terms, coefficients)
         slopes = tuple(
             Slope(name, stage.sign, float(coefficients[stage.clearance]), pull, drag, terms is None)

@@ -1,6 +1,7 @@
 """Forces of contacts at rest, by any law: evaluated at a position, with exact derivatives for small motions about it.
 
-What varies over the angle has its mean value: prescribed displacements are 0.
+Dry friction is left out, for at rest it may have any force up to its limit; a rigid stop is open. What varies over the
+angle has its mean value: prescribed displacements are 0.
 """
 
 from __future__ import annotations
@@ -72,8 +73,8 @@ class StaticForce:
 
     @property
     def is_formula(self) -> bool:
-        """True if it has no stages."""
-        return not self.form.law.stage_parameters
+        """True if it is a formula of deflections and rates: it has no stages, and is no dry friction."""
+        return not (self.form.law.stage_parameters or self.form.law.is_dry)
 
     def at(self, q: NDArray[np.float64], v: NDArray[np.float64] | None = None) -> Tangent:
         """Evaluate the force and its derivatives, at rest by default; NaN where it has no value.
@@ -124,6 +125,8 @@ class StaticForce:
 
     def _law(self, moves: Sequence[Any], numbers: Mapping[str, Any], stages: Sequence[StageTerms]) -> Any:
         law, count = self.form.law, len(self.deflections)
+        if law.is_dry:  # at rest it may have any force up to its limit; it is left out
+            return 0.0 * moves[0]
         named = dict(zip(law.arguments, zip(moves[:count], moves[count:], strict=True), strict=True))
         modes: list[Any] = [0.0] * law.mode_count
         found = Stages(stages, deflections=named, modes=modes, functions=NUMPY_FUNCTIONS)

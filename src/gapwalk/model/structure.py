@@ -22,7 +22,6 @@ from gapwalk.model.problems import near_names
 from gapwalk.model.units import PACES, Units
 from gapwalk.model.variations import Variation, varied
 
-_LARGEST = 1e150  # its square is finite, too
 _ROUNDING = 1e-9  # of the range of a table: so close to its end, a value is within
 _SHOWN = 5  # names that are listed if none is similar to the unknown one
 _FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
@@ -444,93 +443,3 @@ class Structure:
             if not contact.reciprocal:
                 yield NameBlock(f"{contact.name}.force", 1)
             yield from map(NameBlock, contact.parameters)
-
-
-def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values that a system may have; raise a ModelError with all reasons for others."""
-    finite = np.isfinite(values)
-    problems = [
-        *(
-            f"{structure.names[int(place)]} is {values[place]}; it must be a finite number"
-            for place in np.flatnonzero(~finite)
-        ),
-        *(
-            f"{structure.names[int(place)]} is {values[place]:g}; it must be at most {_LARGEST:g} in size, for its "
-            "square must be a number too: choose other units"
-            for place in np.flatnonzero(finite & (np.abs(values) > _LARGEST))
-        ),
-    ]
-    if problems := problems or [*value_problems(structure, values)]:
-        raise ModelError("\n".join(problems))
-    return values
-
-
-def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
-    """List the errors of finite values, one sentence each."""
-    if not values[0] > 0:
-        yield f"{structure.pace} is {values[0]}; it must be > 0"
-    elif values[0] < 1.0 / _LARGEST:
-        yield f"{structure.pace} is {values[0]:g}; it must be at least {1.0 / _LARGEST:g}: choose other units"
-    if structure.assembly:
-        yield from structure.assembly.problems(values)
-    else:
-        n = structure.size
-        yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
-        for contact in structure.contacts:
-            for vector in contact.vectors:
-                if not values[structure.block(vector, n)].any():
-                    yield f"{vector} is zero for every coordinate; it must name at least one that moves it"
-    for load in structure.harmonics:
-        if not all(name in structure.names for name in load.parameters):
-            continue  # a train makes loads of its own
-        given = {each.name: float(values[structure.place(f"{load.name}.{each.name}")]) for each in load.kind.parameters}
-        yield from (f"{load.name}.{problem}" for problem in load.kind.problems(given))
-    for contact in structure.contacts:
-        own = {
-            each.name: float(values[structure.place(f"{contact.name}.{each.name}")]) for each in contact.law.parameters
-        }
-        yield from (f"{contact.name}.{problem}" for problem in contact.law.problems(own))
-    inner: dict[tuple[int, int], float] = {}
-    for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
-        clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
-        if clearance < 0:
-            yield f"{structure.names[place]} is {clearance}; it must be >= 0"
-        elif clearance <= inside:
-            yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
-        inner[index, side] = clearance
-
-
-def mass_problems(coordinates: Sequence[str], mass: NDArray[np.float64]) -> Iterator[str]:
-    """List the errors of a finite mass matrix.
-
-    A symmetric one is that of the kinetic energy, so it must be positive definite. Where equations were combined with
-    each other, the matrix is not symmetric, and must only be regular.
-    """
-    rows = f" (its rows are {mass.tolist()})" if len(mass) < 4 else ""
-    inertia = np.diagonal(mass)
-    sizes = np.abs(mass).max(axis=1)
-    symmetric = np.allclose(mass, mass.T, rtol=1e-9, atol=1e-12 * sizes.min())
-    if symmetric and inertia.min() < 0:
-        lowest = int(inertia.argmin())
-        yield (
-            f"mass gives {coordinates[lowest]} the inertia {inertia[lowest]:g}; it must be > 0. Write equations in "
-            "which M q'' has the sign of K q"
-        )
-        return
-    # scaled first, so that a small inertia is not taken for zero next to a large one
-    unit = np.sqrt(np.where(sizes > 0, sizes, 1.0))
-    scaled = mass / np.outer(unit, unit)
-    if np.count_nonzero(mass) == np.count_nonzero(inertia):
-        values = np.diagonal(scaled)
-    else:
-        values = np.linalg.eigvalsh(scaled) if symmetric else np.linalg.svd(scaled, compute_uv=False)
-    if np.abs(values).min() <= 1e-13 * np.abs(values).max():
-        yield (
-            f"mass is singular{rows}; every coordinate needs an inertia. A system that can turn as a whole is written "
-            "in relative coordinates"
-        )
-    elif symmetric and values.min() < 0:
-        yield (
-            f"mass is not positive definite{rows}, so that some motions have a negative kinetic energy; check the "
-            "signs and sizes of the entries off its diagonal"
-        )

@@ -15,8 +15,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping_matrix import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.loads import Load, LoadForm
-from gapwalk.model.structure import ContactForm, Structure, checked
+from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.units import Units
+from gapwalk.model.value_checks import checked
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, summarizes
 

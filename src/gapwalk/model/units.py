@@ -85,6 +85,7 @@ class QuantityKind(Enum):
     IMPACT = "an impact damping", "second/radian", Unit("s/rad", 1.0), ("s/rad", "s/deg"), -1, 1, 0
     TORQUE = "a torque", "newton*meter", Unit("N m", 1.0), ("N m",), 0, 0, 1
     FREQUENCY = "a frequency or speed", "radian/second", Unit("Hz", 2.0 * math.pi), ("rpm", "Hz", "rad/s"), 0, -1, 0
+    RATE = "a rate", "radian/second", Unit("rad/s", 1.0), ("rpm", "rad/s", "deg/s"), 1, -1, 0
     ACCELERATION = "an acceleration", "radian/second**2", Unit("rad/s^2", 1.0), ("rad/s^2", "deg/s^2"), 1, -2, 0
     TIME = "a time", "second", Unit("s", 1.0), ("s", "ms"), 0, 1, 0
     PHASE = "a phase", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 0, 0, 0
@@ -103,10 +104,9 @@ PACES = ("frequency", "speed")
 """The names that the first parameter may have."""
 
 _BY_WORD = {
-    "frequency": QuantityKind.FREQUENCY,
-    "speed": QuantityKind.FREQUENCY,
     "inertia": QuantityKind.INERTIA,
     "stiffness": QuantityKind.STIFFNESS,
+    "hysteresis_stiffness": QuantityKind.STIFFNESS,
     "damping": QuantityKind.DAMPING,
 }
 
@@ -125,6 +125,8 @@ def name_kind(word: str, kind: QuantityKind) -> None:
 
 def kind_of(parameter: str) -> QuantityKind | None:
     """Return the kind of a parameter of a drive train by its name; None for a plain number (ratios, shares)."""
+    if parameter in PACES:
+        return QuantityKind.FREQUENCY
     words = parameter.split(".")
     if words[0] == "mean":
         return QuantityKind.TORQUE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
-from gapwalk.model.laws import law_parameters
+from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Units
 
@@ -81,7 +81,7 @@ def _parameter_words(name: str, units: Units | None) -> str:
     owner, _, word = name.rpartition(".")
     if owner == "mean":
         return f"mean {'load' if units is None else 'torque'} on {word}"
-    of_a_law = law_parameters().get(word)
+    of_a_law = {**law_parameters(), **FRICTION, HYSTERESIS.name: HYSTERESIS}.get(word)
     if owner and (word in _OF or (of_a_law and of_a_law.kind is not QuantityKind.STIFFNESS)):
         return f"{word.replace('_', ' ')} of {owner}"
     return name.replace("_", " ")

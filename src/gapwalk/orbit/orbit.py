@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.length_unit import magnitude

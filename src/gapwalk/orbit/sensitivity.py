@@ -72,7 +72,7 @@ class Sensitivity:
         length = PERIOD * self.orbit.period
         arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
         size = len(self.orbit.state)
-        (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc])
+        (arc,) = released(layout_of(self.orbit.system.structure), self._coefficients, [arc], self.orbit.state)
         matrix = transition_of(arc) - np.eye(size)
         singular = np.linalg.svd(matrix, compute_uv=False)
         if singular[-1] <= _SINGULAR * singular[0]:

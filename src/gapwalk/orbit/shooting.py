@@ -107,14 +107,16 @@ class ShootingEquation(OrbitEquation):
             self._flow.integrate(coefficients, state, start, stop, direction)
             for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
         ]
-        found = assembled(released(layout_of(self.system.structure), coefficients, arcs), states)
+        found = assembled(released(layout_of(self.system.structure), coefficients, arcs, states[0]), states)
         return found._replace(evidence=arcs, reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
         system = self.system_at(value)
-        closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs)
+        closure = Closure.of(
+            layout_of(system.structure), lambda: coefficients_of(system), arcs, unknowns[: system.state_size]
+        )
         return Orbit(
             system,
             self.period,

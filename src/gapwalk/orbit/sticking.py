@@ -5,28 +5,32 @@ extension z. Coulomb friction that never slips keeps the deflection itself. The 
 multiplier is exactly 1, and Newton's method has no unique solution. This is no branch point. Such a position has the
 left eigenvector ``w = (e, 0, -1)`` or ``(e, 0, 0)`` of the monodromy matrix B, for every motion of the continuum.
 
-Therefore B is followed by a reset N of what is kept: ``z = e.q``, or ``e.q = 0``. It replaces the multiplier 1 by 0, as
-after slip, and leaves the others unchanged (Wielandt's deflation). A step of Newton's method on ``N B - 1`` keeps
-``e.q - z``, or ``e.q``, so that an orbit is followed at the position that its friction has. The determinant does not
-change its sign where slip begins.
+Therefore the motion over one period is followed by a reset: ``z = e.q - s``, or ``e.q = s``, with the position s that
+the start has. Its derivative N replaces the multiplier 1 of B by 0, as after slip, and leaves the others unchanged
+(Wielandt's deflation). So the determinant of ``N B - 1`` does not change its sign where slip begins, and Newton's method
+keeps s: an orbit is followed at the position that its friction has. To be exact, s is rounded to a fine grid; otherwise
+rounding errors of s, which nothing would correct, would grow by extrapolation from step to step of a walk.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_switches import SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import Arc
+from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 
 _KEPT = 1e-6  # change over one period, as a share, of what is kept but for rounding
+_BITS = 30  # of the grid of positions that are kept: 1e-9 of the size of the motion
 _ROUNDING = 1e-12  # multipliers of motions with friction that are 0 but for rounding, over the largest
 
 
@@ -61,33 +65,49 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
     return tuple(found)
 
 
-def released(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs: Sequence[Arc]) -> list[Arc]:
-    """Return the arcs of one period with the reset of what friction keeps after the last transition.
+def released(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs: Sequence[Arc], start: NDArray[np.float64]
+) -> list[Arc]:
+    """Return the arcs of one period with the reset of what friction keeps at the end of the last one.
 
-    Parameters are as in `stuck_in`.
+    Parameters
+    ----------
+    layout, coefficients, arcs
+        As in `stuck_in`.
+    start : shape (state_size,)
+        The state at the start of the first arc.
     """
     stuck = stuck_in(layout, coefficients, arcs)
     if not stuck:
         return [*arcs]
-    last = reset_of(layout, coefficients, stuck) @ transition_of(arcs[-1])
-    return [*arcs[:-1], arcs[-1]._replace(transition=last)]
+    reset, offset = reset_of(layout, coefficients, stuck, start)
+    last = arcs[-1]
+    state, transition = reset @ last.state + offset, reset @ transition_of(last)
+    return [*arcs[:-1], last._replace(state=state, transition=transition)]
 
 
-def reset_of(layout: CoefficientLayout, coefficients: NDArray[np.float64], stuck: Sequence[int]) -> NDArray[np.float64]:
-    """Return the reset of what contacts keep that never slip, by their numbers; shape (state_size, state_size)."""
-    structure = layout.structure
-    n, reset = structure.size, np.eye(structure.state_size)
+def reset_of(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], stuck: Sequence[int], start: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the reset of what some contacts keep: a matrix N, and the vector c of ``N y + c``."""
+    structure, n = layout.structure, layout.structure.size
+    reset, offset = np.eye(structure.state_size), np.zeros(structure.state_size)
+    size = natural_length(layout, coefficients) + float(np.abs(start).max())
+    grid = 2.0 ** (round(math.log2(size)) - _BITS)
     vectors = {contact: coefficients[layout.contacts[contact].deflection] for contact in stuck}
     rigid = [vector for contact, vector in vectors.items() if contact not in structure.memories]
     if rigid:
         across = np.linalg.qr(np.transpose(rigid))[0]
         reset[:n, :n] -= across @ across.T
-    for contact in stuck:
+        offset[:n] = across @ (grid * np.round(start[:n] @ across / grid))
+    for contact, vector in vectors.items():
         if contact in structure.memories:
             row = 2 * n + structure.memories.index(contact)
             reset[row] = 0.0
-            reset[row, :n] = vectors[contact] @ reset[:n, :n]
-    return reset
+            reset[row, :n] = vector @ reset[:n, :n]
+            kept = float(vector @ start[:n] - start[row])
+            offset[row] = vector @ offset[:n] - grid * round(kept / grid)
+    return reset, offset
 
 
 def _kept_row(layout: CoefficientLayout, coefficients: NDArray[np.float64], contact: int) -> NDArray[np.float64]:
@@ -119,13 +139,17 @@ class Closure(NamedTuple):
 
     @classmethod
     def of(
-        cls, layout: CoefficientLayout, coefficients: Callable[[], NDArray[np.float64]], arcs: Sequence[Arc]
+        cls,
+        layout: CoefficientLayout,
+        coefficients: Callable[[], NDArray[np.float64]],
+        arcs: Sequence[Arc],
+        start: NDArray[np.float64],
     ) -> Closure:
         """Compute the multipliers of the successive arcs of one period; the coefficients only where friction sticks."""
         if not any(arc.slips for arc in arcs):
             return cls(multipliers([transition_of(arc) for arc in arcs]))
         stuck = stuck_in(layout, coefficients(), arcs)
-        found = multipliers([transition_of(arc) for arc in released(layout, coefficients(), arcs)])
+        found = multipliers([transition_of(arc) for arc in released(layout, coefficients(), arcs, start)])
         found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
         values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
         return cls(np.array(sorted(values, key=abs, reverse=True)), _joined(arcs), stuck)

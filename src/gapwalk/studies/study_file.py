@@ -14,8 +14,9 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
-from gapwalk.model.contact import Side
-from gapwalk.model.laws import law_parameters
+from gapwalk.model.contact import RIGID, Side
+from gapwalk.model.contact_parts import OF_FRICTION
+from gapwalk.model.laws import FRICTION, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, read_source
@@ -62,7 +63,7 @@ def sketch_of(source: Source) -> Sketch | None:
 
     It is None if not even the names are known, or if the file describes a drive train.
     """
-    known = {key: source.data[key] for key in ("coordinates", "contact", *LOADS) if key in source.data}
+    known = {key: source.data[key] for key in ("coordinates", "contact", "friction", *LOADS) if key in source.data}
     partial = replace(source, data=known)
     data: dict[str, Any] = dict(read_parts(partial, read_files(partial)[0], units=False)[0].data)
     coordinates = Names.of(data).coordinates or []
@@ -71,12 +72,14 @@ def sketch_of(source: Source) -> Sketch | None:
     if model:
         return Sketch(model.system)
     contacts, loads = data.get("contact", []), {key: data.get(key, []) for key in LOADS}
-    if not coordinates or not all(map(_is_list_of_tables, (contacts, *loads.values()))):
+    frictions = data.get("friction", [])
+    if not coordinates or not all(map(_is_list_of_tables, (contacts, frictions, *loads.values()))):
         return None
     direction = {coordinates[0]: 1.0}
     data |= {
         "coordinates": coordinates,
         "contact": [_contact(table, direction) for table in contacts],
+        "friction": [_friction(table) for table in frictions],
         **{key: [_load(LOADS[key], table, direction) for table in tables] for key, tables in loads.items()},
     }
     model, _ = check_model(replace(source, data=data))
@@ -94,14 +97,32 @@ def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[s
     found = _taken(table, ("name",))
     found |= _taken(table, ("law",)) | dict.fromkeys((key for key in law_parameters("parameters") if key in table), 0.0)
     found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
+    found |= dict.fromkeys((key for key in OF_FRICTION if key in table), 1.0)
     stages = table.get("stage")
     if stages is None or not _is_list_of_tables(stages):
-        return {**found, **_taken(table, ("side",), Side), "clearance": 0.0, "stiffness": 1.0}
+        return {**found, **_taken(table, ("side",), Side), "clearance": 0.0, **_spring(table)}
     found["stage"] = [
-        {**_taken(stage, ("name",)), **_taken(stage, ("side",), Side), "clearance": float(place), "stiffness": 1.0}
+        {
+            **_taken(stage, ("name",)),
+            **_taken(stage, ("side",), Side),
+            **dict.fromkeys((key for key in OF_FRICTION[:1] if key in stage), 1.0),
+            **({"restitution": 0.0} if RIGID in stage.values() else {}),
+            "clearance": float(place),
+            **_spring(stage),
+        }
         for place, stage in enumerate(stages)
     ]
     return found
+
+
+def _spring(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a placeholder for the stiffness of a stage."""
+    return {} if table.get("law") == RIGID else {"stiffness": RIGID if table.get("stiffness") == RIGID else 1.0}
+
+
+def _friction(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a placeholder for friction, with the same parameters and its own deflection."""
+    return {**_taken(table, ("name", "normal", "deflection")), **{key: 1.0 for key in FRICTION if key in table}}
 
 
 def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:

@@ -135,7 +135,7 @@ def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
         around = arc.transition @ around
     growth = float(np.linalg.norm(around * units / units[:, None], 2))
     layout = layout_of(orbit.system.structure)
-    closure = Closure.of(layout, lambda: coefficients_of(orbit.system), arcs)
+    closure = Closure.of(layout, lambda: coefficients_of(orbit.system), arcs, orbit.state)
     free = without_kept(closure.multipliers, len(closure.stuck))
     return Reshot(free, total, max(1.0, growth))
 

@@ -131,7 +131,7 @@ def test_names_are_told_apart() -> None:
         ("k*cosh(x)", 3, "write (exp(x) + exp(-x))/2"),
         ("arcoth(x)", 1, "The functions are sin, cos, exp, log, sqrt, tanh, abs, min, max"),
         ("tahn(x)", 1, "did you mean tanh?"),
-        ("mu*sign(v)", 4, "a force that jumps with the rate is dry friction, which a formula cannot have"),
+        ("mu*sign(v)", 4, "a force that jumps with the rate is dry friction, which is a [[friction]]"),
         ("sgn(v)", 1, "dry friction"),
         ("tan(x)", 1, "write sin(x)/cos(x)"),
         ("ln(x)", 1, "write log(x)"),

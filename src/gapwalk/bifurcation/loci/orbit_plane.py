@@ -171,14 +171,15 @@ class ShotPlane(OrbitPlane):
         """See `OrbitPlane.place`. Errors as in `Flow.integrate`."""
         coefficients, slopes = self._parameters.coefficients(first, second)
         arc = self._turn(coefficients, unknowns, slopes)
-        jacobian, size = _derivatives(self._released(coefficients, arc)), len(unknowns)
+        closed = self._released(coefficients, arc, unknowns)
+        jacobian, size = _derivatives(closed), len(unknowns)
         jacobian[:, :size].flat[:: size + 1] -= 1.0
-        return Place(unknowns, coefficients, slopes, arc.state - unknowns, jacobian, arc)
+        return Place(unknowns, coefficients, slopes, closed.state - unknowns, jacobian, arc)
 
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
         arc: Arc = evaluation.evidence.evidence
-        closure = Closure.of(self._layout, lambda: evaluation.evidence.coefficients, [arc])
+        closure = Closure.of(self._layout, lambda: evaluation.evidence.coefficients, [arc], unknowns)
         return Orbit(
             self._parameters.system_at(first, second),
             self.period,
@@ -201,18 +202,18 @@ class ShotPlane(OrbitPlane):
 
     def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
         """See `OrbitPlane.criticality`; from the monodromy matrix in units of the state."""
-        return kind.condition(self._scaled(place.coefficients, place.evidence, scales))
+        return kind.condition(self._scaled(place, place.evidence, scales))
 
     def gradient(
         self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """See `OrbitPlane.gradient`."""
         units = scales[: len(place.unknowns)]
-        here = _derivatives(self._released(place.coefficients, place.evidence))
+        here = _derivatives(self._released(place.coefficients, place.evidence, place.unknowns))
         by_all = np.zeros(len(units) + 2)
         for direction, covector in zip(critical.directions, critical.covectors, strict=True):
             beside = self._turn(place.coefficients, place.unknowns + STEP * units * direction, place.slopes)
-            beside = _derivatives(self._released(place.coefficients, beside))
+            beside = _derivatives(self._released(place.coefficients, beside, place.unknowns))
             by_all += (covector / units) @ (beside - here)
         return by_all / STEP
 
@@ -239,9 +240,9 @@ class ShotPlane(OrbitPlane):
 
         def monodromy(unknowns: NDArray[np.float64]):
             arc = self._turn(place.coefficients, unknowns, place.slopes)
-            return self._scaled(place.coefficients, arc, scales), arc.contacts
+            return self._scaled(place, arc, scales), arc.contacts
 
-        here = self._scaled(place.coefficients, place.evidence, scales), place.evidence.contacts
+        here = self._scaled(place, place.evidence, scales), place.evidence.contacts
         critical = self.criticality(Kind.FLIP, place, scales)
         bordering = np.eye(len(units)) - here[0]
         vectors = critical.directions[0], critical.covectors[0]
@@ -260,13 +261,13 @@ class ShotPlane(OrbitPlane):
         """Integrate the motion from a state over the whole period, with all sensitivities."""
         return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes)
 
-    def _released(self, coefficients: NDArray[np.float64], arc: Arc) -> Arc:
+    def _released(self, coefficients: NDArray[np.float64], arc: Arc, start: NDArray[np.float64]) -> Arc:
         """Return the motion over the whole period with the reset of what friction keeps; see `released`."""
-        return released(self._layout, coefficients, [arc])[0]
+        return released(self._layout, coefficients, [arc], start)[0]
 
-    def _scaled(self, coefficients: NDArray[np.float64], arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the monodromy matrix of the motion over the whole period, in units of the state."""
-        matrix = transition_of(self._released(coefficients, arc))
+    def _scaled(self, place: Place, arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the monodromy matrix of a motion over the whole period, in units of the state."""
+        matrix = transition_of(self._released(place.coefficients, arc, place.unknowns))
         units = scales[: len(matrix)]
         return matrix * units / units[:, None]
 

@@ -25,7 +25,8 @@ from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
 from gapwalk.model.drivetrain.train_form import TrainForm
-from gapwalk.model.drivetrain.train_parts import Inertia, Shaft, scaled
+from gapwalk.model.drivetrain.train_parts import Inertia, Shaft
+from gapwalk.model.drivetrain.train_torques import scaled
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import Harmonic, LoadForm
 from gapwalk.model.structure import ContactForm
@@ -157,8 +158,8 @@ def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
     """Return the form with formulas and constant frequencies for the scales; parameters of formulas stay in SI."""
     angle = scales.angle / units.angle
 
-    def contact(old: ContactForm | None) -> ContactForm | None:
-        if old is None or not isinstance(old.law, Expression):
+    def contact(old: ContactForm) -> ContactForm:
+        if not isinstance(old.law, Expression):
             return old
         text = scaled(old.law.text, angle, angle * scales.frequency, scales.torque)
         return replace(old, law=Expression(text, old.law.variables))
@@ -171,7 +172,7 @@ def _form(form: TrainForm, units: Units, scales: Scales) -> TrainForm:
 
     return replace(
         form,
-        links=tuple(replace(link, contact=contact(link.contact)) for link in form.links),
+        links=tuple(replace(link, parts=tuple(map(contact, link.parts))) for link in form.links),
         torques=tuple(replace(torque, harmonic=load(torque.harmonic)) for torque in form.torques),
     )
 
@@ -191,13 +192,14 @@ def scales_of(system: System) -> Scales:
     units, assembly = _train_of(system)
     form, equations = assembly.form, system.equations
     elastic = next((number for number in form.springs if not form.links[number].drag), form.springs[0])
-    touching = [(number, contact) for number, contact in form.contacts if number in form.springs]
+    touching = [(number, contact) for number, contact in form.contacts if number in form.springs and contact.stages]
     number, contact = touching[0] if touching else (elastic, None)
     place = form.springs.index(number)
     stiffness, clearance = assembly.numbers(system.values).stiffness[number], 0.0
     if contact is not None:
         stages = [contact.stage_prefix(stage) for stage in contact.stages]
-        stiffness += abs(equations[f"{stages[0]}.stiffness"])
+        if contact.law.has_stage_parameter("stiffness"):
+            stiffness += abs(equations[f"{stages[0]}.stiffness"])
         gaps = (equations[f"{stage}.clearance"] for stage in stages)
         clearance = next((gap for gap in gaps if gap > 0.0), 0.0)
     alone = 1.0 / np.linalg.inv(system.matrix("mass"))[place, place]
@@ -347,7 +349,7 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     first = form.links[0].contact
     ends = [link.ends for link in form.links]
     laws = ("elastic", "hunt-crossley")
-    if ends != [(0, 1), (1, 2)] or not first or form.links[1].contact or len(first.stages) > 1:
+    if ends != [(0, 1), (1, 2)] or not first or len(first.stages) > 1 or form.links[1].parts or form.links[0].beside:
         raise ModelError(
             "the paper has three inertias in line, the first shaft with one clearance and the second with none; "
             "use nondimensional(system) for other trains"

@@ -26,19 +26,21 @@ from gapwalk.model.drivetrain.train_orders import (
     plain_load,
     with_load,
 )
-from gapwalk.model.drivetrain.train_parts import GROUND, Change, Force, Gear, Inertia, Link, Shaft
+from gapwalk.model.drivetrain.train_parts import GROUND, Change, Gear, Inertia, Link, Shaft
+from gapwalk.model.drivetrain.train_torques import Force, Friction
 from gapwalk.model.drivetrain.train_variations import (
     displaced_gears,
     gapless_links,
     load_problems,
     own_kinds,
     prescribed_inertias,
+    ratio_of,
     targets_of,
 )
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.structure import ContactForm
-from gapwalk.model.system import System, checked
+from gapwalk.model.system import System
 from gapwalk.model.units import (
     PLAIN,
     Quantity,
@@ -51,6 +53,7 @@ from gapwalk.model.units import (
     read_quantity,
     units_of,
 )
+from gapwalk.model.value_checks import checked
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Train:
 
     Parameters
     ----------
-    inertias, shafts, gears, forces
+    inertias, shafts, gears, forces, frictions
         Its parts; all of them are connected. Closed loops are allowed if the ratios around them agree.
     mean
         Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
@@ -111,9 +114,10 @@ class Train:
     forces: Sequence[Force] = ()
     reference: str = ""
     longest: int = LONGEST
+    frictions: Sequence[Friction] = ()
 
     def __post_init__(self) -> None:
-        for name in ("inertias", "shafts", "gears", "forces", "harmonics"):
+        for name in ("inertias", "shafts", "gears", "forces", "frictions", "harmonics"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.reference and self.inertias:
             object.__setattr__(self, "reference", self.inertias[0].name)
@@ -134,8 +138,8 @@ class Train:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Shafts, then gears, then forces."""
-        return (*self.shafts, *self.gears, *self.forces)
+        """Shafts, then gears, then forces and friction."""
+        return (*self.shafts, *self.gears, *self.forces, *self.frictions)
 
     def system(self) -> System:
         """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
@@ -227,7 +231,7 @@ class Train:
         return {
             **{
                 group: tuple(each._converted(change) for each in getattr(self, group))
-                for group in ("inertias", "shafts", "gears", "forces")
+                for group in ("inertias", "shafts", "gears", "forces", "frictions")
             },
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
             pace: change(pace, getattr(self, pace)),
@@ -245,6 +249,7 @@ class Train:
             If there is no such part, or the train cannot be so.
         """
         groups = {"inertias": self.inertias, "shafts": self.shafts, "gears": self.gears, "forces": self.forces}
+        groups |= {"frictions": self.frictions}
         for group, parts in groups.items():
             if part in [each.name for each in parts]:
                 changed = tuple(replace(each, **changes) if each.name == part else each for each in parts)
@@ -259,8 +264,8 @@ class Train:
         form = TrainForm(
             tuple(free),
             tuple(
-                replace(form, fixed=link.ratio)
-                if isinstance(link, Gear) and (number in looped or link.name in ratios)
+                replace(form, fixed=ratio_of(link))
+                if form.geared and (number in looped or link.name in ratios)
                 else form
                 for number, (link, form) in enumerate(zip(self.links, links, strict=True))
             ),
@@ -300,18 +305,16 @@ class Train:
         gapless = gapless_links(self)
         forms = []
         for link in self.links:
-            contact = self._contact(link)
-            form = None if contact is None else ContactForm.of(contact, reciprocal=True)
+            parts = tuple(ContactForm.of(each, reciprocal=True) for each in self._contacts(link))
             always = link.acts_always and link.name not in gapless
             ends = numbers[link.between[0]], numbers[link.between[1]]
-            forms.append(LinkForm(link.name, ends, isinstance(link, Gear), None, link.is_rigid, always, form))
+            geared = isinstance(link, Gear | Friction) and link.ratio is not None
+            forms.append(LinkForm(link.name, ends, geared, None, link.is_rigid, always, parts))
         return numbers, forms
 
-    def _contact(self, link: Link) -> Contact | None:
-        """Return the springs of a link that have clearances, or its formula."""
-        if isinstance(link, Force):
-            return link.contact(angle=self.units.angle if self.units else 1.0)
-        return link.contact(gapless=link.name in gapless_links(self))
+    def _contacts(self, link: Link) -> tuple[Contact, ...]:
+        """Return the contacts of a link: its springs with clearances, its friction, its rigid stop, or its formula."""
+        return link.contacts(link.name in gapless_links(self), self.units.angle if self.units else 1.0)
 
     def _numbers(self, form: TrainForm) -> Iterator[float]:
         """Iterate over all numbers in the order of `TrainForm.names`."""
@@ -320,7 +323,7 @@ class Train:
         yield from (self.mean.get(form.inertias[number], 0.0) for number in form.loaded)
         for link, of_link in zip(self.links, form.links, strict=True):
             yield from (getattr(link, what) for what in of_link.own_numbers)
-            if contact := self._contact(link):
+            for contact in self._contacts(link):
                 yield from contact.values()
         for load in map(plain_load, self.harmonics):
             yield from (*load.values(), *load.acts_on.values())

@@ -160,6 +160,13 @@ class TrainAssembly:
             wanted = speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
+                if any(each.law.is_dry for each in link.parts[:1]):
+                    yield (
+                        f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
+                        f"slips all the time as the train turns; write ratio = {wanted:.10g}, or join two inertias "
+                        "that turn at one speed"
+                    )
+                    continue
                 if link.drag or link.loose:
                     yield (
                         f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
@@ -170,6 +177,12 @@ class TrainAssembly:
                 yield (
                     f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
                     "is locked; correct one of the ratios on the loop"
+                )
+            elif link.loose and numbers.deflections[number][list(form.slips)].any():
+                across = next(form.links[form.springs[place]].name for place in form.slips)
+                yield (
+                    f"{link.name} acts across {across}, which slips: its rate is no rate of a coordinate; write a "
+                    f"stiffness for {across}, or join two inertias on one side of it"
                 )
             elif not link.rigid and body[first] == body[second]:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"

@@ -9,9 +9,12 @@ from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
+from gapwalk.model.contact import RIGID
+from gapwalk.model.contact_parts import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train_form import tree_of
 from gapwalk.model.drivetrain.train_orders import plain_load
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Gear
+from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Link
+from gapwalk.model.drivetrain.train_torques import Friction
 from gapwalk.model.problems import did_you_mean
 
 if TYPE_CHECKING:
@@ -23,7 +26,7 @@ _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "stud
 def name_problems(train: Train) -> Iterator[str]:
     """List names that no parameter can have, or that two parts have."""
     parts: Any = [("inertia", train.inertias), ("shaft", train.shafts), ("gear", train.gears), ("force", train.forces)]
-    parts += [("harmonic", train.harmonics)]
+    parts += [("friction", train.frictions), ("harmonic", train.harmonics)]
     counts = Counter(str(part.name) for _, group in parts for part in group)
     for kind, group in parts:
         for part in group:
@@ -33,6 +36,16 @@ def name_problems(train: Train) -> Iterator[str]:
                 yield f"{part.name} is taken as a name already; choose another one for the {kind}"
             elif counts[part.name] > 1:
                 yield f"{part.name} has the name of another part; give each a name of its own"
+            elif kind in ("shaft", "gear"):
+                rigid = RIGID in (stage.stiffness for stage in part.stages)
+                made = {friction_name(part.name): makes_friction(part), stop_name(part.name): rigid}
+                for name in (name for name, exists in made.items() if exists and counts[name]):
+                    yield f"{part.name} makes {name}, but another part has that name; choose another one for it"
+
+
+def makes_friction(link: Link) -> bool:
+    """Return True if a link has friction beside its springs."""
+    return any(OF_FRICTION[0] in numbers for numbers in (link.numbers, *(stage.numbers for stage in link.stages)))
 
 
 def number_problems(train: Train) -> Iterator[str]:
@@ -40,9 +53,11 @@ def number_problems(train: Train) -> Iterator[str]:
     for part in (*train.inertias, *train.links):
         for each in fields(part):
             value = getattr(part, each.name)
-            if each.name in ("name", "between", "stages", "law", "numbers", "teeth") or (
-                value is None and each.default is None
+            if each.name in ("name", "between", "stages", "law", "numbers", "teeth", "normal") or (
+                value is None and (each.default is None or isinstance(part, Friction))
             ):
+                continue
+            if each.name == "stiffness" and value == RIGID:
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 yield f"{part.name}.{each.name} is {value!r}; it must be a number"
@@ -69,7 +84,11 @@ def part_problems(train: Train) -> Iterator[str]:
             yield f"{link.name} joins {ends[0]} to itself; name two different inertias"
         elif ends[0] == GROUND:
             yield f"{link.name} begins at the ground; write the ground second"
-        if isinstance(link, Gear) and isinstance(link.ratio, int | float) and not 0 < abs(link.ratio) < math.inf:
+        if (
+            isinstance(link, Gear | Friction)
+            and isinstance(link.ratio, int | float)
+            and not 0 < abs(link.ratio) < math.inf
+        ):
             meaning = "it must be the speed of the first inertia over that of the second"
             yield f"{link.name}.ratio is {link.ratio:g}; {meaning}"
     torques = [
@@ -105,7 +124,14 @@ def connection_problems(train: Train) -> Iterator[str]:
     held = any(GROUND in link.between and not link.is_drag for link in train.links)
     for link in train.links:
         if GROUND in link.between and link.is_drag and not held:
-            drag = "a torque that depends on the rate alone" if isinstance(link, Force) else "damping, but no stiffness"
+            if isinstance(link, Friction):
+                yield (
+                    f"{link.name} is friction against the ground, and nothing holds the train to the ground: its slip "
+                    "is the speed at which the train turns as a whole, which is no part of the equations, and it never "
+                    f"sticks; give {link.between[0]} its torque as a mean torque instead, or hold the train by a shaft"
+                )
+                continue
+            drag = "a torque that depends on the rate alone" if link.only_follows else "damping, but no stiffness"
             yield (
                 f"{link.name} has {drag}, and nothing else holds the train to the ground: its drag "
                 "depends on the speed at which the train turns as a whole, which is no part of the equations; give "

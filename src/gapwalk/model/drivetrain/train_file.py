@@ -17,18 +17,23 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.contact_parts import OF_FRICTION, friction_name, stop_name
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_orders import LONGEST, Counted
-from gapwalk.model.drivetrain.train_parts import Force, Gear, Inertia, Shaft
+from gapwalk.model.drivetrain.train_parts import Gear, Inertia, Shaft
+from gapwalk.model.drivetrain.train_torques import Force, Friction
+from gapwalk.model.friction_table import FrictionBase, friction_part
 from gapwalk.model.load_table import LoadBase, default_name, load_fields, loads_of
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
     by_registered_kinds,
+    friction_fields,
     given_of,
     is_no_law,
     law_fields,
+    or_rigid,
     stage_of,
     stages_field,
     study_tables,
@@ -61,7 +66,7 @@ _TOP = ("mean", "reaction", "reference", "longest", "frequency", "speed")
 
 # The quantities of a part: all are numbers in consistent units, or all are texts such as "0.12 kg m^2".
 _Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
-_Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS)]
+_Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS), or_rigid()]
 _Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
 _Order = Annotated[Positive, AfterValidator(lambda order: int(order) if float(order).is_integer() else order)]
@@ -92,7 +97,8 @@ class LinkBase(LawTable):
     def part(self) -> Shaft | Gear:
         """Make the shaft or the gear."""
         springs = {name: getattr(self, name) for name in ("stiffness", "damping", "clearance", "cubic", "law")}
-        springs["numbers"] = given_of(self, "parameters")
+        of_friction = {name: value for name in OF_FRICTION if (value := getattr(self, name)) is not None}
+        springs["numbers"] = given_of(self, "parameters") | of_friction
         springs["stages"] = tuple(stage_of(part, part.name or "") for part in getattr(self, "stage", ()))
         first, second = self.between
         if not isinstance(self, GearBase):
@@ -140,6 +146,18 @@ class TorquePart(Part):
         """Make the torque."""
         first, second = self.between
         return Force(self.name, (first, second), self.law, numbers=self.model_extra or {})
+
+
+class TrainFrictionBase(FrictionBase):
+    """Dry friction between two inertias, or between one and the ground."""
+
+    between: _Ends = Field(description='name the two inertias between which it slips, as in ["hub", "ground"]')
+    ratio: Number | None = None
+
+    def part(self) -> Friction:
+        """Make the friction."""
+        first, second = self.between
+        return Friction(self.name, (first, second), normal=self.normal or "", ratio=self.ratio, numbers=self.given)
 
 
 class TrainLoadBase(LoadBase):
@@ -204,6 +222,7 @@ class TrainBase(Part):
             reaction=self.reaction,
             speed=self.speed,  # pyright: ignore[reportArgumentType]
             forces=[part.part() for part in self.force],
+            frictions=[part.part() for part in getattr(self, "friction", ())],
             reference=self.reference,
             longest=self.longest,
         )
@@ -216,11 +235,12 @@ class TrainBase(Part):
 @by_registered_kinds
 def train_part() -> type[TrainBase]:
     """Return the schema of a model file with a drive train."""
-    fields = {**law_fields("parameters"), "stage": (stages_field(0), Field(default=[]))}
+    fields = {**law_fields("parameters"), **friction_fields(), "stage": (stages_field(0), Field(default=[]))}
     links: dict[str, Any] = {"shaft": ("ShaftPart", LinkBase), "gear": ("GearPart", GearBase)}
     for key, (name, base) in links.items():
         part: Any = create_model(name, __base__=base, **fields)
         links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))
+    links["friction"] = (list[friction_part(TrainFrictionBase)], Field(default=[], max_length=MAX_COORDINATES))
     return create_model("TrainPart", __base__=TrainBase, **links, **load_fields(TrainLoadBase))
 
 
@@ -232,13 +252,18 @@ def describes_train(data: Mapping[str, Any]) -> bool:
 def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """Make a problem of each line of an error, at the part with which it begins."""
     places: dict[str, Path] = {name: (name,) for name in _TOP}
-    for kind in (*_KEYS, "force", *LOADS):
+    beside: dict[str, Path] = {}  # of contacts that a table makes beside its springs
+    for kind in (*_KEYS, "force", "friction", *LOADS):
         for number, table in enumerate(source.data.get(kind, ())):
-            places[table.get("name") or default_name(kind, table, places)] = (kind, number)
+            name = table.get("name") or default_name(kind, table, places)
+            places[name] = (kind, number)
+            beside |= dict.fromkeys((stop_name(name), friction_name(name)), (kind, number))
     for line in dict.fromkeys(str(error).splitlines()):
         subject, _, rest = line.partition(" ")
         name, *keys = subject.split(".")
         if name in places:
             yield source.problem(rest, (*places[name], *keys))
+        elif name in beside:
+            yield source.problem(f"is refused: {line}", beside[name])
         else:
             yield source.problem(line)

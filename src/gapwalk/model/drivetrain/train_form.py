@@ -38,8 +38,8 @@ class LinkForm:
         True if it has no springs.
     always
         True if it has a spring that acts always.
-    contact
-        Its springs with clearances, or its formula.
+    parts
+        Its contacts: springs with clearances, the friction beside them, a rigid stop; or its formula, or its friction.
     """
 
     name: str
@@ -48,7 +48,18 @@ class LinkForm:
     fixed: float | None
     rigid: bool
     always: bool
-    contact: ContactForm | None
+    parts: tuple[ContactForm, ...]
+
+    @property
+    def contact(self) -> ContactForm | None:
+        """Its springs with clearances or its rigid stop, or its formula, or its friction; None if it acts always."""
+        first = self.parts[0] if self.parts else None
+        return None if first is None or first.name != self.name else first
+
+    @property
+    def beside(self) -> tuple[ContactForm, ...]:
+        """The contacts beside that one."""
+        return self.parts[1:] if self.contact else self.parts
 
     @property
     def drag(self) -> bool:
@@ -57,13 +68,15 @@ class LinkForm:
 
     @property
     def by_formula(self) -> bool:
-        """True if its torque is a formula, so that it has no damper."""
+        """True if its torque is a formula or friction, so that it has no damper."""
         return self.contact is not None and not self.contact.law.stage_parameters
 
     @property
     def loose(self) -> bool:
-        """True for a formula that does not depend on its deflection: it joins nothing."""
+        """True for friction, and a formula that does not depend on its deflection: it joins nothing."""
         law = self.contact.law if self.contact else None
+        if law is not None and law.is_dry:
+            return True
         return isinstance(law, Expression) and "x" not in law.formula.variables
 
     @property
@@ -277,8 +290,8 @@ class TrainForm:
 
     @cached_property
     def contacts(self) -> tuple[tuple[int, ContactForm], ...]:
-        """The links with clearances, with their contacts."""
-        return tuple((number, link.contact) for number, link in enumerate(self.links) if link.contact)
+        """The contacts of all links, each with the number of its link."""
+        return tuple((number, contact) for number, link in enumerate(self.links) for contact in link.parts)
 
     @cached_property
     def loads(self) -> tuple[LoadPart, ...]:
@@ -307,7 +320,7 @@ class TrainForm:
         names += [f"mean.{self.inertias[number]}" for number in self.loaded]
         for link in self.links:
             names += [f"{link.name}.{what}" for what in link.own_numbers]
-            names += link.contact.parameters if link.contact else ()
+            names += [name for contact in link.parts for name in contact.parameters]
         for torque in self.torques:
             names += [*torque.harmonic.parameters, *self._shape_names(torque)]
         return ParameterNames(tuple(map(NameBlock, names)))

@@ -15,7 +15,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Gear
+from gapwalk.model.drivetrain.train_parts import GROUND, Gear
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 
@@ -223,7 +223,7 @@ def _speeds(train: Train) -> _Paths:
     """Return the speeds of all inertias over that of the reference, and the gears between, along the shortest paths."""
     links: dict[str, list[tuple[str, Any, bool]]] = {}
     for link in train.links:
-        if GROUND not in link.between and not isinstance(link, Force) and not link.is_drag:
+        if GROUND not in link.between and not link.only_follows and not link.is_drag:
             first, second = link.between
             links.setdefault(first, []).append((second, link, True))
             links.setdefault(second, []).append((first, link, False))

@@ -6,15 +6,15 @@ A number may also be a text with a unit, which `Train` reads: ``Inertia("hub", "
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from fractions import Fraction
 from typing import Any, Self
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, Stage
-from gapwalk.model.laws import Expression, Law, law_with
+from gapwalk.model.contact import RIGID, Contact, Stage
+from gapwalk.model.contact_parts import OF_FRICTION, ContactParts
+from gapwalk.model.laws import HYSTERESIS, Law, Rigid, law_with
 
 GROUND = "ground"
 """The name of the ground, which does not move; a shaft may end there."""
@@ -25,8 +25,8 @@ Change = Callable[[str, Any], Any]
 _LARGEST_PART = 500  # of a ratio that is taken for a fraction without the numbers of teeth
 _EXACT = 1e-9  # relative error of a ratio that is meant to be a fraction
 _ROUNDED = 1e-4  # relative error of a ratio that is given beside numbers of teeth
-_OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
-_OF_FORCES = {*_OF_LINKS, "name", "between", "law", "numbers", "stages", "teeth", "ratio"}  # no names of parameters
+OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
+"""The quantities of a link without those of its law and its stages."""
 _OF_STAGES = ("clearance", "stiffness", "cubic")
 
 
@@ -64,7 +64,8 @@ class Link:
     between
         The two inertias.
     stiffness
-        Stiffness of the spring, > 0; None if there are only stages, or no springs at all: a shaft with damping alone is
+        Stiffness of the spring, > 0; or ``"rigid"``, beyond a clearance, for a rigid stop with the number
+        `restitution`. None if there are only stages, or no springs at all: a shaft with damping alone is
         a drag, as that of a bearing, or of a fluid coupling. Where nothing else holds its two inertias together, the
         angle between them is free and left out: see `Train`.
     damping
@@ -72,7 +73,8 @@ class Link:
     clearance
         Half the backlash of that spring, as an angle, if there is any.
     stages
-        Further springs, from the inside out; names are made up for those that have none.
+        Further springs, from the inside out; names are made up for those that have none. Each may have the number
+        `hysteresis`; the last one may be a rigid stop, with the stiffness ``"rigid"`` and the number `restitution`.
     cubic
         Coefficient of the cubic term of the spring beyond the clearance; there is none without a clearance.
     law
@@ -80,6 +82,9 @@ class Link:
         the parameters which are given.
     impact_damping, viscous_damping
         The parameter of Hunt and Crossley's law, or of a damper which acts while they touch. One of the two at most.
+    hysteresis, hysteresis_stiffness
+        The torque of dry friction beside its springs, and the stiffness of the spring with which it sticks; without one
+        it sticks rigidly. It always acts; beside a single spring with a clearance it acts while that touches.
     numbers
         Parameters of any law by name; they may also be given as arguments.
     """
@@ -110,6 +115,12 @@ class Link:
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
+        if (
+            stiffness is None
+            and clearance is not None
+            and (law in (RIGID, Rigid()) or (law is None and "restitution" in given))
+        ):
+            stiffness: Any = RIGID
         parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
         for each, value in zip(fields(Link), parts, strict=True):
             object.__setattr__(self, each.name, value)
@@ -134,13 +145,20 @@ class Link:
         """True if any of its springs is elastic."""
         return self.stiffness is not None or bool(self.stages)
 
-    def contact(self, gapless: bool = False) -> Contact | None:
-        """Return its springs with clearances as a contact; None if there are none.
+    @property
+    def only_follows(self) -> bool:
+        """True if it joins nothing: a torque that depends on the rate of its deflection alone."""
+        return False
+
+    def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
+        """Return its springs with clearances, the friction beside them, and its rigid stop, as contacts.
 
         Parameters
         ----------
         gapless
             True if the spring that acts always is one of them, with the clearance 0, because its stiffness varies.
+        angle
+            The unit of angles in which the equations are counted, in rad; only formulas depend on it.
 
         Raises
         ------
@@ -153,18 +171,21 @@ class Link:
             stages.append(Stage(self.clearance or 0.0, self.stiffness, self.cubic, name="" if alone else "stage1"))
         for number, stage in enumerate(self.stages, start=1 if self.stiffness is None else 2):
             stages.append(replace(stage, name=stage.name or ("" if alone else f"stage{number}")))
-        if not stages:
-            return None
-        law = law_with(self.numbers) if self.law is None else self.law
-        return Contact(self.name, {self.name: 1.0}, tuple(stages), None, law, self.numbers)
+        numbers = dict(self.numbers)
+        if len(stages) == 1 and self.clearance is not None and HYSTERESIS.name in numbers:
+            own = stages[0].numbers | {HYSTERESIS.name: numbers.pop(HYSTERESIS.name)}
+            stages = [replace(stages[0], numbers=own)]
+        return ContactParts(self.name, {self.name: 1.0}, tuple(stages), None, self.law, numbers).contacts()
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities, in the order in which they choose the units of a train."""
 
         def changed(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-            return {what: change(f"{prefix}.{what}", value) for what, value in values.items()}
+            return {
+                what: value if value == RIGID else change(f"{prefix}.{what}", value) for what, value in values.items()
+            }
 
-        values = changed(self.name, {what: getattr(self, what) for what in _OF_LINKS})
+        values = changed(self.name, {what: getattr(self, what) for what in OF_LINKS})
         stages = []
         for number, stage in enumerate(self.stages):
             prefix = f"{self.name}.{stage.name or f'stage[{number}]'}"
@@ -175,20 +196,26 @@ class Link:
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
         if self.stiffness is None and self.clearance is not None:
-            yield "has a clearance, but no stiffness beyond it; write stiffness = ..."
+            yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
+        if self.stiffness == RIGID and self.clearance is None:
+            yield 'has the stiffness "rigid", but no clearance; write the clearance of the rigid stop, or leave it out'
+        if any(name in self.numbers for name in OF_FRICTION) and not self.has_springs:
+            yield "has hysteresis, but no spring; write friction alone as a part of its own, as a [[friction]]"
         if self.cubic and self.clearance is None:
             yield "has a cubic term, but no clearance; put it into a stage with clearance = 0.0"
+        own = [name for name in self.numbers if name not in OF_FRICTION]
         if self.law is None:
             try:
-                law_with(self.numbers)
+                law_with(own)
             except ModelError as error:
-                yield f"has {' and '.join(self.numbers)}; {error}: leave one of the two out"
+                yield f"has {' and '.join(own)}; {error}: leave one of the two out"
                 return
-        for what in ("law", *self.numbers):
-            if (what != "law" or self.law is not None) and self.clearance is None and not self.stages:
+        for what in ("law", *own):
+            free = self.clearance is None and not self.stages and self.stiffness != RIGID
+            if free and (what != "law" or self.law is not None):
                 yield f"has {what}, but no clearance; write damping = ... for a damper that acts always"
         try:
-            self.contact()
+            self.contacts()
         except ModelError as error:
             yield f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}"
 
@@ -293,113 +320,3 @@ class Gear(Link):
                 f"has {pair[0]} teeth and the ratio {self.ratio:.10g}, so its second gear would have {second:.8g}; "
                 f"write the numbers of both, as in teeth = [{pair[0]}, {whole}], and leave the ratio out"
             )
-
-
-@dataclass(frozen=True, init=False)
-class Force(Link):
-    """A torque by a formula between two inertias, or between one and the ground.
-
-    Parameters
-    ----------
-    name
-        Prefix of its parameters' names.
-    between
-        The two inertias. Its deflection is the angle of the first less that of the second.
-    law
-        The formula, as for `gapwalk.force`: ``x`` is the deflection, in rad, and ``v`` its rate, in rad/s; the torque
-        is in N m. In a train without units they are in its own.
-    numbers
-        The parameters by name; they may also be given as arguments. In a train with units they may be texts, such as
-        ``"0.01 N m s/rad"``.
-
-    Examples
-    --------
-    >>> Force("seal", ("hub", "box"), "c*v*abs(v)", c="0.001 N m s^2/rad^2").numbers
-    {'c': '0.001 N m s^2/rad^2'}
-    """
-
-    def __init__(
-        self,
-        name: str,
-        between: tuple[str, str],
-        law: str,
-        *,
-        numbers: Mapping[str, float | str] | None = None,
-        **more: float | str,
-    ) -> None:
-        given: Any = {**(numbers or {}), **{name: value for name, value in more.items() if name not in _OF_FORCES}}
-        super().__init__(name, between, law=law, numbers=given)
-
-    @property
-    def is_drag(self) -> bool:
-        """True if its formula does not depend on the deflection."""
-        return "x" not in self.formula.formula.variables
-
-    @property
-    def has_springs(self) -> bool:
-        """True if its formula depends on the deflection."""
-        return not self.is_drag
-
-    @property
-    def formula(self) -> Expression:
-        """The formula as it was written."""
-        return Expression(str(self.law))
-
-    def contact(self, gapless: bool = False, angle: float = 1.0) -> Contact:
-        """Return it as a contact; see `Link.contact`.
-
-        Parameters
-        ----------
-        gapless
-            Not used: it has no stages.
-        angle
-            The unit of angles in which the equations are counted, in rad: the formula is one of rad.
-        """
-        law = Expression(scaled(self.formula.text, angle, angle), ("x",))
-        numbers = {each.name: self.numbers[each.name] for each in law.parameters if each.name in self.numbers}
-        return Contact(self.name, {self.name: 1.0}, (), None, law, numbers)
-
-    def _converted(self, change: Change) -> Self:
-        """Return it with other values of its parameters."""
-        numbers = {name: change(f"{self.name}.{name}", value) for name, value in self.numbers.items()}
-        return type(self)(self.name, self.between, str(self.law), numbers=numbers)
-
-    def problems(self) -> Iterator[str]:
-        """List the errors of its formula and its numbers, one sentence each, without its name."""
-        try:
-            known = [each.name for each in self.formula.parameters]
-        except ModelError as error:
-            yield f"has no formula as its law: {str(error).splitlines()[0]}"
-            return
-        for name in known:
-            if name in _OF_FORCES:
-                yield f"has a parameter {name!r}, which means something else in a shaft; rename it in the formula"
-            elif name not in self.numbers:
-                yield f"has no {name}, which its formula needs; write {name} = ..."
-        for name, value in self.numbers.items():
-            if name not in known:
-                yield f"has {name}, which is no parameter of its formula; its parameters are {', '.join(known)}"
-            elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                yield f"has {name} = {value!r}; it must be a finite number"
-
-
-def scaled(text: str, angle: float, rate: float, torque: float = 1.0) -> str:
-    """Write a formula of a deflection and its rate for other units: in place of x, ``angle * x``, and so on.
-
-    Parameters
-    ----------
-    text
-        The formula.
-    angle, rate
-        Sizes of the new units of the deflection and of its rate, in the old ones.
-    torque
-        Size of the new unit of the torque.
-    """
-    sizes = {"x": angle, "x'": rate, "v": rate}
-
-    def instead(match: re.Match[str]) -> str:
-        size = sizes.get(match[0], 1.0)
-        return match[0] if size == 1.0 else f"({size!r}*{match[0]})"
-
-    found = re.sub(r"[^\W\d]\w*'?", instead, text)
-    return found if torque == 1.0 else f"({found})*{1.0 / torque!r}"

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from gapwalk.model.contact_parts import OF_FRICTION
 from gapwalk.model.drivetrain.train_form import LinkForm
 from gapwalk.model.drivetrain.train_orders import plain_load
-from gapwalk.model.drivetrain.train_parts import GROUND, Force, Gear, Link
+from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Link
+from gapwalk.model.drivetrain.train_torques import Force, Friction
 from gapwalk.model.loads import Load
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.units import QuantityKind, kind_of
@@ -60,7 +62,8 @@ def gapless_links(train: Train) -> frozenset[str]:
 def displaced_gears(train: Train) -> frozenset[str]:
     """Return the gears whose ratio multiplies a prescribed motion, so that it is no parameter."""
     prescribed = prescribed_inertias(train)
-    return frozenset(gear.name for gear in train.gears if gear.between[1] in prescribed)
+    geared = [*train.gears, *(each for each in train.frictions if each.ratio is not None)]
+    return frozenset(each.name for each in geared if each.between[1] in prescribed)
 
 
 def targets_of(
@@ -96,10 +99,12 @@ def targets_of(
             moved = [*_ends_at(train, first)]
         else:
             varies.append((name, factor))
+            if rest == "clearance":  # a rigid stop has one too; what friction slips does not change by it
+                beside = [each for each in links[numbers[first]].beside if each.stages]
+                varies += [(f"{each.name}.clearance", factor) for each in beside]
         for number, sign in moved:
             link = links[number]
-            if link.contact:
-                varies.append((f"{link.name}.deflection", factor * sign))
+            varies += [(f"{each.name}.deflection", factor * sign) for each in link.parts]
             if not (link.rigid or link.by_formula):
                 displaces.append((number, factor * sign))
     return tuple(varies), tuple(displaces)
@@ -111,7 +116,13 @@ def _ends_at(train: Train, inertia: str) -> Iterator[tuple[int, float]]:
         if link.between[0] == inertia:
             yield number, 1.0
         elif link.between[1] == inertia:
-            yield number, -link.ratio if isinstance(link, Gear) else -1.0
+            yield number, -ratio_of(link)
+
+
+def ratio_of(link: Link) -> float:
+    """Return the ratio of a link; that of a shaft is 1."""
+    ratio = link.ratio if isinstance(link, Gear | Friction) else None
+    return 1.0 if ratio is None else ratio
 
 
 def load_problems(train: Train) -> Iterator[str]:
@@ -159,13 +170,13 @@ def _refusal(train: Train, load: Load, name: str, links: Mapping[str, Link]) -> 
         return f"but {first} is rigid; write stiffness = ... for {first}"
     if rest == "deflection":
         return "which cannot jump; vary it by harmonics" if jumps else ""
-    if isinstance(link, Force):
+    if isinstance(link, Force | Friction):
         return ""
     if rest in _SPRINGS and link.is_drag:
         return f"but {first} has no spring; write stiffness = ... for {first}"
     if rest == "clearance" and link.clearance is None and not link.stages:
         return f"but {first} has no clearance; write clearance = ... for {first}"
-    if link.acts_always and rest in _SPRINGS and (link.numbers or link.law is not None):
+    if link.acts_always and rest in _SPRINGS and (link.numbers.keys() - OF_FRICTION or link.law is not None):
         return (
             f"but {first} has a spring that acts always and stages with a force law of their own; write two shafts "
             "between its inertias, one for the spring that varies"

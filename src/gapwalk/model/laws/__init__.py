@@ -7,7 +7,7 @@ from gapwalk.model.laws.arithmetic import KINKS
 from gapwalk.model.laws.closed_form import Host, Stages, StageShape, StageTerms, Term, closed_form_of
 from gapwalk.model.laws.contact_laws import Elastic, HuntCrossley, HuntCrossleyAsPrinted, Viscous
 from gapwalk.model.laws.expression import Expression
-from gapwalk.model.laws.friction import HYSTERESIS, Coulomb, Friction, Hysteretic, Jenkins
+from gapwalk.model.laws.friction import FRICTION, HYSTERESIS, Coulomb, Friction, Hysteretic, Jenkins
 from gapwalk.model.laws.law import (
     CLEARANCE,
     CUBIC,
@@ -35,6 +35,7 @@ __all__ = [
     "CLEARANCE",
     "CUBIC",
     "FORMULAS",
+    "FRICTION",
     "HYSTERESIS",
     "KINKS",
     "LAWS",

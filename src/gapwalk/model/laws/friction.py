@@ -20,7 +20,7 @@ _LIMIT = Parameter("limit", QuantityKind.TORQUE, "it is the force of friction in
 _MORE = Parameter("limit", QuantityKind.TORQUE, "it is friction that acts whether a stage is closed or not", 0.0, 0.0)
 _COEFFICIENT = Parameter("coefficient", None, "it is the coefficient of friction mu", None, 0.0)
 _STATIC = Parameter("static", None, "it is the force at which slip begins over that in slip", 1.0, 1.0, optional=True)
-_SPEED = Parameter("speed", None, "it is the constant rate of the base, as of a belt", 0.0, None, 1, optional=True)
+_SPEED = Parameter("speed", QuantityKind.RATE, "it is the constant rate of the base, as of a belt", 0.0, optional=True)
 _SPRING = Parameter("stiffness", QuantityKind.STIFFNESS, "it is the stiffness of the spring that sticks", None, 0.0)
 
 
@@ -60,6 +60,12 @@ class Friction(Law):
         return {"limit": (_LIMIT,), "stages": (_MORE,), "normal": (_COEFFICIENT,)}[self.by]
 
     @property
+    def title(self) -> str:
+        """See `Law.title`."""
+        by = {"limit": "", "stages": f" by the stages of {self.host}", "normal": f" by the force of {self.host}"}
+        return f"{self.words}{by[self.by]}"
+
+    @property
     def is_dry(self) -> bool:
         """True: it sticks."""
         return True
@@ -68,6 +74,14 @@ class Friction(Law):
     def is_damped(self) -> bool:
         """True: slip dissipates."""
         return True
+
+    def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
+        """Refuse numbers with which friction would feed energy in, or could not stick."""
+        for each in self.parameters:
+            value = numbers[each.name]
+            if each.least is not None and not value >= each.least:
+                why = "at rest it is no smaller than in slip" if each.name == "static" else "friction only takes energy"
+                yield f"{each.name} is {value:g}; it must be >= {each.least:g}: {why}"
 
     def limit(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """Compute the size of the force in slip; arguments are as in `force`."""
@@ -128,12 +142,19 @@ class Jenkins(Friction):
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
         """Refuse a spring without stiffness."""
+        yield from super().problems({**numbers, "stiffness": 0.0})
         if not numbers["stiffness"] > 0.0:
             yield f"stiffness is {numbers['stiffness']:g}; it must be > 0. Friction that sticks rigidly has none"
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
         return numbers["stiffness"] * stages.extension
+
+
+FRICTION: dict[str, Parameter] = {
+    each.name: each for law in (Coulomb(), Coulomb("normal", "host"), Jenkins()) for each in law.parameters
+}
+"""The parameters of friction in all its forms, by name."""
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ _INSTEAD = {
     **dict.fromkeys("’′`", "write the straight apostrophe of the keyboard: x'"),
 }
 
-_JUMPS = "a force that jumps with the rate is dry friction, which a formula cannot have; a force that jumps with the "
+_JUMPS = "a force that jumps with the rate is dry friction, which is a [[friction]]; a force that jumps with the "
 _JUMPS += "deflection is a preload, which a contact has"
 _FUNCTIONS_INSTEAD = {
     **dict.fromkeys(("sign", "sgn", "signum", "step", "heaviside", "copysign"), _JUMPS),

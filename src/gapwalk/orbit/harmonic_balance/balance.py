@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, firsts_of
 from gapwalk.orbit.harmonic_balance.series import Series
@@ -23,6 +24,7 @@ from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
+    from gapwalk.orbit.harmonic_balance.dry_forces import Memory
 
 
 _FIRST = 10  # initial number of harmonics, if it is chosen automatically
@@ -152,7 +154,22 @@ class BalancedOrbit(Orbit):
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
         """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
-        return self.series.states(apart * np.arange(count, dtype=float))
+        return self._states(apart * np.arange(count, dtype=float))
+
+    def _states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at some angles, shape (samples, size of a state)."""
+        states = self.series.states(theta)
+        return np.hstack((states, self._memory.extensions(theta / self.period))) if self._memory else states
+
+    @cached_property
+    def _memory(self) -> Memory | None:
+        """The Jenkins elements along the motion; None if there are none."""
+        if not self.system.structure.memories:
+            return None
+        from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of  # numba loads slowly
+
+        laws = laws_of(layout_of(self.system.structure), coefficients_of(self.system))
+        return contact_forces_of(self.deflections.lines, laws, self.period).memory
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:

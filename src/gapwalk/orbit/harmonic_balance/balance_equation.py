@@ -82,6 +82,13 @@ class BalanceEquation(OrbitEquation):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        structure = self.system.structure
+        if structure.memories and self.options.stability == "hill":
+            names = " and ".join(repr(structure.contacts[number].name) for number in structure.memories)
+            raise ModelError(
+                f'stability is "hill", but {names} has a memory, which Hill\'s matrix has not; write '
+                'stability = "variational"'
+            )
         if not self.system.structure.contacts:
             raise ModelError("the system has no contact; harmonic balance solves for the deflections of contacts")
         highest = max(self._layout.orders, default=1)
@@ -135,6 +142,11 @@ class BalanceEquation(OrbitEquation):
             compliance.flexibility,
             *forces.pairs,
         )
+        if forces.memory.forces:
+            places, columns, rows = forces.memory.links
+            pushed = (compliance.flexibility[:, :, places] * columns.T[:, None]).transpose(1, 0, 2)
+            both = np.concatenate((pushed.real, -pushed.imag[:, 1:]), axis=1)
+            jacobian += both.reshape(-1, len(places)) @ rows
         by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
@@ -154,18 +166,26 @@ class BalanceEquation(OrbitEquation):
         lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
         compliance, shift = evidence.compliance, self._shift
         forces, frequencies = evidence.forces, compliance.lines.frequencies
-        moved = changed(lines - evidence.lines, forces.parts, shift, frequencies, *forces.pairs)
+        step = lines - evidence.lines
+        moved = changed(step, forces.parts, shift, frequencies, *forces.pairs)
+        if forces.memory.forces:
+            places, columns, rows = forces.memory.links
+            np.add.at(moved.T, places, columns * (rows @ real_form(step).ravel())[:, None])
         series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
+        deflections, state = Series(lines, self.period, system.frequency), series.start()
+        if self.system.structure.memories:
+            memory = contact_forces_of(lines, evidence.laws, self.period).memory
+            state = np.append(state, memory.extensions(np.zeros(1))[0])
         return BalancedOrbit(
             system,
             self.period,
-            series.start(),
+            state,
             multipliers([self.monodromy(evidence)]),
             self.events(evidence),
             max(map(abs, evaluation.residual.tolist())),
             2 * self.count,
             series,
-            Series(lines, self.period, system.frequency),
+            deflections,
             self._truncation(evidence),
         )
 
@@ -253,7 +273,7 @@ class BalanceEquation(OrbitEquation):
         if by_lines:
             tangents = forces.parts[:, 1::2].transpose(1, 0, 2)  # of the springs, then of the dampers
             return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length, forces.pairs)
-        return monodromy(linearised, evidence.lines, forces.breaks, length, self.period, forces.pairs)
+        return monodromy(linearised, evidence.lines, forces.breaks, length, self.period, forces.pairs, forces.memory)
 
     def _truncation(self, evidence: Evidence) -> float:
         """Return the amplitudes in the lines from K + 1 to 2K, relative to those up to K."""

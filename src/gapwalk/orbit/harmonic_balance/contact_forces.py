@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout, StageSlots, Wave
 from gapwalk.model.spring import ForcePolynomials, Product, arranged
+from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, DryForces, Memory, check_dry
 from gapwalk.orbit.harmonic_balance.impulses import add_passages
 from gapwalk.orbit.harmonic_balance.kernels import contact_forces
 from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
@@ -66,6 +67,8 @@ class Laws:
         The angles at which gates open and close.
     formulas
         The forces by formulas, None for none.
+    dry
+        The forces of Jenkins elements, None for none.
     frequency
         That of the excitation, and its derivative by the parameter.
     """
@@ -82,6 +85,7 @@ class Laws:
     gate: NDArray[np.intp]
     jumps: Jumps
     formulas: Formulas | None
+    dry: DryForces | None
     frequency: tuple[float, float]
 
     @cached_property
@@ -93,7 +97,7 @@ class Laws:
     @property
     def are_slim(self) -> bool:
         """True if the derivatives of each force are by its own deflection, and momenta do not jump."""
-        return self.formulas is None and not self.has_kicks
+        return self.formulas is None and self.dry is None and not self.has_kicks
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
@@ -215,9 +219,12 @@ class Forces(NamedTuple):
         Crossings of breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the deflection by
         phi, 1 where the stage closes, and its switch.
     pairs
-        The derivatives of forces by formulas.
+        The derivatives of forces by formulas, and those of Jenkins elements at the same angle.
     breaks
-        The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles.
+        The angles phi, in order, at which anything has a kink or jumps: breakpoints, kinks of formulas, known angles,
+        where elements begin to slip and to stick.
+    memory
+        The forces of Jenkins elements.
     """
 
     parts: NDArray[np.complex128]
@@ -225,6 +232,7 @@ class Forces(NamedTuple):
     crossings: NDArray[np.float64]
     pairs: Pairs
     breaks: NDArray[np.float64]
+    memory: Memory = NO_MEMORY
 
 
 def laws_of(
@@ -270,6 +278,7 @@ def laws_of(
     polynomials, slopes = table[:, :, powers].copy(), slopes[:, :, powers].copy()
     waves, wave_slopes = (each[:, :, powers].copy() for each in waves)
     formulas = Formulas(layout, coefficients, moves, shares) if plan.formulas else None
+    dry = DryForces(layout, coefficients, moves, shares) if layout.structure.memories else None
     contact, sign, clearance, clearance_slope = rows
     return Laws(
         contact,
@@ -284,14 +293,15 @@ def laws_of(
         gate,
         jumps,
         formulas,
+        dry,
         (1.0 / float(coefficients[0]), -float(moves[0]) / float(coefficients[0]) ** 2),
     )
 
 
 def depend_on_frequency(layout: CoefficientLayout) -> bool:
-    """Return True if the frequency enters the forces: by a damping that varies, or by a formula."""
+    """Return True if the frequency enters the forces: by a damping that varies, by a formula, or by friction."""
     plan = _plan_of(layout)
-    return plan.formulas or any(products.is_damped for _, products in plan.varied)
+    return plan.formulas or bool(layout.structure.memories) or any(products.is_damped for _, products in plan.varied)
 
 
 def _table(
@@ -354,14 +364,22 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
     Raises
     ------
     ModelError
-        If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps.
+        If the force of a contact is not a polynomial of the penetration, linear in the rate, or if it jumps; or for
+        friction and stops that are rigid.
     """
     backend = "harmonic balance"
+    check_dry(layout)
     switches: list[tuple[int, StageSlots]] = []
     steady: list[Product] = []
     varied: dict[tuple[Wave, ...], list[Product]] = {}
     for place, slots in zip(firsts_of(layout.structure), layout.contacts, strict=True):
         first = len(switches)
+        if slots.form.law.rebounds:
+            raise ModelError(
+                f"{backend} cannot include {slots.form.name!r}: its force law {slots.form.law.name!r} reverses the rate "
+                'at an impact, and no Fourier series has rates that jump. Give the stop a stiffness (law = "elastic", '
+                "stiffness = 1000), or use the method shooting"
+            )
         switches += [(place, stage) for stage in slots.stages]
         for term in slots.form.closed_form(backend) if slots.stages else ():
             refused = f"{backend} cannot include {slots.form.name!r}: its"
@@ -400,13 +418,20 @@ def contact_forces_of(lines: NDArray[np.complex128], laws: Laws, period: int = 1
         breaks = np.sort(np.concatenate((breaks, laws.jumps.over(period)[0])))
         if laws.jumps.move or laws.has_kicks:
             add_passages(lines, laws, period, parts, slopes)
-    if laws.formulas is None:
-        return Forces(parts, slopes, crossings, NO_PAIRS, breaks)
-    sampled = laws.formulas.sample(lines, period)
-    parts[sampled.places, 0] += sampled.lines
-    slopes[sampled.places, 0] += sampled.slopes
-    breaks = np.sort(np.concatenate((breaks, sampled.breaks)))
-    return Forces(parts, slopes, crossings, sampled.pairs, breaks)
+    pairs, memory = NO_PAIRS, NO_MEMORY
+    if laws.formulas is not None:
+        sampled = laws.formulas.sample(lines, period)
+        parts[sampled.places, 0] += sampled.lines
+        slopes[sampled.places, 0] += sampled.slopes
+        breaks, pairs = np.sort(np.concatenate((breaks, sampled.breaks))), sampled.pairs
+    if laws.dry is not None:
+        memory = laws.dry.along(lines, period, crossings)
+        for each in memory.forces:
+            parts[each.slider.element.place, 0] += each.lines
+            slopes[each.slider.element.place, 0] += each.slopes
+        breaks = np.sort(np.concatenate((breaks, *(each.breaks for each in memory.forces))))
+        pairs = memory.pairs if laws.formulas is None else pairs.and_those(memory.pairs)
+    return Forces(parts, slopes, crossings, pairs, breaks, memory)
 
 
 _NO_JUMPS = Jumps(*np.zeros((5, 0)))

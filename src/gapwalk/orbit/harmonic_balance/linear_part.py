@@ -83,9 +83,9 @@ def linear_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> L
 
 
 class Share(NamedTuple):
-    """A spring and a damper that are moved from a force by a formula into the linear part.
+    """A spring and a damper that are moved from a force by a formula, or by friction, into the linear part.
 
-    Without them, a system that only its formulas hold or damp would have a resonance in its linear part.
+    Without them, a system that only these forces hold or damp would have a resonance in its linear part.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Share(NamedTuple):
 
 
 def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:
-    """Choose the shares of all formulas: dampers, and springs if the stiffness alone does not hold the system.
+    """Choose the shares of all forces without stages: dampers, and springs if the stiffness alone does not hold the system.
 
     They are about as large as the inertia of the deflection at the frequency of the excitation.
     """

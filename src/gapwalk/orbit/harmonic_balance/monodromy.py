@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, Dampers, Memory
 from gapwalk.orbit.harmonic_balance.impulses import kicks
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
@@ -115,8 +116,11 @@ def monodromy(
     length: float,
     period: int,
     pairs: Pairs,
+    memory: Memory = NO_MEMORY,
 ) -> NDArray[np.float64]:
     """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
+
+    With Jenkins elements the places of their sliders follow, shape (2n + elements, 2n + elements).
 
     Parameters
     ----------
@@ -130,8 +134,8 @@ def monodromy(
         The period, in units of time.
     period
         The same in forcing periods.
-    pairs
-        The derivatives of forces by formulas.
+    pairs, memory
+        The derivatives of forces by formulas and of Jenkins elements, and the elements.
 
     Notes
     -----
@@ -146,7 +150,7 @@ def monodromy(
     size = 2 * len(linearised.linear.stiffness)
     more, values = np.zeros((0, size, size)), np.zeros((0, 3, 1))
     if len(pairs.forces):
-        more, values = linearised.pair_parts(pairs), _values_of_pairs(linearised, lines, steps, breaks, period)
+        more, values = linearised.pair_parts(pairs), _values_of_pairs(linearised, lines, steps, breaks, period, memory)
     jumping = (_NO_KICKS, np.zeros((0, size, size)))
     if laws.has_kicks:
         angles, places, changes = kicks(lines, laws, period)
@@ -154,9 +158,34 @@ def monodromy(
         for each, place, change in zip(leaps, places, changes, strict=True):
             each[n:, :n] = change * np.outer(linearised.linear.contacts[:, place], linearised.linear.deflections[place])
         jumping = angles, leaps
+    steady, parts = linearised.steady, linearised.parts
+    if memory.forces:
+        angles, resets = memory.resets(linearised.linear, Dampers(laws, lines, period))
+        jumping = np.concatenate((jumping[0], angles)), np.concatenate((_wider(jumping[1], len(memory)), resets))
+        pushes = [_push_of_slider(linearised, memory, number) for number in range(len(memory))]
+        steady, parts = _wider(steady, len(memory)), _wider(parts, len(memory))
+        more = np.concatenate((_wider(more, len(memory)), pushes))
     variation = *laws.over(period), laws.wave_rates
-    own = linearised.steady, linearised.parts, *laws.switches, laws.rates
-    return _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
+    own = steady, parts, *laws.switches, laws.rates
+    matrix = _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
+    for number, each in enumerate(memory.forces):
+        if each.never_slips:
+            matrix[size + number, size + number] = 0.0
+    return matrix
+
+
+def _wider(matrices: NDArray[np.float64], more: int) -> NDArray[np.float64]:
+    """Add rows and columns of zeros to matrices of shape (..., size, size)."""
+    return np.pad(matrices, [(0, 0)] * (matrices.ndim - 2) + [(0, more), (0, more)])
+
+
+def _push_of_slider(linearised: Linearised, memory: Memory, number: int) -> NDArray[np.float64]:
+    """Return the matrix of the momenta that a change of the place of a slider adds in stick."""
+    n, slider = len(linearised.linear.stiffness), memory.forces[number].slider
+    found = np.zeros((2 * n + len(memory),) * 2)
+    pushed = linearised.linear.contacts[:, slider.element.place]
+    found[n : 2 * n, 2 * n + number] = slider.number("stiffness")[0] * pushed
+    return found
 
 
 def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:
@@ -172,18 +201,27 @@ def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:
 
 
 def _values_of_pairs(
-    linearised: Linearised, lines: NDArray[np.complex128], steps: int, breaks: NDArray[np.float64], period: int
+    linearised: Linearised,
+    lines: NDArray[np.complex128],
+    steps: int,
+    breaks: NDArray[np.float64],
+    period: int,
+    memory: Memory,
 ) -> NDArray[np.float64]:
-    """Return the factors of `Linearised.pair_parts` at the nodes of all steps, shape (parts, 3, steps)."""
+    """Return the factors of `Linearised.pair_parts` at the nodes of all steps, shape (parts, 3, steps).
+
+    Then follows 1 for each Jenkins element that sticks.
+    """
     laws = linearised.laws
-    assert laws.formulas is not None
     knots = np.sort(np.concatenate((2.0 * np.pi / steps * np.arange(steps + 1), breaks)))
     phi = (knots[:-1] + _NODES[:, None] * np.diff(knots)).ravel()
-    tangents = laws.formulas.tangents(lines, phi, period)
+    found = [] if laws.formulas is None else [laws.formulas.tangents(lines, phi, period)]
+    tangents = np.concatenate([*found, *(each.tangents(phi) for each in memory.forces)])
     groups = [tangents[:, 0], tangents[:, 1]]
     if len(linearised.damped):
         dampers = laws.tangents((waves(phi, lines.shape[1] - 1) @ lines.T).real, phi, period)[1]
         groups += [tangents[:, 1] * dampers[:, k] for k in linearised.damped]
+    groups += [each.sticks_at(phi)[None] for each in memory.forces]
     return np.concatenate(groups).reshape(-1, 3, len(knots) - 1)
 
 
@@ -389,17 +427,21 @@ def _generate(
 
 
 @part
-def _kick(knots, knot, angles, changes, matrix):
-    """Let momenta jump with positions, which do not, at the last of all knots with the same angle."""
-    half = len(matrix) // 2
+def _kick(knots, knot, angles, changes, matrix, moved):
+    """Let the unknowns jump with one another, by one change after the other, at the last knot of each angle."""
+    size = len(matrix)
     if knot + 1 < len(knots) and knots[knot + 1] == knots[knot]:
         return
     for kick in range(len(angles)):
         if angles[kick] == knots[knot]:
-            for a in range(half):
-                for b in range(len(matrix)):
-                    for k in range(half):
-                        matrix[half + a, b] += changes[kick, half + a, k] * matrix[k, b]
+            for a in range(size):
+                for b in range(size):
+                    moved[a, b] = matrix[a, b]
+                    for k in range(size):
+                        moved[a, b] += changes[kick, a, k] * matrix[k, b]
+            for a in range(size):
+                for b in range(size):
+                    matrix[a, b] = moved[a, b]
 
 
 @kernel(
@@ -475,5 +517,5 @@ def _transition(
                         moved[a, b] += exponentials[a, k, s] * matrix[k, b]
             matrix, moved = moved, matrix
             if len(kick_angles):
-                _kick(knots, first + s + 1, kick_angles, kick_matrices, matrix)
+                _kick(knots, first + s + 1, kick_angles, kick_matrices, matrix, moved)
     return matrix

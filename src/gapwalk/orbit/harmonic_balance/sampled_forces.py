@@ -54,6 +54,10 @@ class Pairs(NamedTuple):
     arguments: NDArray[np.intp]
     spectra: NDArray[np.complex128]
 
+    def and_those(self, others: Pairs) -> Pairs:
+        """Return these, followed by others."""
+        return Pairs(*(np.concatenate(both) for both in zip(self, others, strict=True)))
+
 
 class Sampled(NamedTuple):
     """Lines of the forces by formulas.
@@ -315,7 +319,8 @@ class _Curve:
 def formulas_in(layout: CoefficientLayout) -> list[tuple[int, ContactSlots]]:
     """Return each force by a formula, after the number of the deflection with which it acts."""
     contacts = zip(firsts_of(layout.structure), layout.contacts, strict=True)
-    return [(place, slots) for place, slots in contacts if not slots.form.law.stage_parameters]
+    laws = ((place, slots, slots.form.law) for place, slots in contacts)
+    return [(place, slots) for place, slots, law in laws if not law.stage_parameters and not law.is_dry]
 
 
 def _halved(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:

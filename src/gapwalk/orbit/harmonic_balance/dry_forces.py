@@ -1,0 +1,542 @@
+"""Forces of Jenkins elements along a motion given by its lines, exact to rounding, with all derivatives.
+
+The phases of an element come from `slip_sequence`. In stick its force is ``k (x - p)``, with the place p of its slider,
+in slip plus or minus its limit. The function that is 1 in some phases has its spectrum in closed form; so the lines of
+the force in stick are convolutions, like those of a contact. A limit that varies over a phase of slip is integrated by
+Gauss's rule between the events, which is exact to rounding.
+
+In the derivatives the events need not be moved, because the force is continuous there. But in each phase of stick the
+slider stands where a bound ``x - r`` or ``x + r`` came to rest, at its pin: so the force depends on the motion at that
+one angle, too. Such a derivative is a product of lines and of a linear function of the unknowns, a *link*. Where the
+limit jumps the force may jump: then the event moves with the host, which is a link as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import CoefficientLayout
+from gapwalk.model.laws import Friction
+from gapwalk.orbit.harmonic_balance.linear_part import Linear, Share, firsts_of
+from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Pairs
+from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.slip_sequence import TURN, Element, Motion, Phase, Pin, Slider, sequence_of
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+
+Array = NDArray[np.float64]
+
+_NODES, _WEIGHTS = legendre.leggauss(20)
+_ASIDE = 1e-9  # radians from a break, at which dampers beside it are read
+
+
+class Links(NamedTuple):
+    """Changes of forces with the motion at single angles: lines times linear functions of the unknowns.
+
+    Attributes
+    ----------
+    forces : shape (links,)
+        Number of the deflection with which each force acts.
+    columns : shape (links, K + 1)
+        Lines of the force.
+    rows : shape (links, unknowns)
+        The linear functions of the real forms of all deflections, one after the other.
+    """
+
+    forces: NDArray[np.intp]
+    columns: NDArray[np.complex128]
+    rows: Array
+
+
+class Slip(NamedTuple):
+    """An angle phi at which an element begins to slip in a direction, 1 or -1, or to stick, 0."""
+
+    phi: float
+    contact: int
+    slip: int
+
+
+@dataclass(frozen=True, eq=False)
+class DryForces:
+    """The forces of Jenkins elements, for some coefficients of the flow and their derivatives by a parameter.
+
+    Parameters
+    ----------
+    layout, coefficients, slope
+        The coefficients, and their derivatives.
+    shares
+        What is taken away from the forces.
+    """
+
+    layout: CoefficientLayout
+    coefficients: Array
+    slope: Array
+    shares: tuple[Share, ...] = ()
+
+    def along(self, lines: NDArray[np.complex128], period: int, crossings: Array) -> Memory:
+        """Return the forces along deflections with some lines, which pass breakpoints at known crossings."""
+        motion = Motion(self.layout, self.coefficients, self.slope, lines, period, crossings)
+        found = []
+        for element in elements_in(self.layout):
+            share = next((each for each in self.shares if each.place == element.place), Share(element.place, 0.0, 0.0))
+            found.append(DryForce(Slider(motion, element), share))
+        return Memory(tuple(found))
+
+
+@dataclass(frozen=True, eq=False)
+class DryForce:
+    """The force of one element along a motion, less its share.
+
+    Parameters
+    ----------
+    slider, share
+        The slider with the motion, and what is taken away.
+    """
+
+    slider: Slider
+    share: Share
+
+    def __post_init__(self) -> None:
+        phases, pins, leaps, rests = sequence_of(self.slider)
+        for name, value in (("phases", phases), ("pins", pins), ("leaps", leaps), ("rests", np.array(rests))):
+            object.__setattr__(self, name, value)
+
+    phases: list[Phase] = field(init=False)
+    pins: list[Pin] = field(init=False)
+    leaps: list = field(init=False)
+    rests: Array = field(init=False)
+
+    @property
+    def never_slips(self) -> bool:
+        """True if it sticks throughout, so that it keeps its offset."""
+        return len(self.phases) == 1 and not self.phases[0].slip
+
+    @property
+    def _motion(self) -> Motion:
+        return self.slider.motion
+
+    @property
+    def _count(self) -> int:
+        return self._motion.lines.shape[1] - 1
+
+    @cached_property
+    def _sticks(self) -> list[Phase]:
+        return [each for each in self.phases if not each.slip]
+
+    @cached_property
+    def _slips(self) -> list[Phase]:
+        return [each for each in self.phases if each.slip]
+
+    @cached_property
+    def _stiffness(self) -> tuple[float, float]:
+        return self.slider.number("stiffness")
+
+    # -- lines and derivatives ------------------------------------------------------------------------------------
+
+    @cached_property
+    def lines(self) -> NDArray[np.complex128]:
+        """Lines of the force, shape (2K + 1,)."""
+        (k, _), spectrum = self._stiffness, self._slip_spectra[0].copy()
+        spectrum += k * self._stretched
+        found = _doubled(spectrum)
+        found[: self._count + 1] -= self._of_share(self.share.spring, self._motion.frequency * self.share.damper)
+        return found
+
+    @cached_property
+    def slopes(self) -> NDArray[np.complex128]:
+        """Derivatives of the lines by the parameter, with the motion constant, shape (K + 1,)."""
+        (k, slope), kept, motion = self._stiffness, self._count + 1, self._motion
+        spectrum = self._slip_spectra[1] + slope * self._stretched
+        spectrum -= k * self.slider.drift[1] * self._moment
+        found = _doubled(spectrum)[:kept]
+        found -= self._of_share(0.0, motion.frequency * motion.faster * self.share.damper)
+        for column, (_, _, by_parameter) in self._linked:
+            found += by_parameter * column
+        return found
+
+    @cached_property
+    def pairs(self) -> list[tuple[int, int, NDArray[np.complex128]]]:
+        """The derivatives by its deflection at the same angle, and by that of its host; see `Pairs`."""
+        own = np.zeros((2, 2 * self._count + 1), dtype=complex)
+        own[0] = self._stiffness[0] * self._stuck[: 2 * self._count + 1]
+        own[:, 0] -= self.share.spring, self.share.damper
+        element, found = self.slider.element, [(self.slider.element.place, self.slider.element.place, own)]
+        if self.has_host:
+            found.append((element.place, element.host_place, self._slip_spectra[2:].copy()))
+        return found
+
+    @property
+    def has_host(self) -> bool:
+        """True if its limit depends on the force of a host at the same angle."""
+        law = self.slider.slots.form.law
+        return isinstance(law, Friction) and law.by == "normal"
+
+    @cached_property
+    def links(self) -> list[tuple[int, NDArray[np.complex128], Array]]:
+        """The force, the column and the row of each link; see `Links`."""
+        place, width, found = self.slider.element.place, len(self._motion.lines), []
+        for column, (by_own, by_host, _) in self._linked:
+            row = np.zeros((width, 2 * self._count + 1))
+            row[place] += by_own
+            if self.slider.element.host >= 0:
+                row[self.slider.element.host_place] += by_host
+            found.append((place, column, row.ravel()))
+        return found
+
+    @cached_property
+    def _linked(self) -> list[tuple[NDArray[np.complex128], tuple[Array, Array, float]]]:
+        """The column of each link, and the linear function: of both deflections, and its derivative by the parameter."""
+        k, kept, found = self._stiffness[0], self._count + 1, []
+        for pin in sorted({each.pin for each in self._sticks}):
+            own = [each for each in self._sticks if each.pin == pin]
+            column = -k * _doubled(_indicators(own, self._count).sum(axis=0))
+            found.append((column, self._row(self._change_of(self.pins[pin]))))
+        for leap in self.leaps:
+            phi = self.slider.breaks[leap.place].phi
+            column = k * leap.change / TURN * _doubled(np.exp(-1j * phi * np.arange(kept)))
+            found.append((column, self._row(self._shift_of(leap.place))))
+        return found
+
+    def _row(self, change: _Change) -> tuple[Array, Array, float]:
+        """Return a change as a function of the real forms of both deflections, and of the parameter."""
+        k, w = np.arange(self._count + 1), self._motion.frequency
+        if np.isnan(change.phi):  # the mean
+            return np.eye(1, 2 * self._count + 1)[0], np.zeros(2 * self._count + 1), 0.0
+        angle = k * change.phi
+        value = np.concatenate((np.cos(angle), np.sin(angle[1:])))
+        rate = w * np.concatenate((-k * np.sin(angle), (k * np.cos(angle))[1:]))
+        return change.own * value, change.host * value + change.host_rate * rate, change.by_parameter
+
+    def _change_of(self, pin: Pin) -> _Change:
+        """Return the change of the place of the slider at a pin."""
+        if not pin.side:
+            return _Change(np.nan, 1.0, 0.0, 0.0, 0.0)
+        (k, slope), (drift, faster), at = self._stiffness, self.slider.drift, np.array([pin.phi])
+        limit = self.slider.limit(at, np.array([pin.piece]))
+        value, by_angle, by_parameter, by_deflection, by_rate = (pin.side / k * float(each[0]) for each in limit)
+        found = _Change(pin.phi, 1.0, by_deflection, by_rate, by_parameter - pin.phi * faster - value * slope / k)
+        if pin.place < 0:
+            return found
+        shift, rate = self._shift_of(pin.place), float(self.slider.deflection_rate(at)[0]) + by_angle
+        host, host_rate, more = (a + rate * b for a, b in zip(found[2:], shift[2:], strict=True))
+        return _Change(pin.phi, 1.0, host, host_rate, more)
+
+    def _shift_of(self, place: int) -> _Change:
+        """Return the change of the angle of a break."""
+        each = self.slider.breaks[place]
+        rate, limit = self.slider.moved(place)
+        if limit is not None:
+            _, _, by_parameter, by_deflection, by_rate = (float(part[0]) for part in limit)
+            return _Change(each.phi, 0.0, -by_deflection / rate, -by_rate / rate, -by_parameter / rate)
+        stage = self._motion.layout.contacts[self.slider.element.host].stages[each.switch]
+        wider = float(self._motion.slope[stage.clearance])
+        return _Change(each.phi, 0.0, -stage.sign / rate, 0.0, wider / rate)
+
+    def _of_share(self, spring: float, damper: float) -> NDArray[np.complex128]:
+        """Return the lines of a spring and a damper, whose coefficient is multiplied by the frequency."""
+        own = self._motion.lines[self.slider.element.place]
+        return (spring + 1j * damper * np.arange(len(own))) * own
+
+    # -- spectra --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _stuck(self) -> NDArray[np.complex128]:
+        """Spectrum of the function that is 1 in stick, k = 0 ... 3K."""
+        return _indicators(self._sticks, 3 * self._count).sum(axis=0)
+
+    @cached_property
+    def _moment(self) -> NDArray[np.complex128]:
+        """Spectrum of that function times phi, k = 0 ... 2K."""
+        return _moments(self._sticks, 2 * self._count)
+
+    @cached_property
+    def _stretched(self) -> NDArray[np.complex128]:
+        """Spectrum of the extension in stick, k = 0 ... 2K."""
+        longest, own = 2 * self._count, self._motion.lines[self.slider.element.place]
+        half = 0.5 * own[1:]
+        function = np.concatenate((half[::-1].conj(), own[:1], half))
+        both = np.concatenate((self._stuck[:0:-1].conj(), self._stuck))
+        spectrum = np.convolve(both, function, "valid")[longest:]
+        rests = self.rests[[each.pin for each in self._sticks]]
+        spectrum -= rests @ _indicators(self._sticks, longest)
+        if self.slider.drift[0]:
+            spectrum -= self.slider.drift[0] * self._moment
+        return spectrum
+
+    @cached_property
+    def _slip_spectra(self) -> NDArray[np.complex128]:
+        """Spectra of the force in slip, and of its derivatives by the parameter, by the host and by its rate, k to 2K."""
+        longest, slips = 2 * self._count, self._slips
+        signs, pieces = np.array([each.slip for each in slips]), np.array([each.piece for each in slips], dtype=np.intp)
+        found: NDArray[np.complex128] = np.zeros((4, longest + 1), dtype=complex)
+        if self.slider.is_steady:
+            limit = self.slider.limit(np.zeros(len(slips)), pieces)
+            both = signs * np.array([limit.value, limit.by_parameter])
+            found[:2] = both @ _indicators(slips, longest)
+        elif slips:
+            nodes, weights, each = _gauss(slips, longest)
+            limit = self.slider.limit(nodes, pieces[each])
+            values = np.array([limit.value, limit.by_parameter, limit.by_deflection, limit.by_rate])
+            found = (values * (signs[each] * weights)) @ waves(-nodes, longest) / TURN
+        return found
+
+    # -- at single angles -----------------------------------------------------------------------------------------
+
+    def _phases_at(self, phi: Array) -> NDArray[np.intp]:
+        ends = np.array([each.end for each in self.phases])
+        return np.minimum(np.searchsorted(ends, phi, side="right"), len(ends) - 1)
+
+    def sticks_at(self, phi: Array) -> Array:
+        """Return 1 where it sticks, otherwise 0."""
+        return np.array([float(not each.slip) for each in self.phases])[self._phases_at(phi)]
+
+    def tangents(self, phi: Array) -> Array:
+        """Return the derivatives at some angles, in the order of `pairs`, shape (pairs, 2, angles)."""
+        places = self._phases_at(phi)
+        slips = np.array([each.slip for each in self.phases])[places]
+        pieces = np.array([each.piece for each in self.phases], dtype=np.intp)[places]
+        none = np.zeros(len(phi))
+        own = self._stiffness[0] * (slips == 0) - self.share.spring, none - self.share.damper
+        found = [np.array(own)]
+        if self.has_host:
+            limit = self.slider.limit(phi, pieces)
+            found.append(slips * np.array([limit.by_deflection, limit.by_rate]))
+        return np.array(found)
+
+    def extension(self, phi: Array) -> Array:
+        """Return the extension of its spring at some angles from 0 to 2 pi."""
+        places = self._phases_at(phi)
+        slips, pins, pieces = np.array([each[2:] for each in self.phases]).T
+        rests = self.rests[pins[places]]  # in slip not used
+        limit = self.slider.limit(phi, pieces[places], partial=False).value / self._stiffness[0]
+        return np.where(slips[places] == 0, self.slider.deflection(phi) - rests, slips[places] * limit)
+
+    @cached_property
+    def breaks(self) -> Array:
+        """The angles of all its events."""
+        ends = [each.end for each in self.phases if each.end < TURN]
+        return np.sort(np.concatenate((ends, [each.phi for each in self.slider.breaks])))
+
+    def resets(self, linear: Linear, dampers: Dampers) -> list[tuple[float, int, Array | None, Array]]:
+        """Return what happens to changes of the motion at pins and leaps.
+
+        Each is an angle, an order among those of one angle, the function of changes of positions and momenta that the
+        place of the slider takes, and the change of the momenta as such a matrix.
+        """
+        n, found, element = len(linear.stiffness), [], self.slider.element
+
+        def function(change: _Change, aside: float) -> Array:
+            row = np.zeros(2 * n)
+            row[:n] = change.own * linear.deflections[element.place]
+            if element.host >= 0:
+                other = linear.deflections[element.host_place]
+                row[:n] += change.host * other
+                if change.host_rate:
+                    row[n:] += change.host_rate * other
+                    row[:n] -= change.host_rate * (other @ dampers.matrix(change.phi + aside, linear))
+            return row
+
+        for pin in {each.pin for each in self._sticks}:
+            pin = self.pins[pin]
+            if pin.side:
+                aside = (-_ASIDE if pin.is_before else _ASIDE) * (pin.place >= 0)
+                row = function(self._change_of(pin), aside)
+                found.append((pin.phi % TURN or TURN, 0 if pin.is_before else 2, row, np.zeros((n, 2 * n))))
+        for leap in self.leaps:
+            change = self._shift_of(leap.place)
+            row = function(change, -_ASIDE) / self._motion.frequency  # the change of the time of the event
+            pushed = np.outer(linear.contacts[:, element.place], row) * (-self._stiffness[0] * leap.change)
+            found.append((change.phi % TURN or TURN, 1, None, pushed))
+        return found
+
+
+class _Change(NamedTuple):
+    """A linear function of the motion at an angle: of the own deflection, of the host, of its rate over time."""
+
+    phi: float
+    own: float
+    host: float
+    host_rate: float
+    by_parameter: float
+
+
+@dataclass(frozen=True, eq=False)
+class Dampers:
+    """The derivatives ``P'`` of a motion, with which velocities follow from momenta.
+
+    Parameters
+    ----------
+    laws, lines, period
+        The contacts along the motion.
+    """
+
+    laws: Laws
+    lines: NDArray[np.complex128]
+    period: int
+
+    def matrix(self, phi: float, linear: Linear) -> Array:
+        """Return the sum of ``D_k P_k' e_k`` at an angle, shape (n, n)."""
+        x = (waves(np.array([phi]), self.lines.shape[1] - 1) @ self.lines.T).real
+        dampers = self.laws.tangents(x, np.array([phi % TURN]), self.period)[1][0]
+        return (linear.contacts * dampers) @ linear.deflections
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """The forces of all Jenkins elements along a motion.
+
+    Parameters
+    ----------
+    forces
+        That of each element, in the order of the contacts.
+    """
+
+    forces: tuple[DryForce, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.forces)
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """The derivatives by deflections at the same angle."""
+        if not self.forces:
+            return NO_PAIRS
+        places, arguments, spectra = zip(*(pair for each in self.forces for pair in each.pairs), strict=True)
+        return Pairs(np.array(places), np.array(arguments), np.array(spectra))
+
+    @cached_property
+    def links(self) -> Links:
+        """The derivatives by the motion at single angles."""
+        places, columns, rows = zip(*(link for each in self.forces for link in each.links), strict=True)
+        return Links(np.array(places), np.array(columns), np.array(rows))
+
+    def extensions(self, phi: Array) -> Array:
+        """Return the extensions of all springs, shape (angles, elements)."""
+        return np.array([each.extension(phi % TURN) for each in self.forces]).reshape(len(self.forces), -1).T
+
+    def slips(self) -> list[Slip]:
+        """Return all angles at which an element begins to slip or to stick, in order; its phase at 0 comes first."""
+        found = [
+            Slip(phase.start, each.slider.element.contact, phase.slip)
+            for each in self.forces
+            for before, phase in zip([None, *each.phases[:-1]], each.phases, strict=True)
+            if before is None or before.slip != phase.slip
+        ]
+        return sorted(found)
+
+    def resets(self, linear: Linear, dampers: Dampers) -> tuple[Array, Array]:
+        """Return angles at which changes of the motion change at once, and the differences of the matrices from 1.
+
+        The changes are those of the positions, of the momenta, and of the places of the sliders.
+        """
+        n, found = len(linear.stiffness), []
+        for number, force in enumerate(self.forces):
+            for phi, order, row, pushed in force.resets(linear, dampers):
+                change = np.zeros((2 * n + len(self.forces),) * 2)
+                change[n : 2 * n, : 2 * n] = pushed
+                if row is not None:
+                    change[2 * n + number, : 2 * n] = row
+                    change[2 * n + number, 2 * n + number] = -1.0
+                found.append((phi, order, change))
+        found.sort(key=lambda each: each[:2])
+        size = 2 * n + len(self.forces)
+        return np.array([each[0] for each in found]), np.array([each[2] for each in found]).reshape(-1, size, size)
+
+
+NO_MEMORY = Memory()
+"""That of a system without Jenkins elements."""
+
+
+def elements_in(layout: CoefficientLayout) -> list[Element]:
+    """Return all Jenkins elements of a system."""
+    structure, first = layout.structure, firsts_of(layout.structure)
+    found = []
+    for contact in structure.memories:
+        host = structure.host(contact)
+        found.append(Element(contact, first[contact], -1 if host is None else host, -1 if host is None else first[host]))
+    return found
+
+
+def check_dry(layout: CoefficientLayout) -> None:
+    """Refuse friction that harmonic balance cannot include.
+
+    Raises
+    ------
+    ModelError
+        If friction sticks rigidly, or a number of it varies in a way that is not included.
+    """
+    for number, slots in enumerate(layout.contacts):
+        law, name = slots.form.law, slots.form.name
+        if not isinstance(law, Friction):
+            continue
+        refused = f"harmonic balance cannot include {name!r}: "
+        if not law.has_memory:
+            raise ModelError(
+                f"{refused}its force law {law.name!r} sticks rigidly, and the force in stick is a reaction, which does "
+                "not follow from the deflection. Give it a stiffness in series, which makes it a Jenkins element "
+                "(stiffness = 100 beside limit or coefficient, in the units of the model), or use the method shooting"
+            )
+        host = layout.structure.host(number)
+        sources = [slots.waves]
+        if host is not None:
+            outside = layout.contacts[host]
+            sources += [outside.waves, *(stage.waves for stage in outside.stages)]
+        for varying in sorted({"stiffness", "speed"} & {*slots.waves}):
+            raise ModelError(
+                f"{refused}its {varying} varies over the angle. Vary its limit or its deflection, or use the method shooting"
+            )
+        if any(wave.cycles for waves in sources for wave in waves.values()):
+            raise ModelError(
+                f"{refused}its limit depends on a number that jumps over the angle. Vary it by harmonics, or use the "
+                "method shooting"
+            )
+
+
+def _doubled(spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the lines of a spectrum k = 0, 1, ..."""
+    found = 2.0 * spectrum
+    found[0] = spectrum[0].real
+    return found
+
+
+def _indicators(phases: list[Phase], longest: int) -> NDArray[np.complex128]:
+    """Return the spectrum, k = 0 ... longest, of the function that is 1 in each phase; shape (phases, longest + 1)."""
+    start, end = (np.array([each[place] for each in phases], dtype=float) for place in (0, 1))
+    found: NDArray[np.complex128] = np.empty((len(phases), longest + 1), dtype=complex)
+    found[:, 0] = (end - start) / TURN
+    difference = waves(-start, longest) - waves(-end, longest)
+    found[:, 1:] = difference[:, 1:] / (1j * TURN * np.arange(1, longest + 1))
+    return found
+
+
+def _moments(phases: list[Phase], longest: int) -> NDArray[np.complex128]:
+    """Return the spectrum, k = 0 ... longest, of the function that is phi in some phases, and 0 elsewhere."""
+    start, end = (np.array([each[place] for each in phases], dtype=float) for place in (0, 1))
+    found: NDArray[np.complex128] = np.empty(longest + 1, dtype=complex)
+    found[0] = (end**2 - start**2).sum() / (2.0 * TURN)
+    ends = start @ waves(-start, longest) - end @ waves(-end, longest)
+    inner = _indicators(phases, longest).sum(axis=0)
+    k = np.arange(1, longest + 1)
+    found[1:] = ends[1:] / (1j * TURN * k) + inner[1:] / (1j * k)
+    return found
+
+
+def _gauss(phases: list[Phase], longest: int) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return nodes and weights of Gauss's rule on panels that resolve all lines, and the number of the phase of each."""
+    nodes, weights, numbers = [], [], []
+    for number, each in enumerate(phases):
+        count = 1 + int((each.end - each.start) * max(8, longest) / TURN)
+        ends = each.start + (each.end - each.start) * np.arange(count + 1) / count
+        half = 0.5 * np.diff(ends)[:, None]
+        nodes.append((ends[:-1, None] + half * (1.0 + _NODES)).ravel())
+        weights.append((half * _WEIGHTS).ravel())
+        numbers.append(np.full(len(nodes[-1]), number))
+    return np.concatenate(nodes), np.concatenate(weights), np.concatenate(numbers)
