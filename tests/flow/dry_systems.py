@@ -75,9 +75,7 @@ SYSTEMS = {
         0.3,
     ),
     "stages rigid": system(ONE, [[0.1]], [CLUTCH, Contact("cf", {"x": 1.0}, (), law=Coulomb("stages", "c"))]),
-    "stages": system(
-        ONE, [[0.1]], [CLUTCH, Contact("cf", {"x": 1.0}, (), law=Jenkins("stages", "c"), stiffness=8.0)]
-    ),
+    "stages": system(ONE, [[0.1]], [CLUTCH, Contact("cf", {"x": 1.0}, (), law=Jenkins("stages", "c"), stiffness=8.0)]),
     "normal": system(
         TWO,
         [[0.5, -0.2], [-0.2, 0.6]],

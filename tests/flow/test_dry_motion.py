@@ -147,7 +147,11 @@ def den_hartog(r, f):
 @pytest.mark.parametrize(("r", "amplitude"), [(0.8, 2.626104875724), (1.2, 2.072384268013)])
 def test_extremes_where_friction_turns(r, amplitude):
     system = gw.System(
-        ("x",), [[1.0]], contacts=[friction("f", {"x": 1.0}, 0.3)], harmonics=[gw.Harmonic(1.0, {"x": 1.0})], frequency=r
+        ("x",),
+        [[1.0]],
+        contacts=[friction("f", {"x": 1.0}, 0.3)],
+        harmonics=[gw.Harmonic(1.0, {"x": 1.0})],
+        frequency=r,
     )
     orbit = gw.find_orbit(system)
     high, low, mean, _ = orbit.extremes[0]
@@ -167,13 +171,14 @@ def test_extremes_are_those_of_dense_samples(name):
     settled = sample(system, beginning(system), np.array([0.0, 40 * math.tau])).states[-1]
     orbit = gw.find_orbit(system, start=settled)
     motion = orbit.motion(20000)
-    assert np.abs(orbit.extremes[:, 0] - motion.q.max(axis=0)).max() < 1e-6
-    assert np.abs(orbit.extremes[:, 1] - motion.q.min(axis=0)).max() < 1e-6
+    bound = 3e-4 if motion.impacts else 1e-6  # the samples miss the corner of an impact
+    assert np.abs(orbit.extremes[:, 0] - motion.q.max(axis=0)).max() < bound
+    assert np.abs(orbit.extremes[:, 1] - motion.q.min(axis=0)).max() < bound
     assert np.all(orbit.extremes[:, 0] >= motion.q.max(axis=0) - 1e-12)
     assert np.all(orbit.extremes[:, 1] <= motion.q.min(axis=0) + 1e-12)
     for contact, (thetas, values) in enumerate(orbit.turns):
         deflection = motion.deflections[:, contact]
         if np.ptp(deflection) > 1e-9:
-            assert max(values) == pytest.approx(deflection.max(), abs=1e-6)
-            assert min(values) == pytest.approx(deflection.min(), abs=1e-6)
-        assert len(thetas) <= 16
+            assert max(values) == pytest.approx(deflection.max(), abs=bound)
+            assert min(values) == pytest.approx(deflection.min(), abs=bound)
+        assert len(thetas) <= 16 + 2 * len(motion.impacts)  # none of rounding, while friction sticks

@@ -77,7 +77,9 @@ def modes_at(system: System, theta: NDArray[np.float64], states: NDArray[np.floa
         begun = flow.sample(coefficients, state, np.array([angle, angle + _MOMENT]))
         rows.append(modes_along(structure, np.array([angle]), begun.slips, begun.holds))
     if not rows:
-        return DryModes(np.zeros((0, len(friction_of(structure))), np.int8), np.zeros((0, len(structure.reactions)), bool))
+        return DryModes(
+            np.zeros((0, len(friction_of(structure))), np.int8), np.zeros((0, len(structure.reactions)), bool)
+        )
     return DryModes(np.concatenate([row.slips for row in rows]), np.concatenate([row.held for row in rows]))
 
 

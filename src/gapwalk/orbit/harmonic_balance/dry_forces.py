@@ -461,7 +461,9 @@ def elements_in(layout: CoefficientLayout) -> list[Element]:
     found = []
     for contact in structure.memories:
         host = structure.host(contact)
-        found.append(Element(contact, first[contact], -1 if host is None else host, -1 if host is None else first[host]))
+        found.append(
+            Element(contact, first[contact], -1 if host is None else host, -1 if host is None else first[host])
+        )
     return found
 
 
