@@ -111,7 +111,7 @@ def test_signals_of_friction_have_names():
     assert np.array_equal(motion.signal("h.slip"), motion.slip[:, 2])
     assert np.abs(motion.signal("g.force") - system["g.stiffness"] * motion.signal("g.extension")).max() < 1e-14
     assert set(motion.signal("f.slip")) == {-1.0, 0.0, 1.0}
-    with pytest.raises(ModelError, match="no signal 'h.extension'"):
+    with pytest.raises(ModelError, match="no signal"):
         motion.signal("h.extension")
 
 
