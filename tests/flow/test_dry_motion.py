@@ -9,6 +9,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.flow.dry_motion import modes_at
 from gapwalk.flow.motion import Motion, sample, signal_names
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import friction
 from tests.flow.dry_systems import SYSTEMS, beginning
 
@@ -132,7 +133,8 @@ def test_slopes_of_signals_equal_differences(name):
 
 
 def test_modes_of_no_states():
-    modes = modes_at(SYSTEMS["iwan"], np.zeros(0), np.zeros((0, 6)))
+    system = SYSTEMS["iwan"]
+    modes = modes_at(layout_of(system.structure), coefficients_of(system), np.zeros(0), np.zeros((0, 6)))
     assert modes.slips.shape == (0, 3)
     assert modes.held.shape == (0, 1)
 

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.dry_state import Hold, SlipEvent
-from gapwalk.flow.flow import flow_of
+from gapwalk.flow.flow import flow_with
 from gapwalk.flow.forces import Angles, Dry, accelerations, balance, contact_forces
-from gapwalk.model.coefficients import CoefficientLayout, coefficients_of
+from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
-from gapwalk.model.system import System
 
 _MOMENT = 1e-9  # radians over which a motion is begun to learn its modes
 
@@ -69,18 +68,28 @@ def _latest(times: Sequence[float], theta: NDArray[np.float64]) -> NDArray[np.in
     return np.maximum(np.searchsorted(np.array(times), theta, side="right") - 1, 0)
 
 
-def modes_at(system: System, theta: NDArray[np.float64], states: NDArray[np.float64]) -> DryModes:
+def modes_at(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: NDArray[np.float64], states: NDArray[np.float64]
+) -> DryModes:
     """Return the modes with which motions begin in some states, shape (samples, state_size)."""
-    structure, flow, coefficients = system.structure, flow_of(system), coefficients_of(system)
-    rows = []
+    structure, flow, rows = layout.structure, flow_with(layout, coefficients), []
     for angle, state in zip(theta.tolist(), states, strict=True):
         begun = flow.sample(coefficients, state, np.array([angle, angle + _MOMENT]))
         rows.append(modes_along(structure, np.array([angle]), begun.slips, begun.holds))
-    if not rows:
-        return DryModes(
-            np.zeros((0, len(friction_of(structure))), np.int8), np.zeros((0, len(structure.reactions)), bool)
-        )
-    return DryModes(np.concatenate([row.slips for row in rows]), np.concatenate([row.held for row in rows]))
+    slips = np.array([row.slips[0] for row in rows]).reshape(len(rows), len(friction_of(structure)))
+    return DryModes(slips, np.array([row.held[0] for row in rows]).reshape(len(rows), len(structure.reactions)))
+
+
+def acceleration_at(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the acceleration in one state, with the modes with which a motion begins there, shape (n,)."""
+    n = layout.structure.size
+    if not is_dry(layout.structure):
+        return accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n])
+    angle, states = np.array([theta]), state[None]
+    modes, moved = modes_at(layout, coefficients, angle, states), np.split(states, (n, 2 * n), axis=1)
+    return forces_and_accelerations(layout, coefficients, angle, *moved, modes)[1][0]
 
 
 def forces_and_accelerations(

@@ -28,7 +28,7 @@ from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.length_unit import LengthUnit
-from gapwalk.model.coefficients import coefficients_of, layout_of, varying
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
@@ -506,6 +506,12 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     masks = tuple(mask.tobytes() for mask in (pattern, *directions))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)
+
+
+def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> Flow:
+    """Return the compiled flow of the system that has some coefficients."""
+    with _compiling:
+        return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), False, False)
 
 
 @lru_cache(maxsize=_MOST)

@@ -121,7 +121,7 @@ class Motion:
         """Modes of dry friction, and of rigid stops, at each sample."""
         if self.holds:
             return modes_along(self.system.structure, self.theta, self.slips, self.holds)
-        return modes_at(self.system, self.theta, self.states)
+        return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
 
     @property
     def slip(self) -> NDArray[np.float64]:

@@ -469,8 +469,11 @@ def _joined(phases: list[Phase]) -> list[Phase]:
     """Join neighbouring phases of stick with the same pin, and of slip in one interval."""
     found: list[Phase] = []
     for each in phases:
-        if found and found[-1].slip == each.slip and found[-1].pin == each.pin and (
-            not each.slip or found[-1].piece == each.piece
+        if (
+            found
+            and found[-1].slip == each.slip
+            and found[-1].pin == each.pin
+            and (not each.slip or found[-1].piece == each.piece)
         ):
             found[-1] = found[-1]._replace(end=each.end)
         else:
