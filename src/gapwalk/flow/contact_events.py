@@ -12,18 +12,18 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_switches import TAIL, DrySwitches
+from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.event_rule import Quotient, jump_of, pass_event
-from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.flow.event_rule import Quotient, jump_of
+from gapwalk.flow.forces import accelerations
+from gapwalk.flow.impacts import Impacts
 from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
@@ -124,6 +124,7 @@ class Switchboard:
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
         self.modes, self.dry = ModeSwitches(equations), DrySwitches(equations)
+        self._impacts = Impacts(self.dry)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
@@ -299,7 +300,8 @@ class Switchboard:
         self._changed[switch] = theta
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
-            self._rebound(switch, theta)
+            for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
+                self.log.append(ContactEvent(theta, other, True, 0.0))
             return True
         contact = self.equations.switches[switch][0]
         if self.dry.count and self.dry.concerns(contact, self._jumps[switch] is not None):
@@ -451,79 +453,6 @@ class Switchboard:
             [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
             for contact in range(len(self.equations.layout.contacts))
         ]
-
-    def _rebound(self, switch: int, theta: float) -> None:
-        """Reset the rates of deflections at an impact, and transform the sensitivities accordingly.
-
-        Impacts that would last together for a moment only are summed up: the contact is held from here on. Its
-        impulses act along one direction, so that leaves an error of the second order of that time.
-        """
-        size, dry, before = self.size, self.dry, self._state[: self.size].copy()
-        coefficients, begin, struck = self._system, dry.read(theta), [switch]
-        reset = partial(self._reset, struck, False)
-        while True:
-            self._state[:size] = after = reset(before, coefficients, theta)
-            hit = [other for other in dry.stop_reaction if dry.holds(other) and other != struck[-1]]
-            # an impulse on one stop may press on another that is held
-            into = [other for other in hit if self._signs[other] * self._rate(other, theta) > self._speed * _ON]
-            if not into or len(struck) > len(dry.stop_reaction) ** 2:
-                break
-            struck.append(into[0])
-        dry.after_impact(theta)
-        now, contact = dry.read(theta), self.equations.switches[switch][0]
-        towards = self._signs[switch] * dry.acceleration(contact, now, theta)
-        left, restitution = -self._signs[switch] * self._rate(switch, theta), self._restitution(switch, theta)
-        if towards > 0.0 and restitution < 1.0 and len(struck) == 1:
-            tail = 2.0 * max(left, 0.0) / (towards * (1.0 - restitution))
-            if tail <= TAIL * float(coefficients[0]):
-                reset = partial(self._reset, struck, True)
-                self._state[:size] = after = reset(before, coefficients, theta)
-                dry.after_impact(theta, [dry.stop_reaction[switch]])
-        if self._columns:
-            now = dry.read(theta)
-            rows = self._state[size:].reshape(self._columns, size)
-            along, directions = np.zeros((self._columns, len(coefficients))), dry.directions
-            along[self._columns - len(directions) :] = directions
-            flows = [float(coefficients[0]) * np.concatenate(each[:3]) for each in (begin, now)]
-            guard = partial(self._depth_of, switch)
-            rows[:] = pass_event(
-                rows, along, before, coefficients, theta, guard, reset, lambda _, passed: flows[int(passed)]
-            )
-        self._state[:size] = after
-        dry.kink(begin, theta)
-        for other in struck[1:]:
-            self.log.append(ContactEvent(theta, other, True, 0.0))
-
-    def _restitution(self, switch: int, theta: float) -> float:
-        slots = self.equations.layout.contacts[self.equations.switches[switch][0]]
-        numbers = Angles(self.equations.layout, self._system, theta).named(slots.numbers, slots.waves)
-        return -float(slots.form.law.rebound(1.0, numbers))
-
-    def _reset(
-        self, struck: Sequence[int], plastic: bool, state: NDArray, coefficients: NDArray, theta: Any
-    ) -> NDArray:
-        """Return the state after impacts at some switches, one after the other; plastic ones also end on the stop."""
-        n, layout = self.n, self.equations.layout
-        angles = Angles(layout, coefficients, theta)
-        for switch in struck:
-            slots = layout.contacts[self.equations.switches[switch][0]]
-            vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
-            push = push / np.sum(vector * push, axis=-1)[..., None]
-            rate = np.sum(vector * state[..., n : 2 * n], axis=-1) + angles.sway(slots, 0, 1)
-            after = 0.0 * rate if plastic else slots.form.law.rebound(rate, angles.named(slots.numbers, slots.waves))
-            q, v = state[..., :n], state[..., n : 2 * n] + (after - rate)[..., None] * push
-            if plastic:
-                q = q - self._depth_of(switch, state, coefficients, theta)[..., None] * push
-            state = np.concatenate((q, v, state[..., 2 * n :]), axis=-1)
-        return state
-
-    def _depth_of(self, switch: int, state: NDArray, coefficients: NDArray, theta: Any) -> NDArray:
-        """Return the deflection of a switch beyond its breakpoint, real or complex."""
-        layout = self.equations.layout
-        slots = layout.contacts[self.equations.switches[switch][0]]
-        vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
-        x = np.sum(vector * state[..., : self.n], axis=-1) + Angles(layout, coefficients, theta).sway(slots)
-        return x - self.signs[switch] * place
 
     def _directions(self) -> NDArray[np.float64]:
         """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""

@@ -33,9 +33,6 @@ _SETTLING = 1e-7  # radians after a change within which a guard of the new mode 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
-TAIL = 1e-6
-"""Radians that further impacts may last together for the contact to be held at once."""
-
 Array = NDArray[np.float64]
 
 

@@ -10,7 +10,6 @@ forces are the formulas of the force laws (`gapwalk.model.laws`), and all deriva
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,7 +17,8 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, Wave
+from gapwalk.flow.run_time_parameters import RunTimeParameters
+from gapwalk.model.coefficients import ContactSlots, StageSlots, Wave
 from gapwalk.model.laws import Friction, Host, Stages, StageTerms
 
 EDGE = 1e-7
@@ -52,28 +52,8 @@ class _Seen(NamedTuple):
     motion: dict[hy.expression, hy.expression]
 
 
-@dataclass(frozen=True, eq=False)
-class Equations:
-    """The right-hand sides for one coefficient layout and one pattern of non-zero coefficients.
-
-    Parameters
-    ----------
-    layout
-        Positions of the coefficients in an array.
-    pattern : shape (number of coefficients,), bool
-        True for each coefficient that is included; the others are zero.
-    varying
-        For each sensitivity, the slots of the coefficients that vary along its direction.
-
-    The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, the modes, the levels of the cycles, the slips and sticks of friction, the
-    stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in every equation, so
-    heyoka allocates room for all of them.
-    """
-
-    layout: CoefficientLayout
-    pattern: NDArray[np.bool_]
-    varying: tuple[NDArray[np.intp], ...] = ()
+class Equations(RunTimeParameters):
+    """The right-hand sides for one coefficient layout and one pattern of non-zero coefficients; see the base class."""
 
     @property
     def text(self) -> str:
@@ -86,101 +66,6 @@ class Equations:
         variations = [(*variation[:4], [load for load, _ in variation.loads]) for variation in structure.variations]
         slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
         return f"{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
-
-    @cached_property
-    def active(self) -> NDArray[np.intp]:
-        """Slots of the coefficients that are included, in the order of their run-time parameters."""
-        return np.roll(np.flatnonzero(self.pattern), -1)
-
-    @cached_property
-    def _indices(self) -> dict[int, int]:
-        """Run-time parameter of each active slot."""
-        return {int(slot): self.first_coefficient + i for i, slot in enumerate(self.active)}
-
-    def first_component(self, index: int) -> int:
-        """Return the run-time parameter of the first component of a direction."""
-        return sum(len(slots) for slots in self.varying[:index])
-
-    @cached_property
-    def components(self) -> NDArray[np.intp]:
-        """Indices of the components of all directions, in the joined coefficients of all directions."""
-        return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
-
-    @cached_property
-    def first_switch(self) -> int:
-        """Run-time parameter of the first switch."""
-        return self.first_component(len(self.varying))
-
-    @cached_property
-    def first_weight(self) -> int:
-        """Run-time parameter of the first weight of an event function."""
-        return self.first_switch + len(self.switches)
-
-    @cached_property
-    def first_mode(self) -> int:
-        """Run-time parameter of the first mode of a law."""
-        return self.first_weight + len(self.switches)
-
-    @cached_property
-    def first_level(self) -> int:
-        """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
-        return self.first_mode + len(self.modes)
-
-    @cached_property
-    def first_slip(self) -> int:
-        """Run-time parameter of the first slip of friction: 1 or -1 in slip, 0 in stick."""
-        return self.first_level + len(self.layout.cycles)
-
-    @cached_property
-    def first_stick(self) -> int:
-        """Run-time parameter of the first stick of friction: 1 in stick, otherwise 0."""
-        return self.first_slip + len(self.dry)
-
-    @cached_property
-    def first_held(self) -> int:
-        """Run-time parameter of the first switch of a rigid stop: 1 while the stop is held, otherwise 0."""
-        return self.first_stick + len(self.dry)
-
-    @cached_property
-    def length(self) -> int:
-        """Run-time parameter of the unit of length, in units of the model."""
-        return self.first_held + len(self.stops)
-
-    @cached_property
-    def first_coefficient(self) -> int:
-        """Run-time parameter of the first coefficient."""
-        return self.length + 1
-
-    @cached_property
-    def formulas(self) -> bool:
-        """True if any force is a formula, which may have no value somewhere."""
-        return any(contact.form.law.is_formula for contact in self.layout.contacts)
-
-    @cached_property
-    def dry(self) -> tuple[int, ...]:
-        """Numbers of the contacts that are dry friction."""
-        return tuple(index for index, contact in enumerate(self.layout.contacts) if contact.form.law.is_dry)
-
-    @cached_property
-    def stops(self) -> tuple[int, ...]:
-        """Numbers of the switches of rigid stops."""
-        return tuple(switch for _, switch in self.layout.structure.reactions if switch >= 0)
-
-    @cached_property
-    def modes(self) -> tuple[tuple[int, int], ...]:
-        """(contact, mode of its law) of every mode."""
-        return tuple(
-            (index, mode)
-            for index, contact in enumerate(self.layout.contacts)
-            for mode in range(contact.form.law.mode_count)
-        )
-
-    @cached_property
-    def switches(self) -> tuple[tuple[int, int], ...]:
-        """(contact, stage) of every switch."""
-        return tuple(
-            (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
-        )
 
     @cached_property
     def positions(self) -> list:
@@ -320,8 +205,8 @@ class Equations:
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
             terms, used = [linear], {int(str(each).removeprefix("p")) for each in hy.get_params(force)}
             for component, slot in enumerate(self.varying[index].tolist()):
-                if self._indices[slot] in used:
-                    terms.append(hy.diff(force, hy.par[self._indices[slot]]) * hy.par[first + component])
+                if self.indices[slot] in used:
+                    terms.append(hy.diff(force, hy.par[self.indices[slot]]) * hy.par[first + component])
             forced.append((variable, hy.sum(terms)))
         return forced
 
@@ -347,7 +232,7 @@ class Equations:
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
             return hy.expression(0.0)
-        return hy.par[self._indices[int(slot)]]
+        return hy.par[self.indices[int(slot)]]
 
     def _terms(self, slots, symbols) -> list[hy.expression]:
         """Return the products of coefficients and symbols, without those that are zero."""
