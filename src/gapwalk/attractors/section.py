@@ -198,8 +198,8 @@ class _Crossings:
         on = np.abs(heights) <= _ROUNDING * (np.abs(states) @ np.abs(self._weights)).max()
         if np.any(on[1:] & on[:-1]):
             raise ModelError(
-                f"the motion lies in the plane {self._plane.text} while friction sticks or a stop is held, so that it has no "
-                "single crossing there; choose another level, or another signal"
+                f"the motion lies in the plane {self._plane.text} while friction sticks or a stop is held, so that it has "
+                "no single crossing there; choose another level, or another signal"
             )
 
     def _find(self, start: float, stop: float, state: NDArray[np.float64]) -> None:

@@ -69,7 +69,10 @@ def _latest(times: Sequence[float], theta: NDArray[np.float64]) -> NDArray[np.in
 
 
 def modes_at(
-    layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: NDArray[np.float64], states: NDArray[np.float64]
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    states: NDArray[np.float64],
 ) -> DryModes:
     """Return the modes with which motions begin in some states, shape (samples, state_size)."""
     structure, flow, rows = layout.structure, flow_with(layout, coefficients), []
