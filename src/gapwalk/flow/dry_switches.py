@@ -23,7 +23,7 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -68,6 +68,7 @@ class DrySwitches(DryState):
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self.slots)
+        self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
             self._move_within(theta, unit)
@@ -171,14 +172,14 @@ class DrySwitches(DryState):
 
         Return the values with what is held, if anything is.
         """
-        held = sorted({*candidates}, key=lambda number: (number in self.friction_of, number))
+        held, released, back = {*candidates}, list[int](), set[int]()
         while True:
             for number in held:
                 if (place := self.friction_of.get(number)) is not None:
                     self.slips[place], self.sticks[place] = 0, True
-            self.held = tuple(held)
+            self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
             self.apply()
-            if not held:
+            if not held and not released:
                 return None
             now = self.read(theta)
             worst, excess = -1, 0.0
@@ -191,11 +192,25 @@ class DrySwitches(DryState):
                     over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
                 if over > excess:
                     worst, excess = number, over
-            if worst < 0:
-                return now
+            if worst < 0:  # where others have let go since, one may not slip after all
+                returning = [each for each in released if each not in back and self._returns(each, now, theta)]
+                if not returning:
+                    return now if held else None
+                held.add(returning[0])
+                back.add(returning[0])
+                released.remove(returning[0])
+                continue
             held.remove(worst)
+            released.append(worst)
             if (place := self.friction_of.get(worst)) is not None:
                 self._slip(place, 1 if now.reactions[worst] > 0.0 else -1, theta)
+
+    def _returns(self, number: int, now: Readings, theta: float) -> bool:
+        """Return True if a contact that was let go at rest accelerates against its slip, or into its stop."""
+        place = self.friction_of.get(number)
+        side = -self.sign_of[number] if place is None else self.slips[place]
+        acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
+        return side * acceleration < -_NEAR * float(np.abs(now.accelerations).max())
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
