@@ -33,6 +33,7 @@ _SETTLING = 1e-7  # radians after a change within which a guard of the new mode 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
 _BRIEF = 4e-9  # radians that they must last: events of one contact are told apart from a quarter of that
+_LATER = 1e-4  # radians after which an acceleration decides that vanishes now
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -128,26 +129,42 @@ class DrySwitches(DryState):
         self.apply()
         rate, limit, _ = self.read(theta).friction[place].tolist()
         force = self.stiffness(place) * float(self.state[memory])
-        if limit > 0.0 and abs(force) < limit * (1.0 - _ON):
+        tiny = _ON * self.stiffness(place) * float(np.abs(self.state[: self.n]).max())
+        begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
+        if limit > 0.0 and abs(force) < limit * (1.0 - _ON) and not begins:
             self.sticks[place] = True
             self.apply()
             return
         side = 1 if force > 0.0 else -1
-        if limit <= 0.0:
-            side = 0 if not self._grows(place) else 1 if rate > 0.0 else -1
+        if limit <= 0.0 or begins:
+            side = 0 if not begins else 1 if rate > 0.0 else -1
         self._reset_extension(place, side, theta)
-        if side:
-            self.slips[place] = side
-            self.apply()
-            now = self.read(theta)
-            rate = side * (float(now.friction[place, 0]) or self.slip_acceleration(place, now, theta))
-            if rate <= 0.0:
-                self._stick(place, theta)
-                if limit <= 0.0:
-                    self._reset_extension(place, 0, theta)
-            else:
-                self._forgotten[memory] = True
+        if side and self._slips_on(place, side, theta):
+            self._forgotten[memory] = True
+        elif side:
+            self._stick(place, theta)
+            if begins:
+                self._reset_extension(place, 0, theta)
         self.apply()
+
+    def _slips_on(self, place: int, side: int, theta: float) -> bool:
+        """Let friction in series with a spring slip to one side; return True if its slip rate has that direction.
+
+        Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
+        """
+        self.slips[place], self.sticks[place] = side, False
+        self.apply()
+        now = self.read(theta)
+        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
+            return side * rate > 0.0
+        if abs(change) <= _NEAR * float(np.abs(now.accelerations).max()):
+            kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
+            self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
+            later = self.read(theta + _LATER)
+            change = self.slip_acceleration(place, later, theta + _LATER)
+            self.state[: self.size] = kept
+        return side * change > 0.0
 
     def _stick(self, place: int, theta: float) -> None:
         self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
@@ -301,21 +318,42 @@ class DrySwitches(DryState):
         after = self._hold(theta, [each for each in self.held if each != number])
         if gradient is not None:
             add_delay(self, before, theta, *gradient, after=after)
+        self._let_memories_slip(theta)
         self._report(modes, theta)
+
+    def _let_memories_slip(self, theta: float) -> None:
+        """Let springs slip that are at their limit, and that something which stuck has set free to move on.
+
+        Their force stays where it is while the deflection does not move, so no event tells.
+        """
+        for place, memory in enumerate(self.memory_of):
+            if memory is None or not self.sticks[place]:
+                continue
+            force, limit = self.stiffness(place) * float(self.state[memory]), float(self.read(theta).friction[place, 1])
+            if abs(force) < limit * (1.0 - _NEAR):
+                continue
+            side = 1 if force > 0.0 else -1
+            if self._slips_on(place, side, theta):
+                self._reset_extension(place, side, theta)
+                self._begun[place] = theta
+            else:
+                self.slips[place], self.sticks[place] = 0, True
+                self.apply()
 
     def _at_memory(self, place: int, second: bool, direction: int, theta: float, now: Readings) -> None:
         """Change the mode of a Jenkins element."""
         modes = self.slips.copy()
         if self.sticks[place]:
             side = -1 if second else 1
-            just = theta - self._begun[place] <= _SETTLING
-            rate = self.slip_acceleration(place, now, theta) if just else float(now.friction[place, 0])
-            if side * rate <= 0.0:
+            if not self._slips_on(place, side, theta):
+                self.slips[place], self.sticks[place] = 0, True
+                self.apply()
                 return  # where slip has just ended, the force is at its limit, and leaves it
             self._reset_extension(place, side, theta)
-            self._slip(place, side, theta - 1.0)
+            self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
-            if self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0:
+            just = theta - self._begun[place] <= _SETTLING
+            if just or self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0:
                 return
             self._stick(place, theta)
             if not self.columns:
@@ -363,6 +401,7 @@ class DrySwitches(DryState):
             if memory is not None and self.slips[place] * float(now.friction[place, 0]) < 0.0:
                 self._stick(place, theta)
         self.apply()
+        self._let_memories_slip(theta)
         self._report(modes, theta)
 
     def concerns(self, contact: int, jumps: bool) -> bool:
