@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_state import SlipEvent
+from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, friction_of, is_dry, modes_along, modes_at
+from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import Angles, contact_deflections
-from gapwalk.flow.sampled_modes import SampledModes, forces_along, modes_along
+from gapwalk.flow.forces import contact_deflections
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.displacement import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -50,6 +50,11 @@ class Motion:
         Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
     slips
         The modes of dry friction at the first sample, then their changes, in order.
+    holds
+        What sticks rigidly, or is held at a stop, at the first sample; then its changes, in order. Without them, the
+        modes at each sample are those with which a motion begins there.
+    impacts
+        The impacts on rigid stops, in order, with the velocities before and after.
     """
 
     system: System
@@ -59,6 +64,8 @@ class Motion:
     events: tuple[ContactEvent, ...]
     z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     slips: tuple[SlipEvent, ...] = ()
+    holds: tuple[Hold, ...] = ()
+    impacts: tuple[Kink, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.z.size:
@@ -72,10 +79,12 @@ class Motion:
         states: NDArray[np.float64],
         events: Iterable[ContactEvent] = (),
         slips: Iterable[SlipEvent] = (),
+        holds: Iterable[Hold] = (),
+        impacts: Iterable[Kink] = (),
     ) -> Motion:
-        """Make a motion from its states, shape (samples, state_size); real or complex."""
-        n = system.size
-        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], tuple(slips))
+        """Make a motion from its states, shape (samples, state_size), and its logs."""
+        n, logs = system.size, map(tuple, (slips, holds, impacts))
+        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], *logs)
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -90,36 +99,34 @@ class Motion:
     @cached_property
     def a(self) -> NDArray[np.float64]:
         """Accelerations, shape (samples, n)."""
-        return self._balance[0]
+        return self._dynamics[1]
 
     @cached_property
     def forces(self) -> NDArray[np.float64]:
-        """Contact forces ``f_k``, shape (samples, contacts)."""
-        return self._balance[1]
+        """Contact forces ``f_k``, shape (samples, contacts); reactions of what sticks or is held are among them."""
+        return self._dynamics[0]
 
     @cached_property
-    def rates(self) -> NDArray[np.float64]:
-        """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
-        structure, layout = self.system.structure, layout_of(self.system.structure)
-        extending, dry = np.zeros_like(self.z), [k for k, each in enumerate(structure.contacts) if each.law.is_dry]
-        for place, contact in enumerate(structure.memories):
-            slots, slips = layout.contacts[contact], self.modes.slips
-            rate = self.v @ self._coefficients[slots.deflection] - self._coefficients[slots.numbers["speed"]]
-            rate = rate + Angles(layout, self._coefficients, self.theta).sway(slots, 0, 1)
-            extending[:, place] = rate * (True if slips is None else slips[:, dry.index(contact)] == 0.0)
-        return np.hstack((self.v, self.a, extending))
+    def _dynamics(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        structure, modes = self.system.structure, None
+        if structure.reactions:
+            modes = self.modes
+        elif is_dry(structure):  # extensions alone determine the forces
+            modes = DryModes(*(np.zeros((len(self.theta), count)) for count in (len(friction_of(structure)), 0)))
+        moved = self.theta, self.q, self.v, self.z
+        return forces_and_accelerations(layout_of(structure), self._coefficients, *moved, modes)
 
     @cached_property
-    def modes(self) -> SampledModes:
-        """The modes of friction and of rigid stops at the samples."""
-        layout = layout_of(self.system.structure)
-        return modes_along(layout, self._coefficients, self.theta, self.q, self.v, self.slips)
+    def modes(self) -> DryModes:
+        """Modes of dry friction, and of rigid stops, at each sample."""
+        if self.holds:
+            return modes_along(self.system.structure, self.theta, self.slips, self.holds)
+        return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
 
-    @cached_property
-    def _balance(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Accelerations and contact forces."""
-        layout, states = layout_of(self.system.structure), (self.q, self.v, self.z)
-        return forces_along(layout, self._coefficients, self.theta, states, self.modes)
+    @property
+    def slip(self) -> NDArray[np.float64]:
+        """Modes of dry friction, shape (samples, contacts that are friction): 1 or -1 in slip, 0 in stick."""
+        return self.modes.slips.astype(float)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
@@ -145,7 +152,8 @@ class Motion:
         name
             A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), the force of a contact
             (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train),
-            or the extension of a contact with a state of its own (``"brake.extension"``).
+            the extension of the spring of friction that has one (``"brake.extension"``), or the mode of dry friction
+            (``"brake.slip"``: 1 or -1 in slip, by its direction, and 0 in stick).
             For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
@@ -157,6 +165,7 @@ class Motion:
         """
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
+        widths["slip"] = len(friction_of(structure))
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
@@ -230,7 +239,7 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
     found = flow_of(system).sample(coefficients_of(system), initial, theta)
-    return Motion.of(system, theta, found.states, found.contacts, found.slips)
+    return Motion.of(system, theta, found.states, *found.logs)
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
@@ -282,8 +291,9 @@ def signal_place(system: System, name: str) -> int:
 def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    extensions = system.state_names[2 * system.size :]
-    return [*derivatives, *map(force_of, system.structure.contacts), *extensions, *train_signals(system.structure)]
+    structure, extensions = system.structure, system.state_names[2 * system.size :]
+    modes = [f"{structure.contacts[index].name}.slip" for index in friction_of(structure)]
+    return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *train_signals(structure)]
 
 
 def force_of(contact: ContactForm) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.dry_motion import forces_and_accelerations, is_dry
 from gapwalk.flow.motion import Motion, signal_factor, signal_place, train_histories, train_signals
-from gapwalk.flow.sampled_modes import forces_along
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -56,6 +56,8 @@ class Signal:
     ) -> NDArray[np.float64]:
         """Return its derivative along a direction, exact to rounding, shape (samples,).
 
+        The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
+
         Parameters
         ----------
         motion
@@ -78,8 +80,9 @@ class Signal:
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
         z = motion.z + step * states[:, 2 * n :]
-        a, forces = forces_along(layout, numbers, angles, (q, v, z), motion.modes)
-        columns = [q, v, a, forces, z]
+        modes = motion.modes if is_dry(system.structure) else None
+        forces, a = forces_and_accelerations(layout, numbers, angles, q, v, z, modes)
+        columns = [q, v, a, forces, z, *([] if modes is None else [modes.slips])]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(

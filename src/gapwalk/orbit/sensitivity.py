@@ -92,14 +92,14 @@ class Sensitivity:
         grid, back = _grid(self.orbit, theta)
         system = self.orbit.system
         found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
-        motion = Motion.of(system, grid, found.states, found.contacts, found.slips)
+        motion = Motion.of(system, grid, found.states, *found.logs)
         states = found.transitions @ self.state + found.sensitivities
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):
             through_state = signal.slope(motion, states[:, :, k])
             by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
             sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
-        rate = motion.rates / system.frequency
+        rate = np.hstack((motion.v, motion.a)) / system.frequency
         by_angle = signal.slope(motion, rate, theta=1.0)
         return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
 
