@@ -23,7 +23,7 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -31,6 +31,8 @@ _ON = 1e-12  # share of a limit within which a force is at it
 _NEAR = 1e-8  # the same at the end of a motion
 _SETTLING = 1e-7  # radians after a change within which a guard of the new mode vanishes by rounding
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
+_BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
+_BRIEF = 4e-9  # radians that they must last: events of one contact are told apart from a quarter of that
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -68,6 +70,7 @@ class DrySwitches(DryState):
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self.slots)
+        self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
             self._move_within(theta, unit)
@@ -171,14 +174,15 @@ class DrySwitches(DryState):
 
         Return the values with what is held, if anything is.
         """
-        held = sorted({*candidates}, key=lambda number: (number in self.friction_of, number))
+        held, released, back = {*candidates}, list[int](), set[int]()
+        self._over: dict[int | None, float] = {}  # share of its bound by which a reaction exceeds it
         while True:
             for number in held:
                 if (place := self.friction_of.get(number)) is not None:
                     self.slips[place], self.sticks[place] = 0, True
-            self.held = tuple(held)
+            self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
             self.apply()
-            if not held:
+            if not held and not released:
                 return None
             now = self.read(theta)
             worst, excess = -1, 0.0
@@ -189,13 +193,28 @@ class DrySwitches(DryState):
                 else:
                     bound = float(now.friction[place, 2])
                     over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
+                    self._over[number] = over
                 if over > excess:
                     worst, excess = number, over
-            if worst < 0:
-                return now
+            if worst < 0:  # where others have let go since, one may not slip after all
+                returning = [each for each in released if each not in back and self._returns(each, now, theta)]
+                if not returning:
+                    return now if held else None
+                held.add(returning[0])
+                back.add(returning[0])
+                released.remove(returning[0])
+                continue
             held.remove(worst)
+            released.append(worst)
             if (place := self.friction_of.get(worst)) is not None:
                 self._slip(place, 1 if now.reactions[worst] > 0.0 else -1, theta)
+
+    def _returns(self, number: int, now: Readings, theta: float) -> bool:
+        """Return True if a contact that was let go at rest accelerates against its slip, or into its stop."""
+        place = self.friction_of.get(number)
+        side = -self.sign_of[number] if place is None else self.slips[place]
+        acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
+        return side * acceleration < -_NEAR * float(np.abs(now.accelerations).max())
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
@@ -208,8 +227,9 @@ class DrySwitches(DryState):
         if self.memory_of[place] is not None:
             self._at_memory(place, bool(second), direction, theta, now)
         elif self.sticks[place]:
-            self._release(place, -1 if second else 1, theta, now)
-        elif not second and theta - self._begun[place] > _SETTLING:
+            if direction <= 0:  # otherwise its force returns within the bound
+                self._release(place, -1 if second else 1, theta, now)
+        elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
 
     def _stop(self, place: int, theta: float, before: Readings) -> None:
@@ -224,12 +244,38 @@ class DrySwitches(DryState):
                 candidates.append(number)
         modes = self.slips.copy()
         after = self._hold(theta, [number for number in candidates if number is not None])
+        if abs(self._over.get(self.reaction_of[place], 1.0)) < _BARELY:
+            after = self._settle_briefly(place, theta)
         project(self, theta)
         if self.columns:
             add_delay(self, before, theta, shifts, acceleration, after=after)
         else:
             self.kink(before, theta)
         self._report(modes, theta)
+
+    def _settle_briefly(self, place: int, theta: float) -> Readings | None:
+        """Leave out a stick, or a slip back before a stick, that is shorter than events can be told apart.
+
+        Return the values with what is held, if anything is.
+        """
+        number = self.reaction_of[place]
+        assert number is not None
+        sticks, others = self.sticks[place], [each for each in self.held if each != number]
+        if not sticks:
+            self.slips[place], self.sticks[place] = 0, True
+            self.held = tuple(sorted([*others, number], key=lambda each: (each in self.friction_of, each)))
+            self.apply()
+        now = self.read(theta)
+        reaction, bound = float(now.reactions[number]), float(now.friction[place, 2])
+        beyond, growth = abs(reaction) - bound, margin_changes(self, place, now, theta)[1] * float(self.base[0])
+        if sticks:
+            lasts = -beyond / growth if growth > 0.0 else np.inf
+        else:  # a slip back that begins with the rate 0 lasts twice as long as the force exceeds its bound
+            lasts = -2.0 * beyond / growth if growth < 0.0 else np.inf
+        if lasts > _BRIEF if sticks else 0.0 < lasts < _BRIEF:
+            return now
+        self._slip(place, 1 if reaction > 0.0 else -1, theta)
+        return self._hold(theta, others)
 
     def kink(self, before: Readings, theta: float) -> None:
         """Record an instant at which velocities or accelerations jump."""
