@@ -76,6 +76,11 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
             yield f"{structure.names[place]} is {clearance}; it must be >= 0"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
+        if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:
+            yield (
+                f"{structure.names[place]} is 0 on both sides, so that {structure.contacts[index].name} locks its "
+                "deflection; leave the coordinate out, or give the gap a width"
+            )
         inner[index, side] = clearance
 
 
