@@ -284,7 +284,12 @@ def test_a_walk_over_the_frequency_meets_the_orbits_of_shooting(name, error, nea
 @pytest.mark.parametrize(
     ("contacts", "loads", "method", "message"),
     [
-        ([friction("brake", {"q1": 1.0}, 0.3)], (), gw.Balance(5), r"'brake'.*sticks rigidly.*stiffness = 100.*shooting"),
+        (
+            [friction("brake", {"q1": 1.0}, 0.3)],
+            (),
+            gw.Balance(5),
+            r"'brake'.*sticks rigidly.*stiffness = 100.*shooting",
+        ),
         (
             [gw.Contact("wall", {"q1": 1.0}, (gw.Stage(0.5),), law="rigid", restitution=0.8)],
             (),

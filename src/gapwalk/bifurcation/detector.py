@@ -19,7 +19,9 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
+from gapwalk.bifurcation.friction_changes import unexplained_changes
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
@@ -169,6 +171,7 @@ def unexplained(
                 else (f"{found} points of the kind {kind} lie between, but the test function does not change its sign")
             )
     yield from _contacts(a, b, special)
+    yield from _friction(a, b, special)
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
@@ -220,3 +223,14 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         if change > grazes or (grazes - change) % 2:
             times = f"{now} times per period before this step, {then} times after it"
             yield f"{name} closes {times}, and grazes {grazes} times in it"
+
+
+def _friction(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """Yield the changes of slip and stick that the special points of sliding between do not account for."""
+    names = [contact.name for contact in a.orbit.system.structure.contacts]
+
+    def explained(contact: int) -> int:
+        own = {f"{names[contact]} +", f"{names[contact]} -"}
+        return sum(isinstance(each.kind, Sliding) and each.contact in own for each in special)
+
+    yield from unexplained_changes(a.orbit, b.orbit, explained)

@@ -6,6 +6,7 @@ Method: docs/numerics/special-points.md
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -113,6 +114,11 @@ class Kind(str):
     NEIMARK_SACKER: ClassVar[Kind]
     BRANCH_POINT: ClassVar[Kind]
     GRAZING: ClassVar[Kind]
+    CROSSING_SLIDING: ClassVar[Kind]
+    SWITCHING_SLIDING: ClassVar[Kind]
+    GRAZING_SLIDING: ClassVar[Kind]
+    ADDING_SLIDING: ClassVar[Kind]
+    SLIP_ONSET: ClassVar[Kind]
 
     def __new__(cls, name: str) -> Self:  # noqa: D102 - as the class
         return super().__new__(cls, name)
@@ -193,6 +199,22 @@ class Kind(str):
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
         """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
         return ""
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """Compare a special point with points computed anew on both sides of it.
+
+        Returns
+        -------
+        faults
+            What contradicts it, as sentences.
+        function
+            The function of points nearby that is zero there, to locate it again; None if there is none.
+        """
+        if self.at(before) * self.at(after) > 0.0:
+            return [f"the test function of a {self} does not change its sign"], None
+        return [], self.at
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
         """Complete the special point with information from other branches, such as the criticality of a flip."""

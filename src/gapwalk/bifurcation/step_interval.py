@@ -12,7 +12,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -143,6 +143,8 @@ class Search:
     ----------
     interval
         The orbits between the two points.
+    memo
+        What several kinds need of the step, computed once.
     """
 
     def __init__(
@@ -157,6 +159,7 @@ class Search:
         self.corrector, self.first, self.last, self.before = corrector, first, last, before
         self.interval = StepInterval(corrector, first, last)
         self._rates, self._recent = rates, recent
+        self.memo: dict[Any, Any] = {}
 
     def zeros(self, kind: Kind) -> list[Zero]:
         """Return all distinguishable zeros of the test function of a kind, in no order.

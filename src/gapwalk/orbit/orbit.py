@@ -24,6 +24,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
+from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, stick_words
 from gapwalk.orbit.measures import Turns, measure, survey
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import kept_words, without_kept
@@ -144,7 +145,7 @@ class Orbit(Shown):
         """Contact pattern: the numbers of impacts on each side in one full period, such as ``3+/1-``.
 
         It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, and
-        ``closed`` for one without a gap.
+        ``closed`` for one without a gap. Dry friction has the number of times it sticks, as in ``lining 2 sticks``.
         """
         texts, breakpoints = [], self.system.breakpoints
         contacts = [pair for pair in enumerate(self.system.structure.contacts) if pair[1].stages]
@@ -162,7 +163,16 @@ class Orbit(Shown):
                 held = [side for side, switch in innermost.items() if side * deflection > breakpoints[switch][2]]
                 text = f"closed{_SIGNS[held[0]]}" if held else "open"
             texts.append(text if len(contacts) == 1 else f"{contact.name} {text}")
+        names = [contact.name for contact in self.system.structure.contacts]
+        texts += [f"{names[contact]} {stick_words(phases)}" for contact, phases in self.friction.items()]
         return ", ".join(texts)
+
+    @cached_property
+    def friction(self) -> dict[int, list[FrictionPhase]]:
+        """Phases of slip and stick in one full period of each contact that is dry friction, by its number."""
+        full = PERIOD * self.period
+        contacts = sorted({event.contact for event in self.slips})
+        return {contact: friction_phases(self.slips, contact, full) for contact in contacts}
 
     @property
     def _deflections(self) -> NDArray[np.float64]:

@@ -22,7 +22,6 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.kinds.grazing import depth_near, describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector, length_of
@@ -147,26 +146,13 @@ class Examination:
             for side, point, stored in (("before", a, special.before), ("after", b, special.after))
             if not is_on_border(point.orbit.free_multipliers) and point.instability.total != stored.total
         ]
-        if special.kind is Kind.GRAZING:
-            return self._graze(a, b, reach, faults)
-        if special.kind.at(a) * special.kind.at(b) > 0.0:
-            return Sides((*faults, f"the test function of a {special.kind.value} does not change its sign"), None)
+        found, function = special.kind.examined(special, a, b)
+        if function is None:
+            return Sides((*faults, *found), None)
         on_branch = special.kind is not Kind.BRANCH_POINT
-        value = self._zero(reach, special.kind.at) if on_branch else self._crossing(reach)
-        return Sides(tuple(faults), value, a, b)
-
-    def _graze(self, a: BranchPoint, b: BranchPoint, reach: float, faults: list[str]) -> Sides:
-        """Examine a grazing point: the contact pattern must change there, and the depth of an extremum be zero."""
-        orbit, contact = self.special.orbit, self.special.contact
-        names = [describe_switch(orbit, switch) for switch in range(len(orbit.closings))]
-        if contact not in names:
-            return Sides((*faults, f"there is no contact {contact!r}"), None)
-        switch = names.index(contact)
-        if a.orbit.closings[switch] == b.orbit.closings[switch]:
-            return Sides((*faults, f"{contact} closes equally often on both sides"), None)
-        turns = orbit.turning_depths[switch]
-        theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
-        return Sides(tuple(faults), self._zero(reach, lambda point: depth_near(point.orbit, switch, theta)))
+        value = self._zero(reach, function) if on_branch else self._crossing(reach)
+        smooth = special.kind.has_function
+        return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
     def _zero(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
         """Return the parameter where a function of the point is zero, by a secant from the special point."""

@@ -5,6 +5,13 @@ from gapwalk.bifurcation.kinds.flip import Flip
 from gapwalk.bifurcation.kinds.fold import Fold
 from gapwalk.bifurcation.kinds.grazing import Grazing
 from gapwalk.bifurcation.kinds.neimark_sacker import NeimarkSacker
+from gapwalk.bifurcation.kinds.sliding import (
+    AddingSliding,
+    CrossingSliding,
+    GrazingSliding,
+    SlipOnset,
+    SwitchingSliding,
+)
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol, register
 
@@ -14,5 +21,10 @@ Kind.FLIP = register(Flip("flip"))
 Kind.NEIMARK_SACKER = register(NeimarkSacker("neimark-sacker"))
 Kind.BRANCH_POINT = register(BranchPointKind("branch-point"))
 Kind.GRAZING = register(Grazing("grazing"))
+Kind.CROSSING_SLIDING = register(CrossingSliding("crossing-sliding"))
+Kind.SWITCHING_SLIDING = register(SwitchingSliding("switching-sliding"))
+Kind.GRAZING_SLIDING = register(GrazingSliding("grazing-sliding"))
+Kind.ADDING_SLIDING = register(AddingSliding("adding-sliding"))
+Kind.SLIP_ONSET = register(SlipOnset("slip-onset"))
 
 __all__ = ["Event", "Kind", "Symbol", "register"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.measures import Turns, apart
 from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.special_point import SpecialPoint
 
 _EPS = float(np.finfo(float).eps)
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
@@ -52,6 +56,21 @@ class Grazing(Kind):
         """Return the least depth of an extremum beyond its breakpoint, relative to the size of the motion."""
         depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
         return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """See `Kind.examined`: the contact pattern must change there, and the depth of an extremum be zero."""
+        orbit, contact = special.orbit, special.contact
+        names = [describe_switch(orbit, switch) for switch in range(len(orbit.closings))]
+        if contact not in names:
+            return [f"there is no contact {contact!r}"], None
+        switch = names.index(contact)
+        if before.orbit.closings[switch] == after.orbit.closings[switch]:
+            return [f"{contact} closes equally often on both sides"], None
+        turns = orbit.turning_depths[switch]
+        theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
+        return [], lambda point: depth_near(point.orbit, switch, theta)
 
     def points_in(self, search: Search) -> list[Zero]:
         """Return all grazing points of a step; see `find_grazing`."""

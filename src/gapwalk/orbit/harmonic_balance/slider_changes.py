@@ -77,7 +77,9 @@ class SliderChanges:
                 matrix[n : 2 * n, : 2 * n] = np.outer(pushed, late)
                 found.append((change.phi % TURN or TURN, 1, matrix))
         found.sort(key=lambda each: each[:2])
-        return np.array([each[0] for each in found]), np.array([each[2] for each in found]).reshape(len(found), size, size)
+        return np.array([each[0] for each in found]), np.array([each[2] for each in found]).reshape(
+            len(found), size, size
+        )
 
     def _row(self, force: DryForce, change: Change, aside: float) -> Array:
         """Return a change as a function of the changes of positions and momenta, shape (2n,)."""

@@ -1,0 +1,317 @@
+"""Changes of the sequence of slip and stick along a branch: which phase appears or vanishes, and exactly where.
+
+One phase vanishes at each such point, between the phase before and the phase after it. At that point a *margin* of the
+orbit is zero. It is defined on both sides and continuous:
+
+- Where the slip rate reverses its sign, the margin is the *reserve* of the force there: friction sticks if the force
+  that it needs for that is within its bound.
+- Where slip is interrupted by stick, the margin is the least slip rate. With stick, it is the value that the rate would
+  reach if slip went on, to leading order: ``-g'^2 / (2 g'')`` of the rate g where slip ends.
+- Where stick is interrupted by slip, the margin is the least reserve, and with slip the value that it would reach.
+
+di Bernardo, Budd, Champneys and Kowalczyk (2008), Piecewise-smooth Dynamical Systems, chapter 8.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.friction_phases import FrictionPhase, text_of
+from gapwalk.orbit.measures import apart
+from gapwalk.orbit.orbit import Orbit
+
+_SMALLEST = 1e-11  # arclength below which a step is not divided any more
+_MOST = 4  # number of phases that may vanish at once, as in symmetric motions
+_SAME = 0.3  # radians by which an event may move between two points of a step
+_SAMPLES = 48  # per radian-free period: samples of a phase, before refinement
+_ZOOMS, _ZOOM = 2, 16  # refinements of the samples about the least one, and their number
+_TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
+
+
+class Change(NamedTuple):
+    """A phase of friction that appears or vanishes.
+
+    Attributes
+    ----------
+    contact
+        Number of the contact.
+    before, mode, after
+        Mode of the phase before it, its own, and that of the phase after it.
+    theta
+        The angle at which it begins.
+    alone
+        True if friction never slips without it.
+    """
+
+    contact: int
+    before: int
+    mode: int
+    after: int
+    theta: float
+    alone: bool
+
+    @property
+    def side(self) -> int:
+        """Direction of slip that the change concerns: 1 or -1."""
+        return self.before or self.mode
+
+    @property
+    def reverses(self) -> bool:
+        """True if it begins where the slip rate reverses its sign, not where a quantity touches zero."""
+        return self.before != self.after
+
+
+def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
+    """Return the phases that only one of two neighbouring orbits has; None if several changes cannot be separated."""
+    if not (first.is_exact and last.is_exact):
+        return []
+    found: list[Change] = []
+    for contact in sorted({*first.friction, *last.friction}):
+        poor, rich = sorted((each.friction.get(contact, []) for each in (first, last)), key=len)
+        removed = _removed(contact, rich, text_of(poor), _MOST)
+        if removed is None:
+            return None
+        found += removed
+    return found
+
+
+def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) -> list[Change] | None:
+    """Return the shortest phases without which the others have the given cyclic sequence of modes."""
+    own = text_of(phases)
+    if len(own) == len(text) and own in text + text:
+        return []
+    if len(own) <= len(text) or not most:
+        return None
+    for place in sorted(range(len(phases)), key=lambda number: phases[number].length)[:_MOST]:
+        phase, past, following = phases[place], phases[place - 1], phases[(place + 1) % len(phases)]
+        rest = [*phases[place + 1 :], *phases[:place]]
+        if past.mode == following.mode:
+            merged = FrictionPhase(past.mode, past.start, past.start + past.length + phase.length + following.length)
+            rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
+        others = _removed(contact, rest, text, most - 1)
+        if others is not None:
+            alone = not any(each.mode for each in rest)
+            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, alone), *others]
+    return None
+
+
+class Located(NamedTuple):
+    """A located change: the point of the branch, the change, and the arclength of its bracket."""
+
+    point: BranchPoint
+    change: Change
+    spread: float
+
+
+def find_changes(interval: StepInterval, first: BranchPoint, last: BranchPoint) -> list[Located]:
+    """Find the changes of friction between two neighbouring points of a walk, in order.
+
+    A step in which they cannot be told apart is halved. Two changes of one step that cancel each other are not visible.
+
+    Raises
+    ------
+    NumericalError
+        If an orbit between the two points cannot be found.
+    """
+    changes = changes_between(first.orbit, last.orbit)
+    if changes is not None:
+        if not changes:
+            return []
+        found = [_locate(interval, first, last, change) for change in changes]
+        located = [each for each in found if each is not None]
+        if len(located) == len(found):
+            return sorted(located, key=lambda each: each.point.arclength)
+    length = last.arclength - first.arclength
+    if length < _SMALLEST:
+        return [Located(last, change, length) for change in changes or []]
+    middle = interval.middle(first, last)
+    return find_changes(interval, first, middle) + find_changes(interval, middle, last)
+
+
+def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
+    """Locate the zero of the margin of one change; None if its margin cannot be tracked over the step."""
+    from scipy.optimize import brentq  # imported late, because the import is slow
+
+    tracked: dict[float, tuple[float, float]] = {}
+
+    def value(arclength: float) -> float:
+        if arclength not in tracked:
+            nearest = min(tracked, key=lambda known: abs(known - arclength), default=None)
+            theta = change.theta if nearest is None else tracked[nearest][0]
+            tracked[arclength] = margin(interval.at(arclength).orbit, change, theta)
+        return tracked[arclength][1]
+
+    rich = _has(first.orbit, change), _has(last.orbit, change)
+    ends = (last, first) if rich[1] and not rich[0] else (first, last)
+    try:
+        sizes = value(ends[0].arclength), value(ends[1].arclength)
+        if sizes[0] * sizes[1] >= 0.0:
+            return None
+        root = float(brentq(value, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
+        if abs(value(root)) > _TOUCH * max(map(abs, sizes)):
+            return None
+    except LookupError:
+        return None
+    return Located(interval.at(root), change._replace(theta=tracked[root][0]), 1e-12)
+
+
+def _has(orbit: Orbit, change: Change) -> bool:
+    return _own_phase(orbit, change, change.theta) is not None
+
+
+def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
+    """Return the phase of a change nearest to an angle, if an orbit has it."""
+    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
+    found = []
+    for place, phase in enumerate(phases):
+        around = phases[place - 1].mode, phase.mode, phases[(place + 1) % len(phases)].mode
+        if around == (change.before, change.mode, change.after) and apart(phase.start, near, full) < _SAME:
+            found.append(phase)
+    return min(found, key=lambda phase: apart(phase.start, near, full), default=None)
+
+
+def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
+    """Return the angle nearest to another one at which a change happens, and its margin there.
+
+    Raises
+    ------
+    LookupError
+        If the motion has nothing of the kind there.
+    """
+    full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
+    if change.reverses:
+        phases = orbit.friction.get(change.contact, [])
+        theta = min(
+            (
+                phase.start
+                for place, phase in enumerate(phases)
+                if phases[place - 1].mode == change.before and phase.mode in (change.mode, change.after)
+            ),
+            key=lambda start: apart(start, near, full),
+            default=math.inf,
+        )
+        if not apart(theta, near, full) < _SAME:
+            raise LookupError
+        modes = gauge.sticking(_modes(orbit, theta, True))
+        return theta, float(
+            gauge.reserve(coefficients_of(orbit.system), theta, _state(orbit, theta), modes, -change.side)
+        )
+    function = gauge.rate if change.before else gauge.reserve
+    own = _own_phase(orbit, change, near)
+    if own is not None:
+        modes = _kept(gauge, change, _modes(orbit, own.start, True))
+        now = coefficients_of(orbit.system), own.start, _state(orbit, own.start), modes, change.side
+        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
+        return own.start, -(slope**2) / (2.0 * abs(bend)) if bend else 0.0
+    return _least(orbit, gauge, function, change, near)
+
+
+def _kept(gauge: FrictionGauge, change: Change, modes: Modes) -> Modes:
+    """Return the modes with the friction as it is before the phase of a change."""
+    return gauge.slipping(modes, change.before) if change.before else gauge.sticking(modes)
+
+
+def _modes(orbit: Orbit, theta: float, before: bool) -> Modes:
+    return modes_at(orbit.system.structure, orbit.slips, orbit.events, theta % (PERIOD * orbit.period), before)
+
+
+def _state(orbit: Orbit, theta: float) -> NDArray[np.float64]:
+    return states_at(orbit, [theta])[0]
+
+
+def states_at(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the states of an orbit at angles, which may lie beyond its period; shape (angles, state_size)."""
+    angles = np.asarray(thetas, dtype=float) % (PERIOD * orbit.period)
+    grid, places = np.unique(np.append(0.0, angles), return_inverse=True)
+    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid).states[places[1:]]
+
+
+def _least(
+    orbit: Orbit, gauge: FrictionGauge, function: Callable[..., Any], change: Change, near: float
+) -> tuple[float, float]:
+    """Return the angle and the value of the minimum of a function within a phase, the nearest to another angle."""
+    full, coefficients = PERIOD * orbit.period, coefficients_of(orbit.system)
+    hosts = [
+        phase
+        for phase in orbit.friction.get(change.contact, [])
+        if phase.mode == change.before and phase.contains(near, full, _SAME)
+    ]
+    if not hosts:
+        raise LookupError
+    host = max(hosts, key=lambda phase: phase.length)
+    whole = host.length >= full
+    modes = _kept(gauge, change, _modes(orbit, host.start + 0.5 * host.length, True))
+
+    def values(thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+        return function(coefficients, thetas, states_at(orbit, thetas), modes, change.side)
+
+    count = max(_ZOOM, int(_SAMPLES * host.length))
+    thetas = np.linspace(host.start, host.stop, count + 1)
+    found = values(thetas)
+    lowest = (found[1:-1] <= found[:-2]) & (found[1:-1] <= found[2:])
+    places = 1 + np.flatnonzero(lowest)
+    if whole and found[0] <= min(found[1], found[-2]):
+        places = np.append(places, 0)
+    near_ones = [place for place in places if apart(float(thetas[place]), near, full) < _SAME]
+    if not near_ones:
+        raise LookupError
+    best, width = thetas[min(near_ones, key=lambda place: found[place])], thetas[1] - thetas[0]
+    for _ in range(_ZOOMS):
+        fine = np.linspace(best - width, best + width, 2 * _ZOOM + 1)
+        best, width = fine[int(np.argmin(values(fine)))], width / _ZOOM
+    theta = float(best)
+    for _ in range(2):
+        state = _state(orbit, theta)
+        now = coefficients, theta, state, modes, change.side
+        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
+        if not bend > 0.0:
+            raise LookupError
+        shift = max(-width, min(width, -slope / bend / float(coefficients[0])))
+        value = float(function(*now)) - slope**2 / (2.0 * bend)
+        theta += shift
+    return theta % full, value
+
+
+def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], int]) -> list[str]:
+    """Return, as sentences, the changes of friction between two orbits that the points between do not explain.
+
+    `explained` returns the number of such points of a contact, by its number.
+    """
+    found = []
+    if not (first.is_exact and last.is_exact):
+        return []
+    for contact in sorted({*first.friction, *last.friction}):
+        texts = [text_of(each.friction.get(contact, [])) for each in (first, last)]
+        if len(texts[0]) == len(texts[1]) and texts[0] in texts[1] * 2:
+            continue
+        count = explained(contact)
+        if abs(len(texts[1]) - len(texts[0])) > 2 * count or not count:
+            name = first.system.structure.contacts[contact].name
+            found.append(
+                f"{name} goes through {texts[0]} per period before this step and through {texts[1]} after it, with "
+                f"{count} points of sliding between"
+            )
+    return found
+
+
+def located_again(orbit: Orbit, change: Change) -> Callable[[BranchPoint], float]:
+    """Return the margin of a change as a function of a point of the branch near an orbit; nan if it is not found."""
+
+    def function(point: BranchPoint) -> float:
+        try:
+            return margin(point.orbit, change, change.theta)[1]
+        except LookupError:
+            raise NumericalError("the motion has no phase of friction of the kind there") from None
+
+    return function

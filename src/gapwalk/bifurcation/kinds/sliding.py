@@ -1,0 +1,144 @@
+"""Special points of sliding: along a branch, a phase of slip or of stick appears or vanishes.
+
+The names are those of di Bernardo, Budd, Champneys and Kowalczyk (2008), Piecewise-smooth Dynamical Systems, chapter 8,
+who call stick sliding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
+from gapwalk.bifurcation.friction_changes import Change, changes_between, find_changes, located_again
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.step_interval import Search, Zero
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.orbit.friction_phases import stick_words
+from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.special_point import SpecialPoint
+
+_EPS = float(np.finfo(float).eps)
+_SIGNS = {1: "+", -1: "-"}
+
+
+class Sliding(Kind):
+    """Kind of special point at which a phase of friction appears or vanishes."""
+
+    turn = 0
+
+    def owns(self, change: Change) -> bool:
+        """Return True if a change of the sequence of phases is a point of this kind."""
+        raise NotImplementedError
+
+    def points_in(self, search: Search) -> list[Zero]:
+        """Return all points of this kind in a step; see `find_changes`."""
+        known = search.memo.get(Sliding)
+        if known is None:
+            known = search.memo[Sliding] = find_changes(search.interval, search.first, search.last)
+        return [
+            Zero(
+                self,
+                each.point,
+                each.spread,
+                located_again(each.point.orbit, each.change),
+                describe_friction(each.point.orbit, each.change),
+                _EPS * float(np.abs(each.point.orbit.extremes[:, :2]).max()),
+            )
+            for each in known
+            if self.owns(each.change)
+        ]
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Estimate the error from both sides: the branch may have a corner there."""
+        sides = search.known_sides(zero.point)
+        near = {point.arclength: point for point in (search.near(zero.point), *sides)}
+        return location_error(zero, second, [*near.values()], () if len(sides) == 2 else (search.first, search.last))
+
+    def nature(self, before: BranchPoint, after: BranchPoint) -> str:
+        """Return how often each friction whose phases change sticks in a period, before and after the point."""
+        names = [contact.name for contact in before.orbit.system.structure.contacts]
+        texts = []
+        for contact, phases in before.orbit.friction.items():
+            words = stick_words(phases), stick_words(after.orbit.friction.get(contact, []))
+            if words[0] != words[1]:
+                texts.append(f"{names[contact]} {words[0]} -> {words[1]}")
+        return ", ".join(texts)
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """See `Kind.examined`: the phase must be there on one side only."""
+        changes = changes_between(before.orbit, after.orbit)
+        own = [
+            each
+            for each in changes or []
+            if self.owns(each) and describe_friction(special.orbit, each) == special.contact
+        ]
+        if not own:
+            return [f"no phase of {special.contact} appears or vanishes as at a {self}"], None
+        return [], located_again(special.orbit, own[0])
+
+    def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
+        """Return nan: the orbit alone does not determine which phase vanishes."""
+        return float("nan")
+
+
+class CrossingSliding(Sliding):
+    """Crossing-sliding: where the slip rate reverses, friction begins or ceases to stick for a moment."""
+
+    symbol = Symbol("crossing-sliding", "", "x", 5.0, "green")
+
+    def owns(self, change: Change) -> bool:
+        """See `Sliding.owns`: from slip to slip the other way, with stick between."""
+        return change.reverses and change.mode == 0
+
+
+class SwitchingSliding(Sliding):
+    """Switching-sliding: before it sticks, friction begins or ceases to slip back for a moment."""
+
+    symbol = Symbol("switching-sliding", "", "1", 6.0, "green")
+
+    def owns(self, change: Change) -> bool:
+        """See `Sliding.owns`: from slip to stick, with slip the other way between."""
+        return change.reverses and change.mode != 0
+
+
+class GrazingSliding(Sliding):
+    """Grazing-sliding: within slip the slip rate just touches zero, and friction begins or ceases to stick there."""
+
+    symbol = Symbol("grazing-sliding", "", "_", 7.0, "green")
+
+    def owns(self, change: Change) -> bool:
+        """See `Sliding.owns`: slip, stick, and slip in the same direction."""
+        return not change.reverses and change.before != 0
+
+
+class AddingSliding(Sliding):
+    """Adding-sliding: within stick the force just touches its bound, and a phase of slip divides the stick in two."""
+
+    symbol = Symbol("adding-sliding", "", "+", 6.0, "green")
+
+    def owns(self, change: Change) -> bool:
+        """See `Sliding.owns`: stick, slip, and stick again."""
+        return not change.reverses and change.before == 0 and not change.alone
+
+
+class SlipOnset(Sliding):
+    """Onset of slip: friction that never slips begins to, as its force just touches its bound."""
+
+    symbol = Symbol("onset of slip", "", "h", 5.0, "green")
+
+    def owns(self, change: Change) -> bool:
+        """See `Sliding.owns`: slip where there was stick all the time."""
+        return not change.reverses and change.before == 0 and change.alone
+
+
+def describe_friction(orbit: Orbit, change: Change) -> str:
+    """Return the contact and the direction of slip of a change, such as ``lining +``."""
+    return f"{orbit.system.structure.contacts[change.contact].name} {_SIGNS[change.side]}"
