@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.friction_margins import may_change
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
@@ -41,6 +42,8 @@ _SHARE = 0.99  # share of the way to it in each step, since there are no such or
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
 _APPROACHES = 60
 _RESERVE = 1e-6  # share of its bound by which a force must fall short of it not to have reached it
+_BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
+_NARROW = 1e-4  # arclength of a step below which it is not
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -143,30 +146,52 @@ class Located(NamedTuple):
     spread: float
 
 
-def find_changes(interval: StepInterval, first: BranchPoint, last: BranchPoint) -> list[Located]:
-    """Find the changes of friction between two neighbouring points of a walk, in order.
+def find_changes(
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Located]:
+    """Find the changes of friction between two neighbouring points of a walk, in order; `before` is the point before.
 
-    A step in which they cannot be told apart is halved. Two changes of one step that cancel each other are not visible.
+    A step in which they cannot be told apart is halved, and one in which changes that cancel each other may hide.
 
     Raises
     ------
     NumericalError
         If an orbit between the two points cannot be found.
     """
-    changes = changes_between(first.orbit, last.orbit)
-    if changes is not None:
-        if not changes:
-            return []
+    changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
+    if changes == [] and not (length > interval.finest and may_change(before, first, last)):
+        return []
+    if changes:
         found = [_locate(interval, first, last, change) for change in changes]
         located = [each for each in found if each is not None]
         onsets = [change.alone for change in changes]
         if len(located) == len(found) or (all(onsets) and located):  # the force may be at its other bound already
-            return sorted(located, key=lambda each: each.point.arclength)
-    length = last.arclength - first.arclength
+            return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
         return [Located(last, change, length) for change in changes or []]
     middle = interval.middle(first, last)
-    return find_changes(interval, first, middle) + find_changes(interval, middle, last)
+    return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+
+
+def _refined(
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint, located: list[Located]
+) -> list[Located]:
+    """Return located changes with those in the rest of the step.
+
+    The changes at the ends of the step may be the sum of several, of which only one has been located.
+    """
+    length = last.arclength - first.arclength
+    beside = min(_BESIDE, 1e-3 * length)
+    low, high = located[0].point.arclength - beside, located[-1].point.arclength + beside
+    if length < _NARROW or any(each.change.alone for each in located):
+        return located
+    if low <= first.arclength or high >= last.arclength:
+        return located
+    ends = interval.at(low), interval.at(high)
+    if not changes_between(first.orbit, ends[0].orbit) and not changes_between(ends[1].orbit, last.orbit):
+        return located
+    parts = [(before, first, ends[0]), (first, *ends), (ends[0], ends[1], last)]
+    return [each for part in parts for each in find_changes(interval, *part)]
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
