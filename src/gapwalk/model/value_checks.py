@@ -241,18 +241,10 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
 
 
 def _memory_problems(structure: Structure, variation: Variation) -> Iterator[str]:
-    """List Jenkins elements whose limit varies over the angle: in slip their springs would have to follow it."""
-    for place in structure.memories:
-        form, host = structure.contacts[place], structure.host(place)
-        own = place == variation.contact and not variation.is_deflection and variation.name != "speed"
-        by = getattr(form.law, "by", "")
-        pressed = host == variation.contact and (by == "normal" or variation.name == HYSTERESIS.name)
-        if own or pressed:
-            yield (
-                f"{form.name} has a stiffness, but its force in slip varies over the angle with "
-                f"{structure.contacts[variation.contact].name}.{variation.name}; that is computed for friction which "
-                f"sticks rigidly only: leave the stiffness of {form.name} out"
-            )
+    """List Jenkins elements whose stiffness varies over the angle: their force would do work in stick."""
+    form = structure.contacts[variation.contact]
+    if form.law.has_memory and variation.name == "stiffness":
+        yield f"{form.name}.stiffness varies over the angle; only the limit of friction can: vary {form.name}.limit"
 
 
 def _wave(structure: Structure, values: NDArray[np.float64], variation: Variation) -> tuple[float, float]:
