@@ -443,7 +443,7 @@ def check_dry(layout: CoefficientLayout) -> None:
 
 def _doubled(spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return the lines of a spectrum k = 0, 1, ..."""
-    found = 2.0 * spectrum
+    found = np.asarray(2.0 * spectrum, dtype=np.complex128)
     found[0] = spectrum[0].real
     return found
 
