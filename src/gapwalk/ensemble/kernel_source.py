@@ -297,7 +297,7 @@ class Source:
             def echo(which: int, rest: Any, stop: int = stop, sheet: Sheet = sheet) -> Any:
                 return polynomial([sheet.name(self._slot("echo", j, which, stop)) for j in range(DEGREE + 1)], rest)
 
-            start, end = (tuple(map(sheet.name, pair)) for pair in names)
+            start, end = ((sheet.name(x), sheet.name(rate)) for x, rate in names)
             slots = self.layout.contacts[k]
             numbers = {name: sheet.name(self._coefficient(slot)) for name, slot in slots.numbers.items()}
             rebound = partial(slots.form.law.rebound, numbers=numbers)
