@@ -62,7 +62,10 @@ def random_system(seed):
         contacts.append(Contact("wall", {names[0]: 1.0}, walls, law=Rigid(), restitution=float(rng.uniform(0.2, 0.8))))
     if rng.random() < 0.4:
         contacts.append(gw.force("drag", {names[0]: 1.0}, "c*v*abs(v)", c=0.1))
-    loads = [H(float(rng.uniform(0.3, 1.0)), vector(), name="first"), H(0.2, vector(), order=2, phase=1.0, name="second")]
+    loads = [
+        H(float(rng.uniform(0.3, 1.0)), vector(), name="first"),
+        H(0.2, vector(), order=2, phase=1.0, name="second"),
+    ]
     if rng.random() < 0.4:
         loads.append(H(0.05, varies="gap.deflection", phase=0.4, name="error"))
     if rng.random() < 0.4:
@@ -140,7 +143,11 @@ def test_belt_gives_what_friction_dissipates_beyond_its_load():
 
 def test_displacement_and_varying_stiffness_do_work():
     mesh = Contact("mesh", {"x": 1.0}, [Stage(0.4, 3.0)], law="viscous", viscous_damping=0.2)
-    loads = [H(0.6, {"x": 1.0}), H(0.1, varies="mesh.deflection", name="error"), H(0.3, varies="mesh.stiffness", name="k")]
+    loads = [
+        H(0.6, {"x": 1.0}),
+        H(0.1, varies="mesh.deflection", name="error"),
+        H(0.3, varies="mesh.stiffness", name="k"),
+    ]
     found = gw.System(("x",), [[1.0]], [[0.1]], contacts=[mesh], harmonics=loads, frequency=0.5)
     book = energy(gw.find_orbit(found))
     assert abs(book.imbalance) < 1e-13
