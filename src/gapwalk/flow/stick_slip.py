@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -186,14 +188,15 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
 
 
 def _without_idle(motion: Motion, contact: int, marks: list[tuple[float, str]]) -> list[tuple[float, str]]:
-    """Leave out where friction of stages neither slips nor sticks, because all of them are open."""
-    structure, found = motion.system.structure, []
-    if structure.host(contact) is None or contact not in structure.memories:
+    """Leave out where friction of stages, or by a force, has none, because the other contact is open."""
+    structure = motion.system.structure
+    if (host := structure.host(contact)) is None:
         return marks
-    z = motion.z[:, structure.memories.index(contact)]
-    for place, (start, mode) in enumerate(marks):
-        stop = marks[place + 1][0] if place + 1 < len(marks) else float(motion.theta[-1])
+    changes = [each.theta for each in motion.events if structure.breakpoints[each.switch].contact == host]
+    starts, force, found = [start for start, _ in marks], motion.forces[:, contact], []
+    for start in sorted({*starts, *changes}):
+        stop = min((each for each in (*starts, *changes) if each > start), default=math.inf)
+        mode = marks[bisect_right(starts, start) - 1][1]
         inside = (motion.theta > start) & (motion.theta < stop)
-        idle = mode == MODES[0] and inside.any() and not z[inside].any()
-        found.append((start, "" if idle else mode))
+        found.append((start, mode if force[inside].any() or not inside.any() else ""))
     return found
