@@ -162,6 +162,33 @@ def test_a_walk_along_friction_that_always_or_never_slips_has_no_false_points(
     assert all(point.orbit.stable for point in branch.points)
 
 
+def test_without_symmetry_the_branch_is_that_of_a_spring_from_the_place_of_the_slider():
+    """Its folds and grazing points are those of a system with a spring in place of the element."""
+    spring, mean, limit = 4.0, 0.4, 100.0
+    gap = gw.backlash("gap", {"x": 1.0}, clearance=0.6, stiffness=2.0)
+
+    def made(stiffness: float, mean: float, *contacts: Contact) -> gw.System:
+        load = gw.Harmonic(1.0, {"x": 1.0})
+        return gw.System(
+            ["x"], [[stiffness]], [[0.15]], contacts=[gap, *contacts], mean={"x": mean}, harmonics=[load], frequency=2.3
+        )
+
+    system = made(1.0, mean, friction("brake", {"x": 1.0}, limit, stiffness=spring))
+    orbit = gw.find_orbit(system, start=[0.0, 0.0, -0.05])
+    branch = gw.follow(orbit, "frequency", 3.0)
+    slider = orbit.state[0] - orbit.state[2]
+    assert slider == pytest.approx(0.05, abs=1e-8)
+    expected = gw.follow(gw.find_orbit(made(1.0 + spring, mean + spring * slider)), "frequency", 3.0)
+    assert branch.unexplained == ()
+    assert len([each for each in branch.special_points if each.kind == "fold"]) == 2
+    assert [each.kind for each in branch.special_points] == [each.kind for each in expected.special_points]
+    assert [each.value for each in branch.special_points] == pytest.approx(
+        [each.value for each in expected.special_points], abs=1e-8
+    )
+    kept = np.array([point.orbit.state[0] - point.orbit.state[2] for point in branch.points])
+    assert kept == pytest.approx(slider, abs=1e-8)
+
+
 def test_the_slope_of_an_orbit_that_never_slips_is_that_of_the_linear_system():
     system = jenkins(30.0)
     orbit = gw.find_orbit(system)

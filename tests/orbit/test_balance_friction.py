@@ -140,26 +140,22 @@ def sampled(system: gw.System, lines, number: int, count: int):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_the_force_is_that_of_a_slider_dragged_along_a_fine_sample(name):
-    """An error of the sample is of second order in its step, of the first where the limit jumps or has a kink."""
+    """The sample has an error of second order in its step; of the first where the limit jumps or has a kink."""
     system = SYSTEMS[name]()
-    allowed = 2e-3 if "stages" in name else 1e-4 if name == "normal" else 1e-6
+    on_average, at_most = (2e-4, 3e-2) if "stages" in name else (6e-6, 4e-4) if name == "normal" else (5e-7, 1e-5)
     for seed in (7, 9):
         lines = lines_of(system, 6, seed)
         for each in forces_along(system, lines).memory.forces:
             force, phi = sampled(system, lines, each.slider.element.contact, 1 << 14)
-            found = each.stiffness[0] * each.extension(phi)
-            off = np.abs(found - force)
-            assert off.mean() < 0.1 * allowed * np.abs(force).max()
-            assert off.max() < (10.0 if "stages" in name else 1.0) * allowed * np.abs(force).max() + 1e-12
-            spectrum = np.fft.rfft(found + each.share.damper * 0.0) / len(phi)
-            spectrum[1:] *= 2.0
-            spectrum *= np.exp(-1j * np.pi / len(phi) * np.arange(len(spectrum)))
+            off = np.abs(each.stiffness[0] * each.extension(phi) - force)
+            assert off.mean() < on_average * np.abs(force).max()
+            assert off.max() < at_most * np.abs(force).max()
             k = np.arange(lines.shape[1])
-            own = (each.share.spring + 1j * k * system.frequency * each.share.damper) * lines[each.slider.element.place]
-            without = each.lines.copy()
-            without[: len(k)] += own
-            # the sum over samples of an exact function with jumps has an error of first order
-            assert np.abs(spectrum[: len(without)] - without).max() < 2.0 * allowed * np.abs(without).max()
+            spectrum = 2.0 * np.exp(-1j * np.outer(np.arange(2 * len(k) - 1), phi)) @ force / len(phi)
+            spectrum[0] *= 0.5
+            damper = 1j * k * system.frequency * each.share.damper
+            spectrum[: len(k)] -= (each.share.spring + damper) * lines[each.slider.element.place]
+            assert np.abs(spectrum - each.lines).max() < 2.0 * on_average * np.abs(force).max()
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -183,11 +179,11 @@ def test_the_derivatives_are_those_of_central_differences(name, seed):
 @pytest.mark.parametrize("mean_is_possible", [True, False])
 def test_an_element_that_never_slips_has_no_mean_force_if_the_limit_allows_it(mean_is_possible):
     system, step = one_mass(friction("fr", {"x": 1.0}, 0.9, stiffness=2.0)), 1e-6
-    lines = np.array([[0.2, 0.25, 0.05]]) if mean_is_possible else np.array([[0.2, 0.25, 0.18j, -0.12]])
+    lines = np.array([[0.2, 0.25, 0.05] if mean_is_possible else [0.2, 0.35, 0.2]], dtype=complex)
     (force,) = forces_along(system, lines).memory.forces
     largest = np.abs(2.0 * force.extension(np.linspace(0.0, 2.0 * np.pi, 20001))).max()
     assert force.never_slips
-    assert (abs(force.lines[0]) < 1e-15) is mean_is_possible
+    assert (abs(force.lines[0]) < 1e-15) == mean_is_possible
     assert largest < 0.9 if mean_is_possible else largest == pytest.approx(0.9, rel=1e-7)
     x = real_form(lines).ravel()
     equation = gw.Balance(lines.shape[1] - 1).pose(system, "fr.limit")
@@ -205,7 +201,7 @@ def test_the_amplitude_converges_to_that_of_an_event_driven_integration():
     """With forces that have kinks, lines of the motion decrease with the fourth power of their number."""
     system = one_mass(friction("fr", {"x": 1.0}, 0.3, stiffness=2.0))
     reference, state, modes = Reference(system), np.zeros(3), None
-    for turn in range(60):
+    for turn in range(85):
         found = reference.integrate(state, PERIOD * turn, PERIOD * (turn + 1), modes)
         state, modes = found.state, found.modes
     exact = gw.find_orbit(system, start=state)
@@ -229,7 +225,7 @@ def test_the_amplitude_converges_to_that_of_an_event_driven_integration():
         ("Iwan", 80, 1e-5, 5e-6),
         ("stages", 80, 5e-5, 4e-3),
         ("damped stages", 80, 2e-4, 2e-3),
-        ("normal", 40, 1e-4, 2e-5),
+        ("normal", 80, 1e-5, 1e-5),
     ],
 )
 def test_states_and_multipliers_are_those_of_the_flow(name, harmonics, near, alike):

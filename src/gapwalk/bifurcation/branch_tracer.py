@@ -18,6 +18,7 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
+from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -59,8 +60,12 @@ class BranchTracerState(NamedTuple):
 
 
 def _change(first: BranchPoint, second: BranchPoint) -> float:
-    """Return the change of multipliers between two neighbouring points, as a share of the change allowed in a step."""
-    return largest_move(first.orbit.free_multipliers, second.orbit.free_multipliers) / _FAR
+    """Return the change of multipliers between two neighbouring points, as a share of the change allowed in a step.
+
+    A multiplier may jump to 0 where friction begins to stick, and that of what it kept is no longer known to be 1.
+    """
+    change = largest_move(first.orbit.free_multipliers, second.orbit.free_multipliers) / _FAR
+    return min(1.0, change) if changes_between(first.orbit, second.orbit) != [] else change
 
 
 class BranchTracer(Iterator[Step]):
@@ -163,6 +168,7 @@ class BranchTracer(Iterator[Step]):
                 if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
+                step = self._until_slip(first, step)
             except NumericalError:
                 # no orbits connect the two points: the step went astray, onto another branch
                 if self._ends_at_parent(before, first):
@@ -311,6 +317,23 @@ class BranchTracer(Iterator[Step]):
                 self.walk.finish(each.point, End(EndReason.JOINED, each.value))
                 return each.point, special[:number]
         return point, special
+
+    def _until_slip(self, first: BranchPoint, step: Step) -> Step:
+        """Return the step, cut off where rigid friction that never slipped gives way to one side.
+
+        The motions beyond are at other positions, at which the force just reaches its bound. What is left of slip there
+        is rounding, so they cannot be followed.
+        """
+        point, special = step
+        rigid = {contact for contact, switch in point.orbit.system.structure.reactions if switch < 0}
+        slips = {event.contact for event in point.orbit.slips if event.slip}
+        given = rigid & slips & {*first.orbit.stuck}
+        if not any([phase.mode for phase in point.orbit.friction[contact]] == [0] for contact in given):
+            return step
+        number = next((place for place, each in enumerate(special) if each.kind is Kind.SLIP_ONSET), None)
+        last = first if number is None else special[number].point
+        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value))
+        return last, special[: 0 if number is None else number + 1]
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
         """Return True if the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.

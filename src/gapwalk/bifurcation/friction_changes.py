@@ -21,21 +21,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.friction_margins import may_change
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.friction_phases import FrictionPhase, text_of
+from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
 from gapwalk.orbit.measures import apart
 from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
-_SAME = 0.3  # radians by which an event may move between two points of a step
-_SAMPLES = 48  # per radian-free period: samples of a phase, before refinement
+_SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
+_SAMPLES = 16  # per radian: samples of a phase, before refinement
 _ZOOMS, _ZOOM = 2, 16  # refinements of the samples about the least one, and their number
+_FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
+_SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
+_REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
+_APPROACHES = 60
+_RESERVE = 1e-6  # share of its bound by which a force must fall short of it not to have reached it
+_BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
+_NARROW = 1e-4  # arclength of a step below which it is not
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -82,8 +90,33 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
         removed = _removed(contact, rich, text_of(poor), _MOST)
         if removed is None:
             return None
-        found += removed
+        found += removed or _reached(contact, first, last)
     return found
+
+
+def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
+    """Return the onset of slip if friction sticks in both orbits, but its force reaches its bound only in one."""
+    pair = [friction_phases(each.slips, contact, PERIOD * each.period) for each in (first, last)]
+    if any(len(each.friction.get(contact, [])) != 1 for each in (first, last)):
+        return []
+    stuck, other = (first, pair[1]) if len(pair[0]) == 1 else (last, pair[0])
+    slips = [phase for phase in other if phase.mode]
+    if not slips or contact not in stuck.stuck:
+        return []
+    change = Change(contact, 0, slips[0].mode, 0, slips[0].start, True)
+    try:
+        reserve = margin(stuck, change, change.theta)[1]
+    except LookupError:
+        return []
+    return [change] if reserve > _RESERVE * abs(bound_of(stuck, change)) else []
+
+
+def bound_of(orbit: Orbit, change: Change) -> float:
+    """Return the force at which slip begins, at the angle of a change."""
+    gauge, state = FrictionGauge(layout_of(orbit.system.structure), change.contact), _state(orbit, change.theta)
+    modes = gauge.sticking(_modes(orbit, change.theta, True))
+    sides = [gauge.reserve(coefficients_of(orbit.system), change.theta, state, modes, side) for side in (1, -1)]
+    return 0.5 * float(sides[0] + sides[1])
 
 
 def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) -> list[Change] | None:
@@ -101,8 +134,7 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
             rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
-            alone = not any(each.mode for each in rest)
-            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, alone), *others]
+            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, text == "0"), *others]
     return None
 
 
@@ -114,35 +146,64 @@ class Located(NamedTuple):
     spread: float
 
 
-def find_changes(interval: StepInterval, first: BranchPoint, last: BranchPoint) -> list[Located]:
-    """Find the changes of friction between two neighbouring points of a walk, in order.
+def find_changes(
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Located]:
+    """Find the changes of friction between two neighbouring points of a walk, in order; `before` is the point before.
 
-    A step in which they cannot be told apart is halved. Two changes of one step that cancel each other are not visible.
+    A step in which they cannot be told apart is halved, and one in which changes that cancel each other may hide.
 
     Raises
     ------
     NumericalError
         If an orbit between the two points cannot be found.
     """
-    changes = changes_between(first.orbit, last.orbit)
-    if changes is not None:
-        if not changes:
-            return []
+    changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
+    if changes == [] and not (length > interval.finest and may_change(before, first, last)):
+        return []
+    if changes:
         found = [_locate(interval, first, last, change) for change in changes]
         located = [each for each in found if each is not None]
-        if len(located) == len(found):
-            return sorted(located, key=lambda each: each.point.arclength)
-    length = last.arclength - first.arclength
+        onsets = [change.alone for change in changes]
+        if len(located) == len(found) or (all(onsets) and located):  # the force may be at its other bound already
+            return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
         return [Located(last, change, length) for change in changes or []]
     middle = interval.middle(first, last)
-    return find_changes(interval, first, middle) + find_changes(interval, middle, last)
+    return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+
+
+def _refined(
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint, located: list[Located]
+) -> list[Located]:
+    """Return located changes with those in the rest of the step.
+
+    The changes at the ends of the step may be the sum of several, of which only one has been located.
+    """
+    length = last.arclength - first.arclength
+    beside = min(_BESIDE, 1e-3 * length)
+    low, high = located[0].point.arclength - beside, located[-1].point.arclength + beside
+    if length < _NARROW or any(each.change.alone for each in located):
+        return located
+    if low <= first.arclength or high >= last.arclength:
+        return located
+    ends = interval.at(low), interval.at(high)
+    if not changes_between(first.orbit, ends[0].orbit) and not changes_between(ends[1].orbit, last.orbit):
+        return located
+    parts = [(before, first, ends[0]), (first, *ends), (ends[0], ends[1], last)]
+    return [each for part in parts for each in find_changes(interval, *part)]
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
     """Locate the zero of the margin of one change; None if its margin cannot be tracked over the step."""
     from scipy.optimize import brentq  # imported late, because the import is slow
 
+    if change.alone:
+        stuck, far = (first, last) if _never_slips(first.orbit, change.contact) else (last, first)
+        try:
+            return _locate_onset(interval, stuck, far, change)
+        except LookupError:
+            return None
     tracked: dict[float, tuple[float, float]] = {}
 
     def value(arclength: float) -> float:
@@ -164,6 +225,55 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     except LookupError:
         return None
     return Located(interval.at(root), change._replace(theta=tracked[root][0]), 1e-12)
+
+
+def _never_slips(orbit: Orbit, contact: int) -> bool:
+    return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
+
+
+def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, change: Change) -> Located:
+    """Locate the onset of slip from the side on which friction never slips.
+
+    The orbits there are some of a continuum, and those at the position that the friction keeps lie along the tangent.
+    On the other side the position is another one.
+
+    Raises
+    ------
+    LookupError
+        If there is none before the far point, or the orbits end before it.
+    """
+    corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
+    length, theta = abs(far.arclength - stuck.arclength), change.theta
+
+    def beside(distance: float) -> BranchPoint | None:
+        correction = corrector.correct(stuck.x + way * distance * stuck.tangent, stuck.tangent)
+        if correction is None:
+            return None
+        point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
+        return point if _never_slips(point.orbit, change.contact) else None
+
+    distance, point, step = 0.0, stuck, _FIRST * length
+    theta, value = margin(point.orbit, change, theta)
+    for _ in range(_APPROACHES):
+        nearer = beside(distance + step)
+        if nearer is None:
+            step *= 0.5
+            continue
+        before, (theta, value) = value, margin(nearer.orbit, change, theta)
+        distance, point = distance + step, nearer
+        if not 0.0 < value < before:
+            if value <= 0.0:
+                break
+            raise LookupError
+        left = step * value / (before - value)
+        if distance + left > 2.0 * length:
+            raise LookupError
+        if left < _REACHED:
+            return Located(point, change._replace(theta=theta), left)
+        step = _SHARE * left
+    if step > _CLOSE:
+        raise LookupError
+    return Located(point, change._replace(theta=theta), step)
 
 
 def _has(orbit: Orbit, change: Change) -> bool:
@@ -256,7 +366,7 @@ def _least(
     def values(thetas: NDArray[np.float64]) -> NDArray[np.float64]:
         return function(coefficients, thetas, states_at(orbit, thetas), modes, change.side)
 
-    count = max(_ZOOM, int(_SAMPLES * host.length))
+    count = max(_ZOOM, math.ceil(_SAMPLES * host.length))
     thetas = np.linspace(host.start, host.stop, count + 1)
     found = values(thetas)
     lowest = (found[1:-1] <= found[:-2]) & (found[1:-1] <= found[2:])
@@ -296,7 +406,7 @@ def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], in
         if len(texts[0]) == len(texts[1]) and texts[0] in texts[1] * 2:
             continue
         count = explained(contact)
-        if abs(len(texts[1]) - len(texts[0])) > 2 * count or not count:
+        if not count or (abs(len(texts[1]) - len(texts[0])) > 2 * count and "0" not in texts):
             name = first.system.structure.contacts[contact].name
             found.append(
                 f"{name} goes through {texts[0]} per period before this step and through {texts[1]} after it, with "

@@ -277,8 +277,9 @@ class Source:
         kept = {name.text: term.text for name, term in zip(past, found.past, strict=True)}
         return [
             *lines,
-            *sheet.lines(found.force, found.extension, *found.past),
+            *sheet.lines(found.force, found.extension, found.most, *found.past),
             f"f{k} = {found.force.text}",
+            f"j0_{k} = {found.most.text}",
             f"S[{state * LANES} + l] = {found.extension.text}",
             *self._stored(kept),
         ]
@@ -380,6 +381,9 @@ class Source:
             ]
             yield lines
         for k, slots in enumerate(self.layout.contacts):
+            if slots.form.law.is_dry:
+                yield [keep(rows["peak"] + k, f"j0_{k}", "max")]
+                continue
             # vertex of the parabola through three values
             lines = [
                 f"middle, before, after = abs(h0_{k}), abs(h1_{k}), abs(f{k})",

@@ -364,7 +364,8 @@ class DrySwitches(DryState):
             self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= _SETTLING
-            if just or self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0:
+            steady = self.laws[place].by != "normal" and not self.slots[place].varies
+            if just or (steady and self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0):
                 return
             self._stick(place, theta)
             if not self.columns:

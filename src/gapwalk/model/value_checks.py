@@ -76,6 +76,11 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
             yield f"{structure.names[place]} is {clearance}; it must be >= 0"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
+        if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:
+            yield (
+                f"{structure.names[place]} is 0 on both sides, so that {structure.contacts[index].name} locks its "
+                "deflection; leave the coordinate out, or give the gap a width"
+            )
         inner[index, side] = clearance
 
 
@@ -236,18 +241,10 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
 
 
 def _memory_problems(structure: Structure, variation: Variation) -> Iterator[str]:
-    """List Jenkins elements whose limit varies over the angle: in slip their springs would have to follow it."""
-    for place in structure.memories:
-        form, host = structure.contacts[place], structure.host(place)
-        own = place == variation.contact and not variation.is_deflection and variation.name != "speed"
-        by = getattr(form.law, "by", "")
-        pressed = host == variation.contact and (by == "normal" or variation.name == HYSTERESIS.name)
-        if own or pressed:
-            yield (
-                f"{form.name} has a stiffness, but its force in slip varies over the angle with "
-                f"{structure.contacts[variation.contact].name}.{variation.name}; that is computed for friction which "
-                f"sticks rigidly only: leave the stiffness of {form.name} out"
-            )
+    """List Jenkins elements whose stiffness varies over the angle: their force would do work in stick."""
+    form = structure.contacts[variation.contact]
+    if form.law.has_memory and variation.name == "stiffness":
+        yield f"{form.name}.stiffness varies over the angle; only the limit of friction can: vary {form.name}.limit"
 
 
 def _wave(structure: Structure, values: NDArray[np.float64], variation: Variation) -> tuple[float, float]:

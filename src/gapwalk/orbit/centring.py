@@ -2,9 +2,9 @@
 
 A Jenkins element that never slips may have its slider anywhere in a range: the extension z only has to stay within its
 limits on both sides. Where the motion grows, the range shrinks, and slip begins on both sides once it has shrunk to a
-point: there the extension is as large on one side as on the other. So a branch follows the orbit whose extension has
-such equal extremes. It is continuous where slip begins and ends. Any other orbit of the continuum would be pushed along
-the end of the range, where the motion is at a corner.
+point: there the extension is as large on one side as on the other. So in a symmetric system a branch follows the orbit
+whose extension has such equal extremes. It is continuous where slip begins and ends. Any other orbit of the continuum
+would be pushed along the end of the range, where the motion is at a corner.
 """
 
 from __future__ import annotations

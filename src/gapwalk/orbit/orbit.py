@@ -169,10 +169,20 @@ class Orbit(Shown):
 
     @cached_property
     def friction(self) -> dict[int, list[FrictionPhase]]:
-        """Phases of slip and stick in one full period of each contact that is dry friction, by its number."""
-        full = PERIOD * self.period
-        contacts = sorted({event.contact for event in self.slips})
-        return {contact: friction_phases(self.slips, contact, full) for contact in contacts}
+        """Phases of slip and stick in one full period of each contact that is dry friction, by its number.
+
+        If the log has slip in one direction only, on a base at rest, its length is rounding: otherwise friction would
+        end elsewhere than it began. Such friction sticks, and its force just reaches its bound.
+        """
+        full, found = PERIOD * self.period, {}
+        layout, coefficients = layout_of(self.system.structure), coefficients_of(self.system)
+        for contact in sorted({event.contact for event in self.slips}):
+            phases = friction_phases(self.slips, contact, full)
+            ways, speed = {phase.mode for phase in phases}, layout.contacts[contact].numbers.get("speed")
+            at_rest = speed is None or not coefficients[speed]
+            reaches = at_rest and 0 in ways and len(ways) == 2
+            found[contact] = [FrictionPhase(0, 0.0, full)] if reaches else phases
+        return found
 
     @property
     def _deflections(self) -> NDArray[np.float64]:

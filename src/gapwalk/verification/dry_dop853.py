@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import collapses
-from gapwalk.verification.dop853 import Round, between, error_of, method, turn
+from gapwalk.verification.dop853 import Round, error_of, method, turn
 from gapwalk.verification.dop853 import carry as carry_together
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
@@ -411,7 +411,7 @@ class _Motion:
                     share = max(share - value / slope, 0.0)
             if share <= h:
                 found.append((share, key))
-        states = self._inside(h, new, rates)
+        states = self.equations.inside(_SHARES, h, np.real((self.states[0], new[0])), np.real(rates[[0, -1], 0]))
         angles = self.theta + _SHARES * h
         begun = self.guards(np.array([self.theta]), np.real(self.states[:1]))
         within = self.guards(angles, states)
@@ -467,22 +467,6 @@ class _Motion:
             later = self.guards(np.array([angle + h]), state + h * np.real(self._rates(angle, state)))[key][0]
             slope = (float(np.real(later)) - value) / h
         return value, slope
-
-    def _inside(self, h: float, new: Values, rates: Values) -> Array:
-        """Return the states of the motion at some places within a step; the last one is its end."""
-        n, omega = self.equations.size, self.equations.omega
-        y0, y1 = np.real(self.states[0]), np.real(new[0])
-        r0, r1 = h * np.real(rates[0, 0]), h * np.real(rates[-1, 0])
-        first = [y0[:n], r0[:n], h * r0[n : 2 * n] / omega]
-        last = [y1[:n], r1[:n], h * r1[n : 2 * n] / omega]
-        s = _SHARES[:, None]
-        q, slope = between(first, last, s)
-        # the extensions by a cubic
-        d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
-        z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
-        found = np.concatenate((q, slope / h * omega, z), axis=1)
-        found[-1] = y1
-        return found
 
     def _watch(self, h: float, new: Values, rates: Values) -> None:
         """Record extrema."""

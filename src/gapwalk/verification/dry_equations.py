@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gapwalk.model.laws.closed_form import Host, Stages
 from gapwalk.model.laws.friction import Friction
 from gapwalk.model.system import System
+from gapwalk.verification.dop853 import between
 from gapwalk.verification.independent_equations import Equations
 
 Values = NDArray[Any]
@@ -262,3 +263,16 @@ class DryEquations(Equations):
         numbers = self._named(self._contacts[index].name, self._own[index], loads, _ALL)
         change = law.rebound(rate, numbers) - rate
         states[:, n : 2 * n] += np.outer(change / (row @ push), push)
+
+    def inside(self, shares: Values, h: float, states: Values, rates: Values) -> NDArray[np.float64]:
+        """Return the states at some shares of a step over the angle h, from states and rates at its two ends."""
+        n, (y0, y1), (r0, r1) = self.size, states, h * rates
+        first, last = ([y[:n], r[:n], h * r[n : 2 * n] / self.omega] for y, r in ((y0, r0), (y1, r1)))
+        s = shares[:, None]
+        q, slope = between(first, last, s)
+        # the extensions by a cubic
+        d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
+        z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
+        found = np.concatenate((q, slope / h * self.omega, z), axis=1)
+        found[-1] = y1
+        return found

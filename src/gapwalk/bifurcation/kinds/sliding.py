@@ -40,7 +40,7 @@ class Sliding(Kind):
         """Return all points of this kind in a step; see `find_changes`."""
         known = search.memo.get(Sliding)
         if known is None:
-            known = search.memo[Sliding] = find_changes(search.interval, search.first, search.last)
+            known = search.memo[Sliding] = find_changes(search.interval, search.before, search.first, search.last)
         return [
             Zero(
                 self,
