@@ -36,7 +36,9 @@ def test_phases_are_the_modes_at_the_samples(name):
 def test_friction_without_a_host_has_one_mode_at_any_time():
     found = stick_slip(moved("iwan"))
     for element in "fgh":
-        assert sum(found.share(element, mode) for mode in ("slip +", "slip -", "stick")) == pytest.approx(1.0, abs=1e-13)
+        assert sum(found.share(element, mode) for mode in ("slip +", "slip -", "stick")) == pytest.approx(
+            1.0, abs=1e-13
+        )
 
 
 def test_friction_of_an_open_stage_has_no_mode():
