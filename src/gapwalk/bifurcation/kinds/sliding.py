@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
 _EPS = float(np.finfo(float).eps)
+_BESIDE = 1e-6  # arclength over which rates of the margin would be dominated by rounding
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -137,6 +138,17 @@ class SlipOnset(Sliding):
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""
         return not change.reverses and change.before == 0 and change.alone
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root."""
+        away = [
+            point
+            for point in search.interval.points
+            if abs(point.arclength - zero.point.arclength) > _BESIDE
+            and {*zero.point.orbit.stuck} <= {*point.orbit.stuck}
+        ]
+        near = min(away, key=lambda point: abs(point.arclength - zero.point.arclength), default=None)
+        return float("inf") if near is None else location_error(zero, second, [near])
 
 
 def describe_friction(orbit: Orbit, change: Change) -> str:
