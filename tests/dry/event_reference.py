@@ -188,8 +188,10 @@ class Reference:
         return np.concatenate((v, a, extensions, work, [self.mean @ v], taken, heat, [v @ self.damping @ v]))
 
     def is_idle(self, index, y, modes):
-        """Return True for friction without a limit, as in a clutch stage that is open."""
-        return self.contacts[index].law.by == "stages" and self.limit(index, y, y, y, modes)[0] == 0.0
+        """Return True for friction of a contact that is open, and has no force."""
+        by, host = self.contacts[index].law.by, self.host[index]
+        opened = not any(self.switches[k][0] == host for k in modes.closed)
+        return (by == "normal" and opened) or (by == "stages" and self.limit(index, y, y, y, modes)[0] == 0.0)
 
     # ---- guards
 
@@ -226,9 +228,9 @@ class Reference:
             gap, rate = self.gap(switch, y)
             if self.law[index] != "rigid" and (gap < -1e-13 or (abs(gap) <= 1e-13 and rate < 0.0)):
                 modes.closed.add(switch)
+        modes.slip = dict.fromkeys(self.dry, 0)
         for index in self.dry:
             rate = self.slip_rate(index, y)
-            modes.slip[index] = 0
             if self.law[index] == "coulomb":
                 modes.slip[index] = 0 if abs(rate) <= _REST else round(math.copysign(1.0, rate))
             elif not self.is_idle(index, y, modes):
@@ -244,10 +246,10 @@ class Reference:
         limit = self.limit(index, y[: self.n], y[self.n : 2 * self.n], 0.0 * y[: self.n], modes)[0]
         place = limit / self.numbers[index]["stiffness"]
         z, modes.slip[index] = y[self.place[index]], 0
-        if abs(z) >= place * (1.0 - 1e-13):
-            side = round(math.copysign(1.0, z))
+        if abs(z) >= place * (1.0 - 1e-13) or place <= 1e-12:
+            side = round(math.copysign(1.0, z if place > 1e-12 else self.slip_rate(index, y)))
             y[self.place[index]], modes.slip[index] = side * place, side
-            if place == 0.0 or not self.sliding(index, y, self.motion(t, y, modes)[0], modes) > 0.0:
+            if self.is_idle(index, y, modes) or not self.sliding(index, y, self.motion(t, y, modes)[0], modes) > 0.0:
                 modes.slip[index] = 0
 
     def decide(self, t, y, modes, slipping=()):
@@ -335,7 +337,7 @@ class Reference:
                 (modes.closed.add if enters else modes.closed.discard)(index)
                 log.append(Event("contact", theta, index, int(enters), rate))
                 for other in self.place:
-                    if self.host[other] == contact and self.contacts[other].law.by == "stages":
+                    if self.host[other] == contact:
                         stretched = y[self.place[other]]
                         self.set_slider(other, t, y, modes)
                         freed = stretched**2 - y[self.place[other]] ** 2

@@ -162,7 +162,7 @@ def everything() -> System:
             friction("slider", {"a": 1.0, "b": -1.0}, 0.1, stiffness=3.0),
             friction("belt", {"c": 1.0}, 0.05, speed=0.3),
             Contact("elastic", {"c": 1.0}, [Stage(0.2, 3.0)]),
-            friction("pressed", {"b": 1.0}, coefficient=0.2, normal="elastic"),
+            friction("pressed", {"b": 1.0}, coefficient=0.2, normal="elastic", stiffness=2.0),
             spring,
             Contact("stop", {"a": 1.0}, [Stage(0.5)], law="rigid", restitution=0.5),
         ]
@@ -178,7 +178,7 @@ def test_the_work_of_loads_is_dissipated() -> None:
         q, v = y[:3], y[3:6]
         springs = sum(0.5 * k * max(abs(q[place]) - gap, 0.0) ** 2 for place, gap, k in ((1, 0.1, 2.0), (2, 0.2, 3.0)))
         own = 0.5 * v @ system.matrix("mass") @ v + 0.5 * q @ system.matrix("stiffness") @ q
-        return own + springs + 0.5 * 3.0 * y[6] ** 2
+        return own + springs + 0.5 * 3.0 * y[6] ** 2 + 0.5 * 2.0 * y[7] ** 2
 
     found = reference.integrate(state, 6.0 * TURN, 7.0 * TURN)
     kinds = {event.kind for event in found.events} | {event.mode for event in found.events if event.kind == "slip"}

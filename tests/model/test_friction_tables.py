@@ -244,6 +244,7 @@ MISTAKES = [
     ),
     (STOP + 'stiffness = "rigid"\nrestitution = 0.2\n', '"stop".clearance is missing'),
     (STOP + 'clearance = 0.5\nstiffness = "stiff"\nrestitution = 0.2\n', 'or "rigid" for a rigid stop'),
+    (STOP + 'clearance = 0.0\nstiffness = "rigid"\nrestitution = 0.2\n', "so that stop locks its deflection"),
     (SOFT + "restitution = 0.2\n", 'the contact is rigid; write stiffness = "rigid", or another law'),
     (
         STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.8\ncubic = 1.0\n',
@@ -343,3 +344,38 @@ def test_friction_may_act_off_its_deflection() -> None:
     clutch = gw.friction("clutch", {"x": 1.0}, 0.02, force={"x": 1.0, "y": -0.6})
     system = gw.System(["x", "y"], [1.0, 2.0], contacts=[clutch])
     assert again(system) == system
+
+
+def varied(amplitude: float, *contacts: gw.Contact, **varies) -> gw.System:
+    load = gw.Harmonic(amplitude, order=2, name="v", **varies)
+    return gw.System(["x", "y"], [1.0, 2.0], [0.1, 0.1], contacts=contacts, harmonics=[load])
+
+
+def test_what_varies_stays_within_its_bounds() -> None:
+    brake = gw.friction("brake", {"x": 1.0}, 0.3)
+    assert varied(1.0, brake, varies="brake.limit")["brake.limit"] == 0.3
+    with pytest.raises(ModelError, match=r"brake.limit varies from -0.03 to 0.63 over the angle; it must be >= 0"):
+        varied(1.1, brake, varies="brake.limit")
+    wall = gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)
+    assert varied(0.25, wall, varies="wall.restitution").size == 2
+    with pytest.raises(ModelError, match=r"wall.restitution varies from 0.56 to 1.04 .* it must be between 0 and 1"):
+        varied(0.3, wall, varies="wall.restitution")
+    rectangle = gw.loads.Rectangle(1.5, "brake.limit")
+    with pytest.raises(ModelError, match="it must be >= 0"):
+        gw.System(["x"], [1.0], [0.1], contacts=[brake], harmonics=[rectangle])
+
+
+def test_a_jenkins_element_has_a_limit_that_does_not_vary_over_the_angle() -> None:
+    stop = gw.stop("stop", {"x": 1.0}, 0.5, 3.0)
+    soft = gw.friction("f", {"y": 1.0}, coefficient=0.3, normal="stop", stiffness=5.0)
+    rigid = gw.friction("f", {"y": 1.0}, coefficient=0.3, normal="stop")
+    own = gw.friction("f", {"y": 1.0}, 0.3, stiffness=5.0)
+    words = "f has a stiffness, but its force in slip varies over the angle with"
+    for name in ("stop.stiffness", "stop.deflection"):
+        assert varied(0.1, stop, rigid, varies=name).size == 2
+        with pytest.raises(ModelError, match=words):
+            varied(0.1, stop, soft, varies=name)
+    for name in ("f.limit", "f.stiffness"):
+        with pytest.raises(ModelError, match=words):
+            varied(0.1, own, varies=name)
+    assert varied(0.1, own, varies="f.deflection").size == 2  # its base moves

@@ -105,3 +105,15 @@ def test_the_command_says_what_it_leaves_out(tmp_path, capsys) -> None:
     assert "with rigid stops open, and with the springs of friction that sticks" in out
     assert main(["modes", str(path), "--json"]) == 0
     assert "clutch_stop" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("hysteresis", [{}, {"hysteresis": 0.1}])
+def test_springs_that_never_pull_have_their_slope_at_the_breakpoint(hysteresis: dict) -> None:
+    contacts = [
+        gw.Contact("stop", {"x": 1.0}, [gw.Stage(GAP, SPRING, numbers=hysteresis)], law="pushing", viscous_damping=0.2)
+    ]
+    contacts += [gw.friction("rub", {"x": 1.0}, stages_of="stop")] * bool(hysteresis)
+    system = gw.System(["x"], [1.0], [0.1], contacts=contacts)
+    modes = gw.find_modes(system)
+    assert modes.frequencies[0] ** 2 == pytest.approx(1.0 + SPRING)
+    assert modes.damping_ratios[0] == pytest.approx((0.1 + 0.2) / (2.0 * modes.frequencies[0]))

@@ -10,10 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
@@ -21,14 +19,12 @@ from gapwalk.attractors.section import check_count
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
-from gapwalk.flow.motion import Motion, sample, signal_factor, switch_names
+from gapwalk.flow.motion import Motion, signal_factor, switch_names
+from gapwalk.flow.quadrature import Quadrature, quadrature
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
-_ORDER = 12  # nodes in each interval
-_WIDEST = PERIOD / 32  # largest width of an interval
-_NARROWEST = 1e-9  # narrower intervals between events are omitted
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
 
@@ -91,21 +87,6 @@ class Rattle:
             _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
         )
         return "\n\n".join(tables)
-
-
-class Quadrature(NamedTuple):
-    """A motion at the nodes of Gauss's rule.
-
-    Attributes
-    ----------
-    motion
-        The motion; its samples are the nodes, and its events the crossings of breakpoints.
-    weights : shape (nodes,)
-        Weights of the nodes over time (not theta); their sum is the duration of the motion.
-    """
-
-    motion: Motion
-    weights: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,23 +221,6 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     return Rattle(
         system, length, _sides(system, found, length), _loads(system, along, found), _impulsiveness(along), found
     )
-
-
-def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quadrature:
-    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods."""
-    end = PERIOD * periods
-    events = sample(system, state, np.array([0.0, end])).events
-    kinks = flow_of(system).kinks(coefficients_of(system), state, end)  # and jumps: it is not analytic there either
-    edges = np.unique(np.concatenate(([0.0], [event.theta for event in events], kinks, [end])))
-    edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
-    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / _WIDEST)))[:-1] for a, b in pairwise(edges)]
-    starts = np.concatenate(parts)
-    widths = np.diff(np.append(starts, end))
-    nodes, weights = leggauss(_ORDER)
-    thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
-    integrated = sample(system, state, np.concatenate(([0.0], thetas)))
-    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events, integrated.z[1:])
-    return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
 
 
 def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:

@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
-from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import Motion, check_state
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
 _SAMPLES = 128  # samples per forcing period between which crossings are bracketed
 _EXACT = 1e-13  # tolerance of an angle
+_ROUNDING = 1e-13  # share of the size of a motion below which its height over a plane is 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +172,10 @@ class _Crossings:
     def follow(self, state: NDArray[np.float64], start: float) -> NDArray[np.float64]:
         """Record all crossings of the period that begins at `start`; return the state at its end."""
         thetas = start + PERIOD * np.arange(_SAMPLES + 1) / _SAMPLES
-        states = self._flow.sample(self._coefficients, state, thetas).states
-        heights, slopes = self._height(states), self._slope(thetas, states)
+        sampled = self._flow.sample(self._coefficients, state, thetas)
+        states, heights = sampled.states, self._height(sampled.states)
+        slopes = self._slope(Motion.of(self._system, thetas, states, *sampled.logs))
+        self._refuse_rest(states, heights)
         crossed = np.sign(heights[:-1]) != np.sign(heights[1:])
         approaching = (heights[:-1] * slopes[:-1] < 0.0) & (heights[1:] * slopes[1:] > 0.0)
         for k in np.flatnonzero(crossed | approaching):
@@ -183,12 +186,21 @@ class _Crossings:
         """Return the signed distance of states, shape (..., state_size), from the plane."""
         return states @ self._weights - self._plane.level
 
-    def _slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slope(self, motion: Motion) -> NDArray[np.float64]:
         """Return the derivative of that distance over theta."""
         n = self._system.size
-        q, v = states[..., :n], states[..., n : 2 * n]
-        a = accelerations(layout_of(self._system.structure), self._coefficients, theta, q, v)
-        return (1.0 / self._system.frequency) * (v @ self._weights[:n] + a @ self._weights[n : 2 * n])
+        return (1.0 / self._system.frequency) * (motion.v @ self._weights[:n] + motion.a @ self._weights[n : 2 * n])
+
+    def _refuse_rest(self, states: NDArray[np.float64], heights: NDArray[np.float64]) -> None:
+        """Refuse a plane in which the motion lies for a while, as a rate of 0 while friction sticks."""
+        if not is_dry(self._system.structure):
+            return
+        on = np.abs(heights) <= _ROUNDING * (np.abs(states) @ np.abs(self._weights)).max()
+        if np.any(on[1:] & on[:-1]):
+            raise ModelError(
+                f"the motion lies in the plane {self._plane.text} while friction sticks or a stop is held, so that it has "
+                "no single crossing there; choose another level, or another signal"
+            )
 
     def _find(self, start: float, stop: float, state: NDArray[np.float64]) -> None:
         """Record the crossings in a short interval that begins at a state."""
@@ -200,7 +212,7 @@ class _Crossings:
             return float(self._height(at(theta)))
 
         def slope(theta: float) -> float:
-            return float(self._slope(theta, at(theta)))
+            return float(self._slope(Motion.of(self._system, np.array([theta]), at(theta)[None]))[0])
 
         crossings: list[tuple[float, float]] = []  # the angle of each, and the height (or slope) before it
         first, last = height(start), height(stop)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.ensemble.scheme import Linear
+from gapwalk.ensemble.start import check_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -180,15 +181,18 @@ def batch_of(system: System, states: ArrayLike, parameters: Mapping[str, ArrayLi
     Raises
     ------
     ModelError
-        If the states or the parameters have the wrong shape, or a system cannot have such values.
+        If the states or the parameters have the wrong shape, a system cannot have such values, or a state is beyond a
+        rigid stop.
     """
     array = _states(system, states)
     columns = {name: _column(system, name, values, len(array)) for name, values in parameters.items()}
-    if not columns:
-        return Batch(array, (system,), np.zeros(len(array), dtype=np.intp))
-    rows, places = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_inverse=True)
-    systems = tuple(system.at(dict(zip(columns, row.tolist(), strict=True))) for row in rows)
-    return Batch(array, systems, places.reshape(-1))
+    batch = Batch(array, (system,), np.zeros(len(array), dtype=np.intp))
+    if columns:
+        rows, places = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_inverse=True)
+        systems = tuple(system.at(dict(zip(columns, row.tolist(), strict=True))) for row in rows)
+        batch = Batch(array, systems, places.reshape(-1))
+    check_stops(batch.linear, array)
+    return batch
 
 
 def _states(system: System, states: ArrayLike) -> NDArray[np.float64]:

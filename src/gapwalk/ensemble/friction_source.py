@@ -97,7 +97,8 @@ class JenkinsSource:
             closing = sheet.write("{} > 0.0", share)
             first = either(closing, (1.0 - share) * travel, first)
             held = either(closing, last_width, held)
-        found = _within(_within(extension + first, held) + (travel - first), width)
+        between = _within(extension + first, held)
+        found = _within(between + (travel - first), width)
         free = extension + travel
         sign = sheet.write("np.copysign(1.0, {})", travel)
         force = found - either(turned, 0.0, sign * self._slip_bump(sign, free, extension, width, last_width))
@@ -115,7 +116,12 @@ class JenkinsSource:
                     for mode in (1.0, 0.0)
                 ]
                 force = force + self._switched(stage, travel, sign * free, free, within)
-        return Jenkins(found, spring * force, [x, rate, width, *([] if host is None else [host.move[0]])])
+        return Jenkins(
+            found,
+            spring * force,
+            spring * greatest(size(between), size(found)),
+            [x, rate, width, *([] if host is None else [host.move[0]])],
+        )
 
     def _width(self, stages: Sequence[StageTerms], host: HostTerms | None) -> Any:
         """Write the largest extension, the limit over the stiffness."""
@@ -172,10 +178,14 @@ class JenkinsSource:
 
 
 class Jenkins(NamedTuple):
-    """Extension and force of a Jenkins element at the end of a step, and the numbers that the next step needs."""
+    """Extension and force of a Jenkins element at the end of a step, and the numbers that the next step needs.
+
+    The force is corrected for kinks and jumps nearby; `most` is the largest size of the true one at a turn or the end.
+    """
 
     extension: Any
     force: Any
+    most: Any
     past: list[Any]
 
 

@@ -25,7 +25,7 @@ from gapwalk.ensemble.source_text import Sheet, Term
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.structure import Structure
 
-_SWEEPS = 2  # over the reactions of several stops
+_SWEEPS = 3  # over the reactions of several stops
 
 
 @dataclass(frozen=True)
@@ -277,8 +277,9 @@ class Source:
         kept = {name.text: term.text for name, term in zip(past, found.past, strict=True)}
         return [
             *lines,
-            *sheet.lines(found.force, found.extension, *found.past),
+            *sheet.lines(found.force, found.extension, found.most, *found.past),
             f"f{k} = {found.force.text}",
+            f"j0_{k} = {found.most.text}",
             f"S[{state * LANES} + l] = {found.extension.text}",
             *self._stored(kept),
         ]
@@ -304,6 +305,9 @@ class Source:
             lines += [*self._forecast(k), *sheet.lines(*found)]
             lines += [f"j{number}_{k} = {_text(term)}" for number, term in enumerate(found)]
             yield lines
+        if self._stops[1:]:
+            yield self._earliest()
+        for stop, k in enumerate(self._stops):
             for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
                 sheet = Sheet()
                 gone = polynomial(
@@ -322,6 +326,18 @@ class Source:
                 for i in np.flatnonzero(self._patterns["impulse"][:, stop]).tolist():
                     yield [f"u{i} = u{i} - {self._held(i, stop, k, 5)}"]
         yield from ([*self._stored({f"p0_{k}": f"j4_{k}"})] for k in self._stops)
+
+    def _earliest(self) -> list[str]:
+        """Write the lines that leave the earliest impact of a step; it changes whether the others occur, and how.
+
+        Another one that still occurs does so at the beginning of the next step.
+        """
+        lines = [f"rest{k} = j1_{k} if j0_{k} != 0.0 else -1.0" for k in self._stops]
+        for k in self._stops:
+            earlier = " or ".join(f"rest{k} < rest{other}" for other in self._stops if other != k)
+            lines.append(f"late = rest{k} >= 0.0 and ({earlier})")
+            lines += [f"j{number}_{k} = 0.0 if late else j{number}_{k}" for number in (0, 2, 3, 4)]
+        return lines
 
     def _held(self, i: int, stop: int, k: int, first: int = 2) -> str:
         """Write what a reaction changes in a component of the state."""
@@ -365,6 +381,9 @@ class Source:
             ]
             yield lines
         for k, slots in enumerate(self.layout.contacts):
+            if slots.form.law.is_dry:
+                yield [keep(rows["peak"] + k, f"j0_{k}", "max")]
+                continue
             # vertex of the parabola through three values
             lines = [
                 f"middle, before, after = abs(h0_{k}), abs(h1_{k}), abs(f{k})",

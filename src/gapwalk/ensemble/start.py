@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.ensemble.excitation import share_at, smooth_step
-from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of
+from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of, rigid_stops
+from gapwalk.errors import ModelError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import ContactSlots, CycleSlots
 from gapwalk.model.laws import Friction, Host, Stages, StageTerms
 
 _STEP = 1e-150  # of the complex step
+_BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop, as in the exact flow
 _ROUNDING = 1e-9  # of the limit of friction: so close to it, an element slips
 _Moves = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -83,6 +85,32 @@ def past_numbers(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.floa
                 guards = law.guards(moves[0][1], stages_of(slots, angles, moves), numbers)
             found += guards
     return np.array([np.broadcast_to(each, len(states)) for each in found]).reshape(len(found), len(states))
+
+
+def check_stops(linear: Linear, states: NDArray[np.float64]) -> None:
+    """Refuse states at theta = 0 that are beyond a rigid stop.
+
+    Raises
+    ------
+    ModelError
+        If there is one; a little, as by rounding, is allowed.
+    """
+    stops = rigid_stops(linear.layout)
+    angles = Angles(linear.layout, linear.coefficients, 0.0)
+    moved = _moves(linear, angles, states) if stops else []
+    size = np.abs(states[:, : linear.n]).max(axis=1)
+    for index in stops:
+        slots = linear.layout.contacts[index]
+        for stage in slots.stages:
+            clearance = linear.coefficients[:, stage.clearance]
+            beyond = stage.sign * moved[index][0][0] - clearance
+            lanes = np.flatnonzero(beyond > _BEYOND * (clearance + size))
+            if stage.innermost and len(lanes):
+                raise ModelError(
+                    f"state {lanes[0]} is {beyond[lanes[0]]:.3g} beyond the rigid stop {slots.form.name!r}, and "
+                    f"{len(lanes)} of {len(states)} states are beyond it; begin them where the deflection is within "
+                    "the clearance"
+                )
 
 
 def admissible(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.forces import Angles, Dry, accelerations
+from gapwalk.flow.dry_motion import acceleration_at
+from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import CoefficientLayout
 
 
@@ -42,8 +43,7 @@ class Gauge:
     ) -> tuple[float, float, float]:
         """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
         n, vector = self._layout.structure.size, self.vector(coefficients)
-        q, v, dry = state[:n], state[n : 2 * n], Dry(None, state[2 * n :])
-        motion = (q, v, accelerations(self._layout, coefficients, theta, q, v, dry=dry))
+        motion = (state[:n], state[n : 2 * n], acceleration_at(self._layout, coefficients, theta, state))
         depth, rate, turning = (float(vector @ each) for each in motion)
         if self._contact.sway is not None:
             angles = Angles(self._layout, coefficients, theta)

@@ -117,7 +117,8 @@ class Characteristics:
     loads
         The loads that vary over the angle, with the mean load; None if there are none.
     others
-        Names of the forces of several deflections with their formulas, and of those that vanish at rest.
+        Names of the forces of several deflections with their formulas, and of those that vanish at rest; and of dry
+        friction and rigid stops, whose forces are no functions.
     """
 
     system: System
@@ -141,7 +142,9 @@ def characteristics_of(system: System) -> Characteristics:
     forces, others = [], []
     coefficients, layout = coefficients_of(system), layout_of(system.structure)
     for slots, linear in zip(layout.contacts, _linear_parts(system), strict=True):
-        curve = None if slots.form.law.arguments[1:] else _force_curve(system, slots, coefficients, linear, size)
+        law = slots.form.law
+        is_function = not (law.arguments[1:] or law.is_dry or law.rebounds)
+        curve = _force_curve(system, slots, coefficients, linear, size) if is_function else None
         if curve is None:
             others.append((slots.form.name, slots.form.law.title))
         else:

@@ -124,7 +124,7 @@ class Switchboard:
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
         self.modes, self.dry = ModeSwitches(equations), DrySwitches(equations)
-        self._impacts = Impacts(self.dry)
+        self._impacts = Impacts(self.dry, self._refresh_modes)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
@@ -317,9 +317,12 @@ class Switchboard:
         self._parameters[self._first + switch] = self._inside[switch] = inside
         if self.dry.count:
             self.dry.closed = self._closed()
+        self._refresh_modes(theta)
+        return True
+
+    def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
             self.modes.refresh(theta, self._closed())
-        return True
 
     def _rate(self, switch: int, theta: float) -> float:
         """Return the rate of the deflection of a switch over time."""

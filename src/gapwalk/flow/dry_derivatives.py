@@ -63,7 +63,7 @@ def _varied(state: DryState, function: Callable[[NDArray], Any]) -> Array:
 def extension_changes(state: DryState, place: int, theta: float) -> Array:
     """Return the change, along each column, of the extension at which a Jenkins element slips."""
     slots, law, along = state.slots[place], state.laws[place], state.along()
-    if law.by == "limit":
+    if law.by == "limit" and not slots.varies:
         limit, stiffness = (float(state.base[slots.numbers[name]]) for name in ("limit", "stiffness"))
         by_limit, by_stiffness = (along[:, slots.numbers[name]] for name in ("limit", "stiffness"))
         return by_limit / stiffness - limit * by_stiffness / stiffness**2
@@ -72,7 +72,8 @@ def extension_changes(state: DryState, place: int, theta: float) -> Array:
         coefficients = state.base + step * change
         angles = Angles(state.layout, coefficients, theta)
         stages = stages_of(slots, angles, [(0.0, 0.0)])
-        stages.host = _host(state, place, coefficients, angles, state.state[: state.size] + step * row)
+        if law.host:
+            stages.host = _host(state, place, coefficients, angles, state.state[: state.size] + step * row)
         numbers = angles.named(slots.numbers, slots.waves)
         found.append(complex(law.limit(stages, numbers) / numbers["stiffness"]).imag / _STEP)
     return np.array(found)

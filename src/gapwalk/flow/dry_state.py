@@ -39,6 +39,21 @@ class SlipEvent(NamedTuple):
     slip: int
 
 
+class Hold(NamedTuple):
+    """Contacts begin or cease to be held: rigid friction that sticks, and rigid stops.
+
+    Attributes
+    ----------
+    theta
+        Angle of the event, in radians of the fundamental excitation.
+    reactions
+        The numbers in `Structure.reactions` of all that are held from there on.
+    """
+
+    theta: float
+    reactions: tuple[int, ...]
+
+
 class Kink(NamedTuple):
     """An instant at which velocities or accelerations jump: positions, and both of them before and after."""
 
@@ -46,6 +61,16 @@ class Kink(NamedTuple):
     positions: Array
     velocities: tuple[Array, Array]
     accelerations: tuple[Array, Array]
+
+    @property
+    def is_impact(self) -> bool:
+        """True if velocities jump."""
+        return not np.array_equal(*self.velocities)
+
+    def scaled(self, unit: float) -> Kink:
+        """Return it with lengths in another unit, of which this is the size."""
+        before, after = ((unit * each[0], unit * each[1]) for each in (self.velocities, self.accelerations))
+        return Kink(self.theta, unit * self.positions, before, after)
 
 
 class Readings(NamedTuple):
@@ -99,6 +124,8 @@ class DryState:
         The modes of these: 1 or -1 in slip, 0 otherwise; and True in stick.
     held
         The numbers of the reactions that are held.
+    hold_log
+        The changes of `held` since the start, which begin with those held at the start; the last of an instant holds.
     sign_of
         For each reaction of a stop, its side: 1 or -1.
     coefficients
@@ -136,6 +163,7 @@ class DryState:
         self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.held: tuple[int, ...] = ()
+        self.hold_log: list[Hold] = []
         self._known: dict[tuple[int, ...], _Held] = {}
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
         self._numbers = (b"", b"")
@@ -204,6 +232,7 @@ class DryState:
             if len(entry.directions):
                 self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
             self._changed(entry.coefficients)
+            self.hold_log.append(Hold(self.integrator.time, self.held))
         held = [number in self.held for number in self.sign_of]
         first = self._first_slip
         self._parameters[first : first + 2 * count + len(held)] = [*self.slips, *self.sticks, *held]

@@ -23,7 +23,7 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -33,6 +33,7 @@ _SETTLING = 1e-7  # radians after a change within which a guard of the new mode 
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
+_LATER = 1e-4  # radians after which an acceleration decides that vanishes now
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -73,6 +74,7 @@ class DrySwitches(DryState):
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), False
+        self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
             self._move_within(theta, unit)
@@ -130,26 +132,42 @@ class DrySwitches(DryState):
         self.apply()
         rate, limit, _ = self.read(theta).friction[place].tolist()
         force = self.stiffness(place) * float(self.state[memory])
-        if limit > 0.0 and abs(force) < limit * (1.0 - _ON):
+        tiny = _ON * self.stiffness(place) * float(np.abs(self.state[: self.n]).max())
+        begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
+        if limit > 0.0 and abs(force) < limit * (1.0 - _ON) and not begins:
             self.sticks[place] = True
             self.apply()
             return
         side = 1 if force > 0.0 else -1
-        if limit <= 0.0:
-            side = 0 if not self._grows(place) else 1 if rate > 0.0 else -1
+        if limit <= 0.0 or begins:
+            side = 0 if not begins else 1 if rate > 0.0 else -1
         self._reset_extension(place, side, theta)
-        if side:
-            self.slips[place] = side
-            self.apply()
-            now = self.read(theta)
-            rate = side * (float(now.friction[place, 0]) or self.slip_acceleration(place, now, theta))
-            if rate <= 0.0:
-                self._stick(place, theta)
-                if limit <= 0.0:
-                    self._reset_extension(place, 0, theta)
-            else:
-                self._forgotten[memory] = True
+        if side and self._slips_on(place, side, theta):
+            self._forgotten[memory] = True
+        elif side:
+            self._stick(place, theta)
+            if begins:
+                self._reset_extension(place, 0, theta)
         self.apply()
+
+    def _slips_on(self, place: int, side: int, theta: float) -> bool:
+        """Let friction in series with a spring slip to one side; return True if its slip rate has that direction.
+
+        Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
+        """
+        self.slips[place], self.sticks[place] = side, False
+        self.apply()
+        now = self.read(theta)
+        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
+            return side * rate > 0.0
+        if abs(change) <= _NEAR * float(np.abs(now.accelerations).max()):
+            kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
+            self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
+            later = self.read(theta + _LATER)
+            change = self.slip_acceleration(place, later, theta + _LATER)
+            self.state[: self.size] = kept
+        return side * change > 0.0
 
     def _stick(self, place: int, theta: float) -> None:
         self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
@@ -176,15 +194,15 @@ class DrySwitches(DryState):
 
         Return the values with what is held, if anything is.
         """
-        held = sorted({*candidates}, key=lambda number: (number in self.friction_of, number))
+        held, released, back = {*candidates}, list[int](), set[int]()
         self._over: dict[int | None, float] = {}  # share of its bound by which a reaction exceeds it
         while True:
             for number in held:
                 if (place := self.friction_of.get(number)) is not None:
                     self.slips[place], self.sticks[place] = 0, True
-            self.held = tuple(held)
+            self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
             self.apply()
-            if not held:
+            if not held and not released:
                 return None
             now = self.read(theta)
             worst, excess = -1, 0.0
@@ -198,11 +216,25 @@ class DrySwitches(DryState):
                     self._over[number] = over
                 if over > excess:
                     worst, excess = number, over
-            if worst < 0:
-                return now
+            if worst < 0:  # where others have let go since, one may not slip after all
+                returning = [each for each in released if each not in back and self._returns(each, now, theta)]
+                if not returning:
+                    return now if held else None
+                held.add(returning[0])
+                back.add(returning[0])
+                released.remove(returning[0])
+                continue
             held.remove(worst)
+            released.append(worst)
             if (place := self.friction_of.get(worst)) is not None:
                 self._slip(place, 1 if now.reactions[worst] > 0.0 else -1, theta)
+
+    def _returns(self, number: int, now: Readings, theta: float) -> bool:
+        """Return True if a contact that was let go at rest accelerates against its slip, or into its stop."""
+        place = self.friction_of.get(number)
+        side = -self.sign_of[number] if place is None else self.slips[place]
+        acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
+        return side * acceleration < -_NEAR * float(np.abs(now.accelerations).max())
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
@@ -291,21 +323,43 @@ class DrySwitches(DryState):
         after = self._hold(theta, [each for each in self.held if each != number])
         if gradient is not None:
             add_delay(self, before, theta, *gradient, after=after)
+        self._let_memories_slip(theta)
         self._report(modes, theta)
+
+    def _let_memories_slip(self, theta: float) -> None:
+        """Let springs slip that are at their limit, and that something which stuck has set free to move on.
+
+        Their force stays where it is while the deflection does not move, so no event tells.
+        """
+        for place, memory in enumerate(self.memory_of):
+            if memory is None or not self.sticks[place]:
+                continue
+            force, limit = self.stiffness(place) * float(self.state[memory]), float(self.read(theta).friction[place, 1])
+            if abs(force) < limit * (1.0 - _NEAR):
+                continue
+            side = 1 if force > 0.0 else -1
+            if self._slips_on(place, side, theta):
+                self._reset_extension(place, side, theta)
+                self._begun[place] = theta
+            else:
+                self.slips[place], self.sticks[place] = 0, True
+                self.apply()
 
     def _at_memory(self, place: int, second: bool, direction: int, theta: float, now: Readings) -> None:
         """Change the mode of a Jenkins element."""
         modes = self.slips.copy()
         if self.sticks[place]:
             side = -1 if second else 1
-            just = theta - self._begun[place] <= _SETTLING
-            rate = self.slip_acceleration(place, now, theta) if just else float(now.friction[place, 0])
-            if side * rate <= 0.0:
+            if not self._slips_on(place, side, theta):
+                self.slips[place], self.sticks[place] = 0, True
+                self.apply()
                 return  # where slip has just ended, the force is at its limit, and leaves it
             self._reset_extension(place, side, theta)
-            self._slip(place, side, theta - 1.0)
+            self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
-            if self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0:
+            just = theta - self._begun[place] <= _SETTLING
+            steady = self.laws[place].by != "normal" and not self.slots[place].varies
+            if just or (steady and self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0):
                 return
             self._stick(place, theta)
             if not self.columns:
@@ -353,6 +407,7 @@ class DrySwitches(DryState):
             if memory is not None and self.slips[place] * float(now.friction[place, 0]) < 0.0:
                 self._stick(place, theta)
         self.apply()
+        self._let_memories_slip(theta)
         self._report(modes, theta)
 
     def concerns(self, contact: int, jumps: bool) -> bool:

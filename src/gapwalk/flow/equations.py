@@ -137,6 +137,10 @@ class Equations(RunTimeParameters):
         known, parts = dict(zip(map(str, [*self.positions, *self.velocities]), self._motion, strict=True)), []
         for variable in hy.get_variables(limit):
             parts.append(hy.diff(limit, hy.make_vars(variable)) * known[variable][1])
+        angle = hy.make_vars("angle")
+        explicit = hy.diff(hy.subs(limit, {hy.time: angle}), angle)
+        if explicit != hy.expression(0.0):
+            parts.append(hy.subs(explicit, {angle: hy.time}))
         if not parts:
             return hy.expression(0.0)
         return hy.sum(parts) / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))

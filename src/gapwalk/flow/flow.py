@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable, reachable_changes
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import DryState, Kink, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.length_unit import LengthUnit
-from gapwalk.model.coefficients import coefficients_of, layout_of, varying
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
@@ -71,6 +71,10 @@ class Arc(NamedTuple):
         Taylor steps taken: a measure of how fast the motion varies.
     slips : sequence of SlipEvent
         The modes of dry friction at the start, then their changes, in order.
+    holds : sequence of Hold
+        What sticks rigidly, or is held at a stop, at the start; then its changes, in order.
+    impacts : sequence of Kink
+        The instants at which velocities jump, in order.
     """
 
     state: NDArray[np.float64]
@@ -79,6 +83,8 @@ class Arc(NamedTuple):
     contacts: list[ContactEvent]
     steps: int
     slips: Sequence[SlipEvent] = ()
+    holds: Sequence[Hold] = ()
+    impacts: Sequence[Kink] = ()
 
 
 class Variations(NamedTuple):
@@ -94,7 +100,7 @@ class Variations(NamedTuple):
         Derivative of each along k directions of coefficients.
     contacts : list of ContactEvent
         The crossings of breakpoints, in order.
-    slips : sequence of SlipEvent
+    slips, holds, impacts
         As in `Arc`.
     """
 
@@ -103,6 +109,13 @@ class Variations(NamedTuple):
     sensitivities: NDArray[np.float64]
     contacts: list[ContactEvent]
     slips: Sequence[SlipEvent] = ()
+    holds: Sequence[Hold] = ()
+    impacts: Sequence[Kink] = ()
+
+    @property
+    def logs(self) -> tuple[list[ContactEvent], Sequence[SlipEvent], Sequence[Hold], Sequence[Kink]]:
+        """All events: crossings of breakpoints, then those of friction and rigid stops."""
+        return self.contacts, self.slips, self.holds, self.impacts
 
 
 class Turn(NamedTuple):
@@ -307,11 +320,14 @@ class _Integrator:
         width = size * self.has_transition
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
-        return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, *self._logs)
+        moved = rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit
+        return Variations(*moved, self._switchboard.log, *self._dry_logs)
 
     @property
-    def _logs(self) -> tuple[list[ContactEvent], list[SlipEvent]]:
-        return self._switchboard.log, self._switchboard.dry.log
+    def _dry_logs(self) -> tuple[list[SlipEvent], list[Hold], list[Kink]]:
+        """The logs of friction and rigid stops since the start, in units of the model."""
+        dry = self._switchboard.dry
+        return dry.log, dry.hold_log, [kink.scaled(self._unit) for kink in dry.kinks if kink.is_impact]
 
     def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
@@ -385,18 +401,20 @@ class _Integrator:
         Derivatives over an interval continue those before it; without the transition matrix there are none.
         """
         size = self.size
-        states, contacts, slips = [np.asarray(state, dtype=float)], [], []
+        states, contacts, slips, holds, impacts = [np.asarray(state, dtype=float)], [], [], [], []
         transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
         for start, stop in pairwise(thetas):
             arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
             states.append(arc.state)
             contacts += arc.contacts
             slips += arc.slips
+            holds += arc.holds
+            impacts += arc.impacts
             if arc.transition is not None:
                 added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
                 transitions.append(arc.transition @ transitions[-1])
                 along.append(arc.transition @ along[-1] + added)
-        return Variations(np.array(states), np.array(transitions), np.array(along), contacts, slips)
+        return Variations(np.array(states), np.array(transitions), np.array(along), contacts, slips, holds, impacts)
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         self._turns = []
@@ -467,9 +485,7 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(
-            state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, self._switchboard.dry.log
-        )
+        return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
 
 
 def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
@@ -495,6 +511,12 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     masks = tuple(mask.tobytes() for mask in (pattern, *directions))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)
+
+
+def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> Flow:
+    """Return the compiled flow of the system that has some coefficients."""
+    with _compiling:
+        return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), False, False)
 
 
 @lru_cache(maxsize=_MOST)

@@ -7,7 +7,7 @@ friction, so what sticks may slip from there on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,10 +29,12 @@ class Impacts:
     ----------
     dry
         Its modes of friction and stops.
+    refresh
+        Function that sets the modes of laws for the rates after an impact: those of ``abs(v)`` jump with them.
     """
 
-    def __init__(self, dry: DrySwitches) -> None:
-        self._dry, self._layout = dry, dry.layout
+    def __init__(self, dry: DrySwitches, refresh: Callable[[float], None]) -> None:
+        self._dry, self._layout, self._refresh = dry, dry.layout, refresh
 
     def strike(self, switch: int, theta: float) -> list[int]:
         """Reset the state at an impact on the stop of a switch, and transform its derivatives.
@@ -50,6 +52,7 @@ class Impacts:
         reset = partial(self._reset, struck, False)
         while True:
             dry.state[: dry.size] = after = reset(before, dry.base, theta)
+            self._refresh(theta)
             into = self._struck_too(struck[-1], theta)
             if into is None or len(struck) > len(dry.sign_of) ** 2:
                 break

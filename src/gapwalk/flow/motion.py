@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_state import SlipEvent
+from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, friction_of, is_dry, modes_along, modes_at
+from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
+from gapwalk.flow.forces import contact_deflections
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.displacement import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -49,6 +50,11 @@ class Motion:
         Extensions of the contacts with a state of their own, in the order of `Structure.memories`; by default zero.
     slips
         The modes of dry friction at the first sample, then their changes, in order.
+    holds
+        What sticks rigidly, or is held at a stop, at the first sample; then its changes, in order. Without them, the
+        modes at each sample are those with which a motion begins there.
+    impacts
+        The impacts on rigid stops, in order, with the velocities before and after.
     """
 
     system: System
@@ -58,6 +64,8 @@ class Motion:
     events: tuple[ContactEvent, ...]
     z: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     slips: tuple[SlipEvent, ...] = ()
+    holds: tuple[Hold, ...] = ()
+    impacts: tuple[Kink, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.z.size:
@@ -71,10 +79,12 @@ class Motion:
         states: NDArray[np.float64],
         events: Iterable[ContactEvent] = (),
         slips: Iterable[SlipEvent] = (),
+        holds: Iterable[Hold] = (),
+        impacts: Iterable[Kink] = (),
     ) -> Motion:
-        """Make a motion from its states, shape (samples, state_size); real or complex."""
-        n = system.size
-        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], tuple(slips))
+        """Make a motion from its states, shape (samples, state_size), and its logs."""
+        n, logs = system.size, map(tuple, (slips, holds, impacts))
+        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], *logs)
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -89,12 +99,34 @@ class Motion:
     @cached_property
     def a(self) -> NDArray[np.float64]:
         """Accelerations, shape (samples, n)."""
-        return accelerations(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+        return self._dynamics[1]
 
     @cached_property
     def forces(self) -> NDArray[np.float64]:
-        """Contact forces ``f_k``, shape (samples, contacts)."""
-        return contact_forces(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+        """Contact forces ``f_k``, shape (samples, contacts); reactions of what sticks or is held are among them."""
+        return self._dynamics[0]
+
+    @cached_property
+    def _dynamics(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        structure, modes = self.system.structure, None
+        if structure.reactions:
+            modes = self.modes
+        elif is_dry(structure):  # extensions alone determine the forces
+            modes = DryModes(*(np.zeros((len(self.theta), count)) for count in (len(friction_of(structure)), 0)))
+        moved = self.theta, self.q, self.v, self.z
+        return forces_and_accelerations(layout_of(structure), self._coefficients, *moved, modes)
+
+    @cached_property
+    def modes(self) -> DryModes:
+        """Modes of dry friction, and of rigid stops, at each sample."""
+        if self.holds:
+            return modes_along(self.system.structure, self.theta, self.slips, self.holds)
+        return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
+
+    @property
+    def slip(self) -> NDArray[np.float64]:
+        """Modes of dry friction, shape (samples, contacts that are friction): 1 or -1 in slip, 0 in stick."""
+        return self.modes.slips.astype(float)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
@@ -120,7 +152,8 @@ class Motion:
         name
             A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), the force of a contact
             (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train),
-            or the extension of a contact with a state of its own (``"brake.extension"``).
+            the extension of the spring of friction that has one (``"brake.extension"``), or the mode of dry friction
+            (``"brake.slip"``: 1 or -1 in slip, by its direction, and 0 in stick).
             For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
@@ -132,6 +165,7 @@ class Motion:
         """
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
+        widths["slip"] = len(friction_of(structure))
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
@@ -205,7 +239,7 @@ def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64
     """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
     found = flow_of(system).sample(coefficients_of(system), initial, theta)
-    return Motion.of(system, theta, found.states, found.contacts, found.slips)
+    return Motion.of(system, theta, found.states, *found.logs)
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
@@ -257,8 +291,9 @@ def signal_place(system: System, name: str) -> int:
 def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    extensions = system.state_names[2 * system.size :]
-    return [*derivatives, *map(force_of, system.structure.contacts), *extensions, *train_signals(system.structure)]
+    structure, extensions = system.structure, system.state_names[2 * system.size :]
+    modes = [f"{structure.contacts[index].name}.slip" for index in friction_of(structure)]
+    return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *train_signals(structure)]
 
 
 def force_of(contact: ContactForm) -> str:

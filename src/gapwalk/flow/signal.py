@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.forces import accelerations, contact_forces
+from gapwalk.flow.dry_motion import forces_and_accelerations, is_dry
 from gapwalk.flow.motion import Motion, signal_factor, signal_place, train_histories, train_signals
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -56,6 +56,8 @@ class Signal:
     ) -> NDArray[np.float64]:
         """Return its derivative along a direction, exact to rounding, shape (samples,).
 
+        The modes of dry friction are those of the motion: events at which a signal jumps are not moved.
+
         Parameters
         ----------
         motion
@@ -77,8 +79,10 @@ class Signal:
         q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n : 2 * n]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
         angles = motion.theta + step * theta
-        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, angles, q, v)
-        columns = [q, v, a, forces, motion.z + step * states[:, 2 * n :]]
+        z = motion.z + step * states[:, 2 * n :]
+        modes = motion.modes if is_dry(system.structure) else None
+        forces, a = forces_and_accelerations(layout, numbers, angles, q, v, z, modes)
+        columns = [q, v, a, forces, z, *([] if modes is None else [modes.slips])]
         if of_train := train_signals(system.structure):
             if coefficients is not None and any(name in of_train for name, _ in self.terms):
                 raise ModelError(

@@ -50,6 +50,8 @@ class ContactParts:
         The law of the springs, or its name; by default the first that has the numbers.
     numbers
         The numbers of the law; `hysteresis`, the limit of friction that always acts; and `hysteresis_stiffness`.
+    has_spring
+        True if a spring that acts always is beside them, which is no contact.
     """
 
     name: str
@@ -58,6 +60,7 @@ class ContactParts:
     force: Mapping[str, float] | None = None
     law: Law | str | None = None
     numbers: Mapping[str, Any] | None = None
+    has_spring: bool = False
 
     def contacts(self) -> tuple[Contact, ...]:
         """Make the contacts: springs, friction, rigid stop.
@@ -114,8 +117,8 @@ class ContactParts:
     def _stop(self) -> Contact | None:
         if not self._rigid:
             return None
-        alone = not self._soft
-        bounces = {stage.numbers.get(_BOUNCE, (self.numbers or {}).get(_BOUNCE)) for stage in self._rigid}
+        alone = not (self._soft or self.has_spring)
+        bounces: set[Any] = {stage.numbers.get(_BOUNCE, (self.numbers or {}).get(_BOUNCE)) for stage in self._rigid}
         stages = [replace(stage, stiffness=1.0, numbers={}) for stage in self._rigid]
         if len(stages) == 1 and not alone:
             stages = [replace(stages[0], name="")]
@@ -143,7 +146,7 @@ class ContactParts:
         if self._soft and whole is not None and law is None:
             where = "move restitution to the stage that is rigid" if rigid else 'write stiffness = "rigid" beside it'
             yield f"restitution is {whole}, but a stage has a stiffness; {where}, or leave it out"
-        bounces = {stage.numbers.get(_BOUNCE, whole) for stage in rigid}
+        bounces: set[Any] = {stage.numbers.get(_BOUNCE, whole) for stage in rigid}
         if rigid and None in bounces:
             yield 'restitution is missing beside the stiffness "rigid"; write restitution = 0.8, say'
         elif len(bounces) > 1:

@@ -192,9 +192,10 @@ def stages_field(least: int) -> Any:
 def _stage_part() -> type[StageBase]:
     fields = law_fields("stage_parameters")
     check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
-    check["is_rigid"] = field_validator("restitution", HYSTERESIS.name)(classmethod(_suits_the_stiffness))
+    check["suits_the_stiffness"] = field_validator("restitution", HYSTERESIS.name)(classmethod(_suits_the_stiffness))
     fields |= {"side": (SideName, Side.BOTH), HYSTERESIS.name: friction_fields()[HYSTERESIS.name]}
-    fields["restitution"] = (Annotated[Number, Field(ge=0.0, le=1.0)] | None, Field(None, validate_default=True))
+    bounce: Any = Annotated[Number, Field(ge=0.0, le=1.0)]
+    fields["restitution"] = (bounce | None, Field(None, validate_default=True))
     return create_model("StagePart", __base__=StageBase, __validators__=check, **fields)
 
 

@@ -7,7 +7,7 @@ Equilibria, the search for orbits and harmonic balance need the forces in this f
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from operator import itemgetter
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots, coefficients_of, layout_of
-from gapwalk.model.laws import Stages, StageTerms, Term, closed_form_of
+from gapwalk.model.laws import Law, Stages, StageTerms, Term, closed_form_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
@@ -272,8 +272,11 @@ def _tangents(slots: ContactSlots, coefficients: NDArray[np.float64]) -> list[_P
     own, found = {name: coefficients[slot] for name, slot in slots.numbers.items()}, []
     for stage in slots.stages:
         numbers = {name: coefficients[slot] for name, slot in stage.numbers.items()}
+        modes = _modes_inside(
+            slots.form.law, StageTerms(stage.sign, stage.sign * _STEP, 1.0, stage.innermost, numbers), own
+        )
         by_depth, by_rate = (
-            complex(slots.form.law.force(rate, Stages([terms]), own))
+            complex(slots.form.law.force(rate, Stages([terms], modes=modes), own))
             for terms, rate in (
                 (StageTerms(stage.sign, 1j * _STEP, 1.0, stage.innermost, numbers), 0.0),
                 (StageTerms(stage.sign, 0.0, 1.0, stage.innermost, numbers), 1j * _STEP),
@@ -281,6 +284,14 @@ def _tangents(slots: ContactSlots, coefficients: NDArray[np.float64]) -> list[_P
         )
         found.append(((by_depth.real, stage.sign * by_depth.imag / _STEP), (by_rate.imag / _STEP, 0.0)))
     return found
+
+
+def _modes_inside(law: Law, terms: StageTerms, numbers: Mapping[str, float]) -> list[float]:
+    """Return the modes of a law at rest just past a breakpoint."""
+    modes = [0.0] * law.mode_count
+    for place in range(law.mode_count):  # a guard may depend on earlier modes
+        modes[place] = float(law.guards(0.0, Stages([terms], modes=modes), numbers)[place] > 0.0)
+    return modes
 
 
 def _value(polynomial: Sequence[float], x: float) -> float:

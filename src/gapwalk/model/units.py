@@ -390,8 +390,11 @@ class Units:
     def signal(self, name: str) -> tuple[float, str]:
         """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
 
-        Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m.
+        Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m. The mode of
+        friction has none.
         """
+        if name.endswith(".slip"):
+            return 1.0, ""
         if name.endswith("''"):
             return self.angle, "rad/s^2"
         return 1.0, "N m" if name.endswith((".torque", ".force")) else self.state(name)

@@ -12,9 +12,11 @@ from gapwalk.errors import ModelError
 from gapwalk.model.laws import HYSTERESIS, Elastic, Friction, Hysteretic, Law, Piecewise, Pushing
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import ContactForm, Structure
+from gapwalk.model.variations import Variation
 
 _LARGEST = 1e150  # its square is finite, too
 _ALONG = 1e-12  # share of the sizes of its vectors by which friction must act along its own deflection
+_ANGLES = 1441  # at which what varies is bounded
 _DEPENDENT = 1e-12  # share of the largest singular value below which friction would stick in two ways at once
 
 
@@ -40,7 +42,7 @@ def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.flo
 def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
     """List the errors of finite values, one sentence each."""
     problems = [*_number_problems(structure, values), *_host_problems(structure, values)]
-    yield from problems or _dissipation_problems(structure, values)
+    yield from problems or (*_dissipation_problems(structure, values), *_variation_problems(structure, values))
 
 
 def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
@@ -74,6 +76,11 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
             yield f"{structure.names[place]} is {clearance}; it must be >= 0"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
+        if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:
+            yield (
+                f"{structure.names[place]} is 0 on both sides, so that {structure.contacts[index].name} locks its "
+                "deflection; leave the coordinate out, or give the gap a width"
+            )
         inner[index, side] = clearance
 
 
@@ -213,6 +220,48 @@ def _dissipation_problems(structure: Structure, values: NDArray[np.float64]) -> 
             return
     rigid = [place for place, index in enumerate(found) if forms[index].law.is_dry and not forms[index].law.has_memory]
     yield from _sticking_problems([forms[found[place]].name for place in rigid], moved[np.ix_(rigid, rigid)])
+
+
+def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
+    """List numbers of friction and rigid stops that leave their bounds over the angle, or must not vary."""
+    for variation in structure.variations:
+        form = structure.contacts[variation.contact]
+        yield from _memory_problems(structure, variation)
+        law, name = form.law, variation.name
+        prefix = form.name if variation.stage < 0 else form.stage_prefix(form.stages[variation.stage])
+        least, most = {"restitution": (0.0, 1.0), "static": (1.0, math.inf)}.get(name, (0.0, math.inf))
+        of_friction = law.is_dry and name not in ("speed", *law.arguments)
+        if not (of_friction or name == HYSTERESIS.name or (law.rebounds and name == "restitution")):
+            continue
+        value = float(values[structure.place(f"{prefix}.{name}")])
+        low, high = (value * (1.0 + each) for each in _wave(structure, values, variation))
+        if low < least - _ALONG or high > most + _ALONG:
+            bounds = f">= {least:g}" if most == math.inf else f"between {least:g} and {most:g}"
+            yield f"{prefix}.{name} varies from {low:.4g} to {high:.4g} over the angle; it must be {bounds}"
+
+
+def _memory_problems(structure: Structure, variation: Variation) -> Iterator[str]:
+    """List Jenkins elements whose stiffness varies over the angle: their force would do work in stick."""
+    form = structure.contacts[variation.contact]
+    if form.law.has_memory and variation.name == "stiffness":
+        yield f"{form.name}.stiffness varies over the angle; only the limit of friction can: vary {form.name}.limit"
+
+
+def _wave(structure: Structure, values: NDArray[np.float64], variation: Variation) -> tuple[float, float]:
+    """Return the smallest and the largest fraction by which a number varies over the angle."""
+    theta = np.linspace(0.0, 2.0 * np.pi, _ANGLES)
+    wave, low, high = np.zeros(_ANGLES), 0.0, 0.0
+    frequency = float(values[0]) * structure.frequency
+    for number, factor in variation.loads:
+        load = structure.harmonics[number]
+        numbers = [float(values[structure.place(name)]) for name in load.parameters]
+        if load.kind.has_levels:
+            ends = [factor * each for each in load.levels(frequency, numbers)[:2]]
+            low, high = low + min(ends), high + max(ends)
+            continue
+        for order, cosine, sine in load.lines(frequency, numbers):
+            wave += factor * (cosine * np.cos(order * theta) + sine * np.sin(order * theta))
+    return low + float(wave.min()), high + float(wave.max())
 
 
 def _sticking_problems(names: Sequence[str], moved: NDArray[np.float64]) -> Iterator[str]:

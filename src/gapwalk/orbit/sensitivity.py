@@ -92,7 +92,7 @@ class Sensitivity:
         grid, back = _grid(self.orbit, theta)
         system = self.orbit.system
         found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
-        motion = Motion.of(system, grid, found.states, found.contacts)
+        motion = Motion.of(system, grid, found.states, *found.logs)
         states = found.transitions @ self.state + found.sensitivities
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):

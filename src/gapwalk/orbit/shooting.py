@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.length_unit import natural_length
+from gapwalk.flow.symmetry import Symmetry, symmetries_of
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
+from gapwalk.orbit.centring import centre_of
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
-from gapwalk.orbit.sticking import Closure, released, transition_of
+from gapwalk.orbit.sticking import Closure, released, stuck_in, transition_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -107,7 +110,11 @@ class ShootingEquation(OrbitEquation):
             self._flow.integrate(coefficients, state, start, stop, direction)
             for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
         ]
-        found = assembled(released(layout_of(self.system.structure), coefficients, arcs, states[0]), states)
+        found = assembled(
+            released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length), states
+        )
+        if direction is not None:
+            self._centre(found, coefficients, direction, arcs, states)
         return found._replace(evidence=arcs, reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
@@ -128,6 +135,48 @@ class ShootingEquation(OrbitEquation):
             slips=closure.slips,
             stuck=closure.stuck,
         )
+
+    def _centre(
+        self,
+        found: Evaluation,
+        coefficients: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        arcs: list[Arc],
+        states: NDArray[np.float64],
+    ) -> None:
+        """Replace the rows of extensions that friction keeps by the equation that they are centred.
+
+        This is done if the system is symmetric: the slider then stays in the middle. Otherwise the middle moves along
+        the branch, which would turn where no multiplier is 1.
+        """
+        layout, n, size = layout_of(self.system.structure), self.system.size, states.shape[1]
+        memories = layout.structure.memories
+        for contact in stuck_in(layout, coefficients, arcs):
+            if contact not in memories or not self._is_mirrored(contact):
+                continue
+            slots, own = layout.contacts[contact], 2 * n + memories.index(contact)
+            vector, row = coefficients[slots.deflection], (len(arcs) - 1) * size + own
+            centre = centre_of(self._flow, self._light, slots, coefficients, direction, self.knots, states)
+            found.residual[row] = vector @ states[0, :n] - states[0, own] - centre.value
+            found.by_unknowns[row] = -centre.by_unknowns
+            found.by_unknowns[row, :n] += vector
+            found.by_unknowns[row, own] -= 1.0
+            assert found.by_parameter is not None
+            found.by_parameter[row] = float(direction[slots.deflection] @ states[0, :n]) - centre.by_parameter
+
+    def _is_mirrored(self, contact: int) -> bool:
+        """Return True if the motions of the system are those of opposite deflection, half a forcing period later."""
+        vector = self.system.vector(self.system.structure.contacts[contact].vectors[0])
+        for each in self._symmetries if self.period % 2 else ():
+            moved = np.zeros(len(vector))
+            moved[[*each.order]] = np.array(each.signs) * vector
+            if each.shift == 0.5 and np.allclose(moved, -vector):
+                return True
+        return False
+
+    @cached_property
+    def _symmetries(self) -> tuple[Symmetry, ...]:
+        return symmetries_of(self.system)
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the states of an orbit at the start of each segment."""
@@ -164,6 +213,15 @@ class ShootingEquation(OrbitEquation):
         """Angles at which the segments begin, and the end."""
         count = self.options.segments
         return sorted([*(PERIOD * self.period * j / count for j in range(count + 1)), *self.marks])
+
+    @cached_property
+    def length(self) -> float:
+        """The natural length of the system, for `released`."""
+        return natural_length(layout_of(self.system.structure), coefficients_of(self.system))
+
+    @cached_property
+    def _light(self) -> Flow:
+        return flow_of(self.system, *(() if self.parameter is None else (self.parameter,)))
 
     @cached_property
     def _flow(self) -> Flow:

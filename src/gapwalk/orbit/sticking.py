@@ -7,9 +7,9 @@ left eigenvector ``w = (e, 0, -1)`` or ``(e, 0, 0)`` of the monodromy matrix B, 
 
 Therefore the motion over one period is followed by a reset: ``z = e.q - s``, or ``e.q = s``, with the position s that
 the start has. Its derivative N replaces the multiplier 1 of B by 0, as after slip, and leaves the others unchanged
-(Wielandt's deflation). So the determinant of ``N B - 1`` does not change its sign where slip begins, and Newton's method
-keeps s: an orbit is followed at the position that its friction has. To be exact, s is rounded to a fine grid; otherwise
-rounding errors of s, which nothing would correct, would grow by extrapolation from step to step of a walk.
+(Wielandt's deflation). So the determinant of ``N B - 1`` does not change its sign where slip begins, and Newton's
+method keeps s. It is rounded to a fine grid; otherwise rounding errors of s, which nothing would correct, would grow by
+extrapolation from step to step of a walk.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import Arc
-from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 
 _KEPT = 1e-6  # change over one period, as a share, of what is kept but for rounding
-_BITS = 30  # of the grid of positions that are kept: 1e-9 of the size of the motion
+_BITS = 30  # of the grid of positions that are kept: 1e-9 of a length of the system
 _ROUNDING = 1e-12  # multipliers of motions with friction that are 0 but for rounding, over the largest
 
 
@@ -66,7 +65,11 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
 
 
 def released(
-    layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs: Sequence[Arc], start: NDArray[np.float64]
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    arcs: Sequence[Arc],
+    start: NDArray[np.float64],
+    length: float = 1.0,
 ) -> list[Arc]:
     """Return the arcs of one period with the reset of what friction keeps at the end of the last one.
 
@@ -76,24 +79,29 @@ def released(
         As in `stuck_in`.
     start : shape (state_size,)
         The state at the start of the first arc.
+    length
+        A length of the system, for the grid; the transitions do not depend on it. It is the same all along a branch.
     """
     stuck = stuck_in(layout, coefficients, arcs)
     if not stuck:
         return [*arcs]
-    reset, offset = reset_of(layout, coefficients, stuck, start)
+    reset, offset = reset_of(layout, coefficients, stuck, start, length)
     last = arcs[-1]
     state, transition = reset @ last.state + offset, reset @ transition_of(last)
     return [*arcs[:-1], last._replace(state=state, transition=transition)]
 
 
 def reset_of(
-    layout: CoefficientLayout, coefficients: NDArray[np.float64], stuck: Sequence[int], start: NDArray[np.float64]
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    stuck: Sequence[int],
+    start: NDArray[np.float64],
+    length: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the reset of what some contacts keep: a matrix N, and the vector c of ``N y + c``."""
     structure, n = layout.structure, layout.structure.size
     reset, offset = np.eye(structure.state_size), np.zeros(structure.state_size)
-    size = natural_length(layout, coefficients) + float(np.abs(start).max())
-    grid = 2.0 ** (round(math.log2(size)) - _BITS)
+    grid = 2.0 ** (round(math.log2(length)) - _BITS)
     vectors = {contact: coefficients[layout.contacts[contact].deflection] for contact in stuck}
     rigid = [vector for contact, vector in vectors.items() if contact not in structure.memories]
     if rigid:

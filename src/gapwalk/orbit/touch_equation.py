@@ -221,7 +221,9 @@ class TouchEquation:
         pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(self._firsts)]
         states = held.states[self._firsts[:-1]]
         arcs, coefficients = [composed(piece) for piece in pieces], self._own.coefficients(held.value)[0]
-        found = assembled(released(layout_of(self._own.system.structure), coefficients, arcs, states[0]), states)
+        found = assembled(
+            released(layout_of(self._own.system.structure), coefficients, arcs, states[0], self._own.length), states
+        )
         return states.ravel(), found._replace(evidence=arcs)
 
     def slope(self, held: Held) -> NDArray[np.float64]:

@@ -116,7 +116,8 @@ class Reduction:
         """
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
-        return Motion(full, sampled.theta, sampled.q @ back, sampled.v @ back, sampled.events, sampled.z)
+        moved = sampled.q @ back, sampled.v @ back, sampled.events, sampled.z
+        return Motion(full, sampled.theta, *moved, sampled.slips, sampled.holds)
 
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
         """Expand a state of the reduced system, shape (..., state_size), to all coordinates.

@@ -263,17 +263,17 @@ class _Motions:
     def advance(self, lanes: slice, theta: Array, length: Array, closed: Array, levels: Array) -> None:
         """Take one step of each of the first orbits of the batch."""
         n, state, h = self.equations.size, self._state[lanes], length[:, None]
-        method = _method()
-        stages = method.n_stages  # not counting the evaluation at the end of the step
+        tableau = method()
+        stages = tableau.n_stages  # not counting the evaluation at the end of the step
         rates = np.empty((stages + 1, *state.shape))
         with np.errstate(over="ignore", invalid="ignore"):  # a wrong orbit may diverge, which is detected at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes, levels)
             for s in range(1, stages):
-                middle = state + h * np.tensordot(method.A[s, :s], rates[:s], axes=1)
-                rates[s] = self.equations.rates(theta + method.C[s] * length, middle, closed, lanes, levels)
-            new = state + h * np.tensordot(method.B, rates[:stages], axes=1)
+                middle = state + h * np.tensordot(tableau.A[s, :s], rates[:s], axes=1)
+                rates[s] = self.equations.rates(theta + tableau.C[s] * length, middle, closed, lanes, levels)
+            new = state + h * np.tensordot(tableau.B, rates[:stages], axes=1)
             rates[-1] = self.equations.rates(theta + length, new, closed, lanes, levels)
-            self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
+            self._errors[lanes] += np.abs(h * error_of(rates))[:, : 2 * n]
             self._watch(lanes, theta, state, new, rates, length, closed)
             if self.equations.guard_count:
                 self._watch_guards(lanes, theta, state, new, rates, length, closed, levels)
@@ -299,7 +299,7 @@ class _Motions:
         n, h = self.equations.size, length[:, None]
         self._fastest[lanes] = np.maximum(self._fastest[lanes], np.abs(new[:, n : 2 * n]).max(axis=1))
         ends = self._ends(lanes, state, new, rates, h)
-        turning = _turn(*ends)
+        turning = turn(*ends)
         for seen in (turning, new[:, :n]):
             np.maximum(self._largest[lanes], seen, out=self._largest[lanes])
             np.minimum(self._smallest[lanes], seen, out=self._smallest[lanes])
@@ -309,7 +309,7 @@ class _Motions:
             [h**k * self.equations.deflections(angle, each / h**k, lanes, derivative=k) for k, each in enumerate(side)]
             for angle, side in zip((theta, theta + length), ends, strict=True)
         ]
-        for x in (moves[0][0], _turn(*moves), moves[1][0]):
+        for x in (moves[0][0], turn(*moves), moves[1][0]):
             depths = self.equations.depths(x, lanes)
             wrong = np.where(closed > 0.0, -depths, depths).max(axis=1)
             self._astray[lanes] = np.fmax(self._astray[lanes], wrong)
@@ -354,7 +354,7 @@ class _Motions:
         frequency = self.equations.frequency[changes.lanes, None]
 
         def is_high(share: Array) -> NDArray[np.bool_]:
-            q, slope = _between(changes.first, changes.last, share[:, None])
+            q, slope = between(changes.first, changes.last, share[:, None])
             states = np.column_stack((q, slope / h * frequency, np.zeros(len(q))))
             angles = changes.thetas + share * changes.lengths
             return (
@@ -422,21 +422,21 @@ class _Change(NamedTuple):
 
 
 @cache
-def _method() -> Any:
+def method() -> Any:
     """Return the class with the coefficients."""
     from scipy.integrate import DOP853  # takes a fifth of the start-up time of a command, and few commands verify
 
     return DOP853
 
 
-def _error(rates: Array) -> Array:
+def error_of(rates: Array) -> Array:
     """Return the error of a step of length 1, as DOP853 estimates it, component by component."""
-    fifth, third = (np.tensordot(weights, rates, axes=1) for weights in (_method().E5, _method().E3))
+    fifth, third = (np.tensordot(weights, rates, axes=1) for weights in (method().E5, method().E3))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 
 
-def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
+def turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
     """Return the value at an extremum within a step, or the first value if there is none.
 
     It is computed from the polynomial of fifth degree that has the given values, slopes and second derivatives at both
@@ -446,13 +446,13 @@ def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
     turns = r0 * r1 < 0.0
     s = np.divide(r0, r0 - r1, out=np.zeros_like(r0), where=turns)
     c3, c4, c5 = _quintic(first, last)
-    _, slope = _between(first, last, s)
+    _, slope = between(first, last, s)
     bend = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
     s = np.where(turns, np.clip(s - np.divide(slope, bend, out=np.zeros_like(s), where=bend != 0.0), 0.0, 1.0), 0.0)
-    return _between(first, last, s)[0]
+    return between(first, last, s)[0]
 
 
-def _between(first: Sequence[Array], last: Sequence[Array], s: Array) -> tuple[Array, Array]:
+def between(first: Sequence[Array], last: Sequence[Array], s: Array) -> tuple[Array, Array]:
     """Return values and slopes at a share of a step of length 1, by that polynomial."""
     x0, r0, a0 = first
     c3, c4, c5 = _quintic(first, last)

@@ -13,15 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.laws import Rigid
 from gapwalk.model.laws.closed_form import Host, Stages
 from gapwalk.model.laws.friction import Friction
 from gapwalk.model.system import System
+from gapwalk.verification.dop853 import between
 from gapwalk.verification.independent_equations import Equations
 
 Values = NDArray[Any]
 
 _ALL = slice(None)
+_STEP = 1e-150  # of the complex step
 
 
 @dataclass
@@ -82,12 +83,19 @@ class DryEquations(Equations):
         self.state_size = structure.state_size
         self.dry = [index for index, form in enumerate(forms) if form.law.is_dry]
         self.memories = {contact: 2 * self.size + place for place, contact in enumerate(structure.memories)}
-        self.rigid = [switch for switch, index in enumerate(self.contact_of) if forms[index].law.is_rigid]
+        self.rigid = [switch for _, switch in structure.reactions if switch >= 0]
         self.stiffnesses = {
             index: float(system.equations[f"{forms[index].name}.stiffness"]) for index in structure.memories
         }
         self._hosts = {index: structure.host(index) for index in self.dry}
-        self.stages_of = {index: self._hosts[index] for index in self.dry if self._law(index).by == "stages"}
+        self.unreached = [
+            switch for switch, k in enumerate(self.contact_of) if forms[k].law.rebounds and switch not in self.rigid
+        ]
+        self._pressed = [index for index in self.dry if self._law(index).by == "normal"]
+        self._varied_prefixes = {prefix for prefix, _ in self._shares}
+        self.creeping = [
+            index for index in self.memories if index in self._pressed or forms[index].name in self._varied_prefixes
+        ]
         # a contact that hosts friction comes before the friction
         self._order = sorted(range(len(forms)), key=lambda index: forms[index].law.is_dry)
 
@@ -95,6 +103,10 @@ class DryEquations(Equations):
         law = self._contacts[index].law
         assert isinstance(law, Friction)
         return law
+
+    def host_of(self, index: int) -> int | None:
+        """Return the contact that hosts friction; None if there is none."""
+        return self._hosts[index]
 
     def row(self, index: int) -> NDArray[np.float64]:
         """Return the deflection vector of a contact, shape (n,)."""
@@ -108,6 +120,9 @@ class DryEquations(Equations):
         """Return the contacts that have a reaction: friction that sticks rigidly, and stops that are held."""
         stuck = [index for index in self.dry if index not in self.memories and not modes.slip[index]]
         return [*stuck, *(int(self.contact_of[switch]) for switch in sorted(modes.held))]
+
+    def _named(self, prefix: str, numbers: dict[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
+        return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else numbers
 
     def loading(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Loading:
         """Compute accelerations, forces and limits.
@@ -139,12 +154,13 @@ class DryEquations(Equations):
             known[index] = stages
             if isinstance(form.law, Friction):
                 host = self._hosts[index]
-                stages.slip, stages.stick = modes.slip[index], float(not modes.slip[index])
+                slip = stages.slip = modes.slip[index]
                 stages.host = None if host is None else Host(known[host], forces[:, host])
-                if index in self.memories:
-                    stages.extension = states[:, self.memories[index]]
                 limits[index] = form.law.limit(stages, numbers) + np.zeros(count)
                 breakaways[index] = form.law.breakaway(stages, numbers) + np.zeros(count)
+                if index in self.memories:
+                    at_limit = slip * limits[index] / numbers["stiffness"]
+                    stages.extension = at_limit if slip else states[:, self.memories[index]]
                 sliding[:, index] -= numbers["speed"]
             forces[:, index] = form.law.force(rates[:, place], stages, numbers)
         free = (
@@ -161,6 +177,10 @@ class DryEquations(Equations):
             free = free - reactions @ pushes.T
             forces[:, active] = reactions
         return Loading(free, forces, limits, breakaways, sliding)
+
+    def turning(self, angles: Values, found: Loading) -> Values:
+        """Return the derivatives over time of the slip rates of all contacts, shape (L, contacts)."""
+        return found.accelerations @ self._vectors[0][self._first].T + self._swaying(angles)
 
     def _swaying(self, angles: Values) -> Values:
         """Return the accelerations of what is added to the deflections, and of bases, shape (L, contacts)."""
@@ -180,13 +200,26 @@ class DryEquations(Equations):
         rates = np.zeros(states.shape, dtype=found.accelerations.dtype)
         rates[:, :n], rates[:, n : 2 * n] = states[:, n : 2 * n], found.accelerations
         for index, place in self.memories.items():
-            if not modes.slip[index] and not self.is_idle(index, found.limits[index]):
+            if not modes.slip[index] and not self.is_idle(index, found.limits[index], modes):
                 rates[:, place] = found.sliding[:, index]
         return rates / self.omega
 
-    def is_idle(self, index: int, limits: Values) -> bool:
-        """Return True for friction of stages of which none is closed: it has no force."""
-        return index in self.stages_of and float(np.real(limits[0])) == 0.0
+    def is_idle(self, index: int, limits: Values, modes: Modes) -> bool:
+        """Return True for friction of a contact that is open, so that it has no force."""
+        host = self._hosts[index]
+        if host is None:
+            return False
+        opened = not modes.closed[self.contact_of == host].any()
+        return opened if index in self._pressed else float(np.real(limits[0])) == 0.0
+
+    def creep(self, index: int, angle: float, state: NDArray[np.float64], modes: Modes, levels: Values) -> float:
+        """Return the rate over time of the extension that belongs to the limit of an element; 0 if it is constant."""
+        if index not in self.creeping:
+            return 0.0
+        rates = self.derivatives(np.array([angle]), state[None], modes, levels)[0]
+        step = 1j * _STEP
+        limits = self.loading(np.array([angle + step]), (state + step * rates)[None], modes, levels).limits[index]
+        return float(np.imag(limits[0]) / _STEP * self.omega / self.stiffnesses[index])
 
     def set_extensions(self, angles: Values, states: Values, modes: Modes, levels: Values) -> None:
         """Set the extension of each slipping element: the one at which its force has the limit."""
@@ -225,9 +258,21 @@ class DryEquations(Equations):
         """Reverse the rate at a rigid stop."""
         n, index = self.size, int(self.contact_of[switch])
         law, row, push = self._contacts[index].law, self.row(index), self.push(index)
-        assert isinstance(law, Rigid)
         loads = self._loads.at(angles, _ALL)
         rate = self._moves(angles, states[:, :n], states[:, n : 2 * n], _ALL, loads)[1][:, self._first[index]]
         numbers = self._named(self._contacts[index].name, self._own[index], loads, _ALL)
         change = law.rebound(rate, numbers) - rate
         states[:, n : 2 * n] += np.outer(change / (row @ push), push)
+
+    def inside(self, shares: Values, h: float, states: Values, rates: Values) -> NDArray[np.float64]:
+        """Return the states at some shares of a step over the angle h, from states and rates at its two ends."""
+        n, (y0, y1), (r0, r1) = self.size, states, h * rates
+        first, last = ([y[:n], r[:n], h * r[n : 2 * n] / self.omega] for y, r in ((y0, r0), (y1, r1)))
+        s = shares[:, None]
+        q, slope = between(first, last, s)
+        # the extensions by a cubic
+        d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
+        z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
+        found = np.concatenate((q, slope / h * self.omega, z), axis=1)
+        found[-1] = y1
+        return found

@@ -298,7 +298,7 @@ class _Loads:
         angles = theta[:, None] * self._orders
         found = (cosines * np.cos(angles) + sines * np.sin(angles)) @ self._sums
         if self.jumping and not derivative:
-            high = self.levels(theta, lanes) if levels is None else levels
+            high = self.levels(np.real(theta), lanes) if levels is None else levels
             low, high_level = _lanes(self._low, lanes), _lanes(self._high, lanes)
             found[:, self.jumping] = low + (high_level - low) * high
         return found

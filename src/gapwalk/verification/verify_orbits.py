@@ -17,13 +17,13 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.floquet import is_on_border
+from gapwalk.orbit.floquet import is_on_border, multipliers
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
-from gapwalk.orbit.sticking import Closure, collapses, without_kept
+from gapwalk.orbit.sticking import collapses, without_kept
 from gapwalk.verification.branch_corrector import Track
-from gapwalk.verification.dop853 import Round, carry
+from gapwalk.verification.dop853 import Round
+from gapwalk.verification.dry_dop853 import DryRound, carry
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 from gapwalk.verification.verify_balanced import imbalance
 
@@ -67,7 +67,7 @@ def verify_orbits(ledger: Ledger, tracks: Sequence[Track], advance: Advance | No
         detail = f"its residual is stored as {point.orbit.residual:.3g}, larger than a walk accepts"
         ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point), detail)
         try:
-            reshot = _reshoot(point.orbit, track.segments, around.contraction)
+            reshot = _again(point.orbit, track.segments, around)
         except NumericalError as error:
             ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
         else:
@@ -96,7 +96,7 @@ def _verify_orbit(
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
         beside = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
-        others = [_reshoot(each, track.segments, around.contraction).multipliers for each in beside]
+        others = [_again(each, track.segments, _beside(each, around)).multipliers for each in beside]
         varied = max(_distance(reshot.multipliers, other) for other in others)
         off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
@@ -121,10 +121,28 @@ def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDA
     return np.delete(multipliers, places) if known < Check.MULTIPLIERS.bound else multipliers
 
 
+def _again(orbit: Orbit, segments: int, around: Round) -> Reshot:
+    """Compute the multipliers of an orbit again: of motions with friction or impacts, by the other integrator."""
+    return _carried(orbit, around) if isinstance(around, DryRound) else _reshoot(orbit, segments, around.contraction)
+
+
+def _beside(orbit: Orbit, around: Round) -> Round:
+    """Return the integration of an orbit beside another one, where its multipliers come from that."""
+    return carry([orbit])[0] if isinstance(around, DryRound) else around
+
+
+def _carried(orbit: Orbit, around: DryRound) -> Reshot:
+    if around.transition is None:
+        raise NumericalError("the other integrator cannot follow the orbit over its period")
+    units = orbit.system.state_scales()
+    growth = float(np.linalg.norm(around.transition * units / units[:, None], 2))
+    free = without_kept(multipliers([around.transition]), len(orbit.stuck))
+    return Reshot(free, math.nan, max(1.0, growth))
+
+
 def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
-    needed = 0 if collapses(orbit.system) else math.ceil(abs(contraction) / _CONTRACTION)
-    count = min(_MOST, max(segments + 1, needed))
+    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
     equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
     logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
@@ -134,10 +152,7 @@ def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     for arc in arcs:
         around = arc.transition @ around
     growth = float(np.linalg.norm(around * units / units[:, None], 2))
-    layout = layout_of(orbit.system.structure)
-    closure = Closure.of(layout, lambda: coefficients_of(orbit.system), arcs, orbit.state)
-    free = without_kept(closure.multipliers, len(closure.stuck))
-    return Reshot(free, total, max(1.0, growth))
+    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
 
 
 def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
@@ -172,7 +187,7 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
             continue
         for (spot, orbit), around in zip(points, carry([orbit for _, orbit in points]), strict=True):
             try:
-                reshot = _reshoot(orbit, 1, around.contraction)
+                reshot = _again(orbit, 1, around)
             except NumericalError as error:
                 ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
                 continue

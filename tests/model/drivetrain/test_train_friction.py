@@ -275,3 +275,64 @@ def test_a_stiffness_that_varies_keeps_its_hysteresis() -> None:
     system = train(*shafts(stiffness=1.0, hysteresis=0.3), harmonics=[mesh]).system()
     assert laws_of(system) == {"s": gw.laws.Elastic(), "s_friction": Coulomb()}
     assert system["s_friction.limit"] == 0.3
+
+
+def test_a_rigid_stop_beside_a_spring_that_acts_always() -> None:
+    stop = gw.Stage(0.2, "rigid", numbers={"restitution": 0.5})  # pyright: ignore[reportArgumentType]
+    system = train(*shafts(stiffness=2.0, stages=[stop])).system()
+    assert laws_of(system) == {"s_stop": Rigid()}
+    assert (system["s.stiffness"], system["s_stop.clearance"], system["s_stop.restitution"]) == (2.0, 0.2, 0.5)
+
+
+def test_a_prescribed_motion_moves_friction_and_stop() -> None:
+    """Against the same mass with the displacements and loads of that motion by hand."""
+    size, pace, stiffness, damping = 0.3, 1.3, 2.0, 0.1
+    stop = gw.Stage(0.2, "rigid", numbers={"restitution": 0.5})  # pyright: ignore[reportArgumentType]
+    driven = Train(
+        [Inertia("flywheel"), Inertia("hub", 1.0)],
+        [Shaft("s", ("flywheel", "hub"), stiffness=stiffness, damping=damping, stages=[stop])],
+        frictions=[Friction("f", ("flywheel", "hub"), 0.4, stiffness=6.0)],
+        harmonics=[gw.Harmonic(size, varies="flywheel.angle", name="shake")],
+        frequency=pace,
+    ).system()
+    by_hand = gw.System(
+        ["y"],
+        [[stiffness]],
+        [[damping]],
+        contacts=[
+            gw.friction("f", {"y": -1.0}, 0.4, stiffness=6.0),
+            gw.rigid_stop("wall", {"y": -1.0}, 0.2, 0.5, side="both"),
+        ],
+        harmonics=[
+            gw.Harmonic(1.0, varies={"f.deflection": size, "wall.deflection": size}, name="shake"),
+            gw.Harmonic(stiffness * size, {"y": 1.0}, name="spring"),
+            gw.Harmonic(damping * pace * size, {"y": 1.0}, 1, np.pi / 2, name="damper"),
+        ],
+        frequency=pace,
+    )
+    expected = gw.integrate(by_hand, np.array([size - 0.05, 0.2, 0.0]), 1.0, 16)
+    found = gw.integrate(driven, np.array([0.05 - size, -0.2, 0.0]), 1.0, 16)
+    np.testing.assert_allclose(found.q, -expected.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.z, expected.z, rtol=0, atol=1e-12)
+    assert len(found.slips) == len(expected.slips) > 3
+    assert len(found.contacts) == len(expected.contacts) > 0
+
+
+@pytest.mark.parametrize(
+    "number", ["s_friction.limit", "s.stage2.hysteresis", "s_stop.restitution", "f.limit", "f.speed"]
+)
+def test_numbers_of_friction_and_stops_vary(number: str) -> None:
+    stages = [
+        gw.Stage(0.1, 3.0, numbers={"hysteresis": 0.2}),
+        gw.Stage(0.2, "rigid", numbers={"restitution": 0.5}),  # pyright: ignore[reportArgumentType]
+    ]
+    first = {"stiffness": 2.0, "hysteresis": 0.1, "stages": stages}
+    load = gw.Harmonic(0.1, order=2, varies=number, name="v")
+    friction = Friction("f", ("b", "c"), 0.3, speed=0.2)
+    system = train(*shafts(**first), frictions=[friction], harmonics=[load]).system()
+    (variation,) = system.structure.variations
+    form = system.structure.contacts[variation.contact]
+    prefix = form.name if variation.stage < 0 else form.stage_prefix(form.stages[variation.stage])
+    assert f"{prefix}.{variation.name}" == number
+    with pytest.raises(ModelError, match="there is no shaft or gear 's_fraction'"):
+        train(*shafts(**first), harmonics=[gw.Harmonic(0.1, order=2, varies="s_fraction.limit", name="v")])

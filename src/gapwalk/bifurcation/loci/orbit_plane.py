@@ -18,6 +18,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
@@ -275,13 +276,17 @@ class ShotPlane(OrbitPlane):
 
     def _released(self, coefficients: NDArray[np.float64], arc: Arc, start: NDArray[np.float64]) -> Arc:
         """Return the motion over the whole period with the reset of what friction keeps; see `released`."""
-        return released(self._layout, coefficients, [arc], start)[0]
+        return released(self._layout, coefficients, [arc], start, self._length)[0]
 
     def _scaled(self, place: Place, arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the monodromy matrix of a motion over the whole period, in units of the state."""
         matrix = transition_of(self._released(place.coefficients, arc, place.unknowns))
         units = scales[: len(matrix)]
         return matrix * units / units[:, None]
+
+    @cached_property
+    def _length(self) -> float:
+        return natural_length(self._layout, coefficients_of(self.system))
 
     @cached_property
     def _flow(self) -> Flow:

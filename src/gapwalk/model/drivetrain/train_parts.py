@@ -115,13 +115,9 @@ class Link:
         **more: float | None,
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
-        if (
-            stiffness is None
-            and clearance is not None
-            and (law in (RIGID, Rigid()) or (law is None and "restitution" in given))
-        ):
-            stiffness: Any = RIGID
-        parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
+        rigid = law in (RIGID, Rigid()) or (law is None and "restitution" in given)
+        spring: Any = RIGID if rigid and stiffness is None and clearance is not None else stiffness
+        parts = (name, between, spring, damping, clearance, tuple(stages), cubic, law, given)
         for each, value in zip(fields(Link), parts, strict=True):
             object.__setattr__(self, each.name, value)
 
@@ -175,7 +171,8 @@ class Link:
         if len(stages) == 1 and self.clearance is not None and HYSTERESIS.name in numbers:
             own = stages[0].numbers | {HYSTERESIS.name: numbers.pop(HYSTERESIS.name)}
             stages = [replace(stages[0], numbers=own)]
-        return ContactParts(self.name, {self.name: 1.0}, tuple(stages), None, self.law, numbers).contacts()
+        always = self.acts_always and not gapless
+        return ContactParts(self.name, {self.name: 1.0}, stages, None, self.law, numbers, always).contacts()
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities, in the order in which they choose the units of a train."""

@@ -180,7 +180,8 @@ class Friction(Link):
 
     def contacts(self, gapless: bool = False, angle: float = 1.0) -> tuple[Contact, ...]:
         """Return it as a contact; see `Link.contacts`."""
-        return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **self.numbers),)
+        numbers: Any = self.numbers
+        return (make_friction(self.name, {self.name: 1.0}, normal=self.normal, **numbers),)
 
     def _converted(self, change: Change) -> Self:
         """Return it with other values of its quantities."""

@@ -88,6 +88,7 @@ def targets_of(
         Numbers of links with factors.
     """
     numbers = {link.name: number for number, link in enumerate(train.links)}
+    beside = {each.name for link in links for each in link.beside}
     varies: list[tuple[str, float]] = []
     displaces: list[tuple[int, float]] = []
     for name, factor in load.varies.items():
@@ -95,13 +96,13 @@ def targets_of(
         moved: list[tuple[int, float]] = []
         if first in numbers and rest == "deflection":
             moved = [(numbers[first], 1.0)]
-        elif first not in numbers:
+        elif first not in numbers and first not in beside:
             moved = [*_ends_at(train, first)]
         else:
             varies.append((name, factor))
-            if rest == "clearance":  # a rigid stop has one too; what friction slips does not change by it
-                beside = [each for each in links[numbers[first]].beside if each.stages]
-                varies += [(f"{each.name}.clearance", factor) for each in beside]
+            if rest == "clearance" and first in numbers:  # a rigid stop has one too, which friction does not feel
+                stops = [each for each in links[numbers[first]].beside if each.stages]
+                varies += [(f"{each.name}.clearance", factor) for each in stops]
         for number, sign in moved:
             link = links[number]
             varies += [(f"{each.name}.deflection", factor * sign) for each in link.parts]
@@ -154,6 +155,8 @@ def _refusal(train: Train, load: Load, name: str, links: Mapping[str, Link]) -> 
         if rest != "angle":
             return f'which cannot vary; varies = "{first}.angle" prescribes the motion of {first}'
         return "which cannot jump; vary it by harmonics" if jumps else ""
+    if any(first == each.name for link in links.values() for each in link.contacts() if each.name != link.name):
+        return ""  # friction or a rigid stop beside springs
     if first not in links:
         return f"but there is no shaft or gear {first!r}; {did_you_mean(first, [*links, *inertias])}"
     link = links[first]

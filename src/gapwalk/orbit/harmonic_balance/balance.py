@@ -148,16 +148,14 @@ class BalancedOrbit(Orbit):
         """Sample one full period evenly, with `samples` per forcing period."""
         count = (samples or self.samples) * self.period
         theta = PERIOD * self.period * np.arange(count + 1) / count
-        states = self.series.states(theta)
-        n = self.system.size
-        return Motion(self.system, theta, states[:, :n], states[:, n:], self.events)
+        return Motion.of(self.system, theta, self._states(theta), self.events, self.slips)
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
         return self._states(apart * np.arange(count, dtype=float))
 
     def _states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states at some angles, shape (samples, size of a state)."""
+        """Return the states at some angles, shape (samples, state_size)."""
         states = self.series.states(theta)
         return np.hstack((states, self._memory.extensions(theta / self.period))) if self._memory else states
 

@@ -35,6 +35,7 @@ from gapwalk.orbit.harmonic_balance.contact_forces import (
     depend_on_frequency,
     laws_of,
 )
+from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY
 from gapwalk.orbit.harmonic_balance.hill import projected_monodromy
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
 from gapwalk.orbit.harmonic_balance.linear_part import (
@@ -146,7 +147,7 @@ class BalanceEquation(OrbitEquation):
             places, columns, rows = forces.memory.links
             pushed = (compliance.flexibility[:, :, places] * columns.T[:, None]).transpose(1, 0, 2)
             both = np.concatenate((pushed.real, -pushed.imag[:, 1:]), axis=1)
-            jacobian += both.reshape(-1, len(places)) @ rows
+            jacobian += both.reshape(len(jacobian), len(places)) @ rows
         by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
@@ -172,21 +173,24 @@ class BalanceEquation(OrbitEquation):
             places, columns, rows = forces.memory.links
             np.add.at(moved.T, places, columns * (rows @ real_form(step).ravel())[:, None])
         series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
-        deflections, state = Series(lines, self.period, system.frequency), series.start()
+        state, found = series.start(), multipliers([self.monodromy(evidence)])
+        memory = NO_MEMORY
         if self.system.structure.memories:
             memory = contact_forces_of(lines, evidence.laws, self.period).memory
-            state = np.append(state, memory.extensions(np.zeros(1))[0])
+            state, found = np.append(state, memory.extensions(np.zeros(1))[0]), memory.with_kept(found)
         return BalancedOrbit(
             system,
             self.period,
             state,
-            multipliers([self.monodromy(evidence)]),
+            found,
             self.events(evidence),
             max(map(abs, evaluation.residual.tolist())),
             2 * self.count,
             series,
-            deflections,
+            Series(lines, self.period, system.frequency),
             self._truncation(evidence),
+            slips=memory.slips(self.period),
+            stuck=memory.stuck,
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:

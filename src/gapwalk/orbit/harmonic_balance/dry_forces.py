@@ -15,27 +15,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.laws import Friction
-from gapwalk.orbit.harmonic_balance.linear_part import Linear, Share, firsts_of
+from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Pairs
 from gapwalk.orbit.harmonic_balance.series import waves
-from gapwalk.orbit.harmonic_balance.slip_sequence import TURN, Element, Motion, Phase, Pin, Slider, sequence_of
-
-if TYPE_CHECKING:
-    from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+from gapwalk.orbit.harmonic_balance.slip_limit import TURN, Element, Motion, Slider
+from gapwalk.orbit.harmonic_balance.slip_sequence import Leap, Phase, Pin, sequence_of
 
 Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = legendre.leggauss(20)
-_ASIDE = 1e-9  # radians from a break, at which dampers beside it are read
+_ROUNDING = 1e-12  # multipliers that are 0 but for rounding, over the largest
 
 
 class Links(NamedTuple):
@@ -54,14 +53,6 @@ class Links(NamedTuple):
     forces: NDArray[np.intp]
     columns: NDArray[np.complex128]
     rows: Array
-
-
-class Slip(NamedTuple):
-    """An angle phi at which an element begins to slip in a direction, 1 or -1, or to stick, 0."""
-
-    phi: float
-    contact: int
-    slip: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +102,7 @@ class DryForce:
 
     phases: list[Phase] = field(init=False)
     pins: list[Pin] = field(init=False)
-    leaps: list = field(init=False)
+    leaps: list[Leap] = field(init=False)
     rests: Array = field(init=False)
 
     @property
@@ -128,7 +119,7 @@ class DryForce:
         return self._motion.lines.shape[1] - 1
 
     @cached_property
-    def _sticks(self) -> list[Phase]:
+    def sticks(self) -> list[Phase]:
         return [each for each in self.phases if not each.slip]
 
     @cached_property
@@ -136,15 +127,23 @@ class DryForce:
         return [each for each in self.phases if each.slip]
 
     @cached_property
-    def _stiffness(self) -> tuple[float, float]:
+    def stiffness(self) -> tuple[float, float]:
         return self.slider.number("stiffness")
+
+    @cached_property
+    def modes(self) -> list[int]:
+        """The mode of each phase: 1 or -1 in slip, 0 in stick, and where it has no force."""
+        middle = np.array([0.5 * (each.start + each.end) for each in self.phases])
+        pieces = np.maximum([each.piece for each in self.phases], 0)
+        acts = self.slider.limit(middle, pieces, partial=False).value > 0.0
+        return [each.slip * int(act) for each, act in zip(self.phases, acts, strict=True)]
 
     # -- lines and derivatives ------------------------------------------------------------------------------------
 
     @cached_property
     def lines(self) -> NDArray[np.complex128]:
         """Lines of the force, shape (2K + 1,)."""
-        (k, _), spectrum = self._stiffness, self._slip_spectra[0].copy()
+        (k, _), spectrum = self.stiffness, self._slip_spectra[0].copy()
         spectrum += k * self._stretched
         found = _doubled(spectrum)
         found[: self._count + 1] -= self._of_share(self.share.spring, self._motion.frequency * self.share.damper)
@@ -153,7 +152,7 @@ class DryForce:
     @cached_property
     def slopes(self) -> NDArray[np.complex128]:
         """Derivatives of the lines by the parameter, with the motion constant, shape (K + 1,)."""
-        (k, slope), kept, motion = self._stiffness, self._count + 1, self._motion
+        (k, slope), kept, motion = self.stiffness, self._count + 1, self._motion
         spectrum = self._slip_spectra[1] + slope * self._stretched
         spectrum -= k * self.slider.drift[1] * self._moment
         found = _doubled(spectrum)[:kept]
@@ -166,7 +165,7 @@ class DryForce:
     def pairs(self) -> list[tuple[int, int, NDArray[np.complex128]]]:
         """The derivatives by its deflection at the same angle, and by that of its host; see `Pairs`."""
         own = np.zeros((2, 2 * self._count + 1), dtype=complex)
-        own[0] = self._stiffness[0] * self._stuck[: 2 * self._count + 1]
+        own[0] = self.stiffness[0] * self._stuck[: 2 * self._count + 1]
         own[:, 0] -= self.share.spring, self.share.damper
         element, found = self.slider.element, [(self.slider.element.place, self.slider.element.place, own)]
         if self.has_host:
@@ -194,18 +193,18 @@ class DryForce:
     @cached_property
     def _linked(self) -> list[tuple[NDArray[np.complex128], tuple[Array, Array, float]]]:
         """The column of each link, and the linear function: of both deflections, and its derivative by the parameter."""
-        k, kept, found = self._stiffness[0], self._count + 1, []
-        for pin in sorted({each.pin for each in self._sticks}):
-            own = [each for each in self._sticks if each.pin == pin]
+        k, kept, found = self.stiffness[0], self._count + 1, []
+        for pin in sorted({each.pin for each in self.sticks}):
+            own = [each for each in self.sticks if each.pin == pin]
             column = -k * _doubled(_indicators(own, self._count).sum(axis=0))
-            found.append((column, self._row(self._change_of(self.pins[pin]))))
+            found.append((column, self._row(self.change_of(self.pins[pin]))))
         for leap in self.leaps:
             phi = self.slider.breaks[leap.place].phi
             column = k * leap.change / TURN * _doubled(np.exp(-1j * phi * np.arange(kept)))
-            found.append((column, self._row(self._shift_of(leap.place))))
+            found.append((column, self._row(self.shift_of(leap.place))))
         return found
 
-    def _row(self, change: _Change) -> tuple[Array, Array, float]:
+    def _row(self, change: Change) -> tuple[Array, Array, float]:
         """Return a change as a function of the real forms of both deflections, and of the parameter."""
         k, w = np.arange(self._count + 1), self._motion.frequency
         if np.isnan(change.phi):  # the mean
@@ -215,30 +214,30 @@ class DryForce:
         rate = w * np.concatenate((-k * np.sin(angle), (k * np.cos(angle))[1:]))
         return change.own * value, change.host * value + change.host_rate * rate, change.by_parameter
 
-    def _change_of(self, pin: Pin) -> _Change:
+    def change_of(self, pin: Pin) -> Change:
         """Return the change of the place of the slider at a pin."""
         if not pin.side:
-            return _Change(np.nan, 1.0, 0.0, 0.0, 0.0)
-        (k, slope), (drift, faster), at = self._stiffness, self.slider.drift, np.array([pin.phi])
+            return Change(np.nan, 1.0, 0.0, 0.0, 0.0)
+        (k, slope), (drift, faster), at = self.stiffness, self.slider.drift, np.array([pin.phi])
         limit = self.slider.limit(at, np.array([pin.piece]))
         value, by_angle, by_parameter, by_deflection, by_rate = (pin.side / k * float(each[0]) for each in limit)
-        found = _Change(pin.phi, 1.0, by_deflection, by_rate, by_parameter - pin.phi * faster - value * slope / k)
+        found = Change(pin.phi, 1.0, by_deflection, by_rate, by_parameter - pin.phi * faster - value * slope / k)
         if pin.place < 0:
             return found
-        shift, rate = self._shift_of(pin.place), float(self.slider.deflection_rate(at)[0]) + by_angle
+        shift, rate = self.shift_of(pin.place), float(self.slider.deflection_rate(at)[0]) + by_angle
         host, host_rate, more = (a + rate * b for a, b in zip(found[2:], shift[2:], strict=True))
-        return _Change(pin.phi, 1.0, host, host_rate, more)
+        return Change(pin.phi, 1.0, host, host_rate, more)
 
-    def _shift_of(self, place: int) -> _Change:
+    def shift_of(self, place: int) -> Change:
         """Return the change of the angle of a break."""
         each = self.slider.breaks[place]
         rate, limit = self.slider.moved(place)
         if limit is not None:
             _, _, by_parameter, by_deflection, by_rate = (float(part[0]) for part in limit)
-            return _Change(each.phi, 0.0, -by_deflection / rate, -by_rate / rate, -by_parameter / rate)
+            return Change(each.phi, 0.0, -by_deflection / rate, -by_rate / rate, -by_parameter / rate)
         stage = self._motion.layout.contacts[self.slider.element.host].stages[each.switch]
         wider = float(self._motion.slope[stage.clearance])
-        return _Change(each.phi, 0.0, -stage.sign / rate, 0.0, wider / rate)
+        return Change(each.phi, 0.0, -stage.sign / rate, 0.0, wider / rate)
 
     def _of_share(self, spring: float, damper: float) -> NDArray[np.complex128]:
         """Return the lines of a spring and a damper, whose coefficient is multiplied by the frequency."""
@@ -250,12 +249,12 @@ class DryForce:
     @cached_property
     def _stuck(self) -> NDArray[np.complex128]:
         """Spectrum of the function that is 1 in stick, k = 0 ... 3K."""
-        return _indicators(self._sticks, 3 * self._count).sum(axis=0)
+        return _indicators(self.sticks, 3 * self._count).sum(axis=0)
 
     @cached_property
     def _moment(self) -> NDArray[np.complex128]:
         """Spectrum of that function times phi, k = 0 ... 2K."""
-        return _moments(self._sticks, 2 * self._count)
+        return _moments(self.sticks, 2 * self._count)
 
     @cached_property
     def _stretched(self) -> NDArray[np.complex128]:
@@ -265,8 +264,8 @@ class DryForce:
         function = np.concatenate((half[::-1].conj(), own[:1], half))
         both = np.concatenate((self._stuck[:0:-1].conj(), self._stuck))
         spectrum = np.convolve(both, function, "valid")[longest:]
-        rests = self.rests[[each.pin for each in self._sticks]]
-        spectrum -= rests @ _indicators(self._sticks, longest)
+        rests = self.rests[[each.pin for each in self.sticks]]
+        spectrum -= rests @ _indicators(self.sticks, longest)
         if self.slider.drift[0]:
             spectrum -= self.slider.drift[0] * self._moment
         return spectrum
@@ -304,7 +303,7 @@ class DryForce:
         slips = np.array([each.slip for each in self.phases])[places]
         pieces = np.array([each.piece for each in self.phases], dtype=np.intp)[places]
         none = np.zeros(len(phi))
-        own = self._stiffness[0] * (slips == 0) - self.share.spring, none - self.share.damper
+        own = self.stiffness[0] * (slips == 0) - self.share.spring, none - self.share.damper
         found = [np.array(own)]
         if self.has_host:
             limit = self.slider.limit(phi, pieces)
@@ -316,7 +315,7 @@ class DryForce:
         places = self._phases_at(phi)
         slips, pins, pieces = np.array([each[2:] for each in self.phases]).T
         rests = self.rests[pins[places]]  # in slip not used
-        limit = self.slider.limit(phi, pieces[places], partial=False).value / self._stiffness[0]
+        limit = self.slider.limit(phi, pieces[places], partial=False).value / self.stiffness[0]
         return np.where(slips[places] == 0, self.slider.deflection(phi) - rests, slips[places] * limit)
 
     @cached_property
@@ -325,40 +324,8 @@ class DryForce:
         ends = [each.end for each in self.phases if each.end < TURN]
         return np.sort(np.concatenate((ends, [each.phi for each in self.slider.breaks])))
 
-    def resets(self, linear: Linear, dampers: Dampers) -> list[tuple[float, int, Array | None, Array]]:
-        """Return what happens to changes of the motion at pins and leaps.
 
-        Each is an angle, an order among those of one angle, the function of changes of positions and momenta that the
-        place of the slider takes, and the change of the momenta as such a matrix.
-        """
-        n, found, element = len(linear.stiffness), [], self.slider.element
-
-        def function(change: _Change, aside: float) -> Array:
-            row = np.zeros(2 * n)
-            row[:n] = change.own * linear.deflections[element.place]
-            if element.host >= 0:
-                other = linear.deflections[element.host_place]
-                row[:n] += change.host * other
-                if change.host_rate:
-                    row[n:] += change.host_rate * other
-                    row[:n] -= change.host_rate * (other @ dampers.matrix(change.phi + aside, linear))
-            return row
-
-        for pin in {each.pin for each in self._sticks}:
-            pin = self.pins[pin]
-            if pin.side:
-                aside = (-_ASIDE if pin.is_before else _ASIDE) * (pin.place >= 0)
-                row = function(self._change_of(pin), aside)
-                found.append((pin.phi % TURN or TURN, 0 if pin.is_before else 2, row, np.zeros((n, 2 * n))))
-        for leap in self.leaps:
-            change = self._shift_of(leap.place)
-            row = function(change, -_ASIDE) / self._motion.frequency  # the change of the time of the event
-            pushed = np.outer(linear.contacts[:, element.place], row) * (-self._stiffness[0] * leap.change)
-            found.append((change.phi % TURN or TURN, 1, None, pushed))
-        return found
-
-
-class _Change(NamedTuple):
+class Change(NamedTuple):
     """A linear function of the motion at an angle: of the own deflection, of the host, of its rate over time."""
 
     phi: float
@@ -366,27 +333,6 @@ class _Change(NamedTuple):
     host: float
     host_rate: float
     by_parameter: float
-
-
-@dataclass(frozen=True, eq=False)
-class Dampers:
-    """The derivatives ``P'`` of a motion, with which velocities follow from momenta.
-
-    Parameters
-    ----------
-    laws, lines, period
-        The contacts along the motion.
-    """
-
-    laws: Laws
-    lines: NDArray[np.complex128]
-    period: int
-
-    def matrix(self, phi: float, linear: Linear) -> Array:
-        """Return the sum of ``D_k P_k' e_k`` at an angle, shape (n, n)."""
-        x = (waves(np.array([phi]), self.lines.shape[1] - 1) @ self.lines.T).real
-        dampers = self.laws.tangents(x, np.array([phi % TURN]), self.period)[1][0]
-        return (linear.contacts * dampers) @ linear.deflections
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,40 +361,41 @@ class Memory:
     @cached_property
     def links(self) -> Links:
         """The derivatives by the motion at single angles."""
-        places, columns, rows = zip(*(link for each in self.forces for link in each.links), strict=True)
-        return Links(np.array(places), np.array(columns), np.array(rows))
+        found = [link for each in self.forces for link in each.links]
+        lines = self.forces[0].slider.motion.lines
+        places, columns, rows = ([link[part] for link in found] for part in range(3))
+        return Links(
+            np.array(places, dtype=np.intp),
+            np.array(columns, dtype=complex).reshape(len(found), lines.shape[1]),
+            np.array(rows, dtype=float).reshape(len(found), len(lines) * (2 * lines.shape[1] - 1)),
+        )
 
     def extensions(self, phi: Array) -> Array:
         """Return the extensions of all springs, shape (angles, elements)."""
         return np.array([each.extension(phi % TURN) for each in self.forces]).reshape(len(self.forces), -1).T
 
-    def slips(self) -> list[Slip]:
-        """Return all angles at which an element begins to slip or to stick, in order; its phase at 0 comes first."""
-        found = [
-            Slip(phase.start, each.slider.element.contact, phase.slip)
-            for each in self.forces
-            for before, phase in zip([None, *each.phases[:-1]], each.phases, strict=True)
-            if before is None or before.slip != phase.slip
-        ]
-        return sorted(found)
+    @property
+    def stuck(self) -> tuple[int, ...]:
+        """Numbers of the contacts that never slip."""
+        return tuple(each.slider.element.contact for each in self.forces if each.never_slips)
 
-    def resets(self, linear: Linear, dampers: Dampers) -> tuple[Array, Array]:
-        """Return angles at which changes of the motion change at once, and the differences of the matrices from 1.
+    def slips(self, period: int) -> tuple[SlipEvent, ...]:
+        """Return the modes of all elements at the start of a motion of some forcing periods, and their changes."""
+        found = []
+        for each in self.forces:
+            mode = None
+            for phase, slip in zip(each.phases, each.modes, strict=True):
+                if slip != mode:
+                    found.append(SlipEvent(period * phase.start, each.slider.element.contact, slip))
+                mode = slip
+        return tuple(sorted(found))
 
-        The changes are those of the positions, of the momenta, and of the places of the sliders.
-        """
-        n, found = len(linear.stiffness), []
-        for number, force in enumerate(self.forces):
-            for phi, order, row, pushed in force.resets(linear, dampers):
-                change = np.zeros((2 * n + len(self.forces),) * 2)
-                change[n : 2 * n, : 2 * n] = pushed
-                if row is not None:
-                    change[2 * n + number, : 2 * n] = row
-                    change[2 * n + number, 2 * n + number] = -1.0
-                found.append((phi, order, change))
-        found.sort(key=lambda each: each[:2])
-        size = 2 * n + len(self.forces)
-        return np.array([each[0] for each in found]), np.array([each[2] for each in found]).reshape(-1, size, size)
+    def with_kept(self, multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return multipliers with 1 for each element that never slips, in place of 0, largest first."""
+        found, kept = multipliers.copy(), len(self.stuck)
+        found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
+        found = np.append(found[: len(found) - kept], np.ones(kept))
+        return found[np.argsort(-np.abs(found), kind="stable")]
 
 
 NO_MEMORY = Memory()

@@ -23,12 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
-from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, Dampers, Memory
+from gapwalk.orbit.harmonic_balance.dry_forces import NO_MEMORY, Memory
 from gapwalk.orbit.harmonic_balance.impulses import kicks
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
 from gapwalk.orbit.harmonic_balance.series import waves
+from gapwalk.orbit.harmonic_balance.slider_changes import SliderChanges
 
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
 _FINE = 2  # smallest number of steps per shortest wave of the motion
@@ -160,11 +161,11 @@ def monodromy(
         jumping = angles, leaps
     steady, parts = linearised.steady, linearised.parts
     if memory.forces:
-        angles, resets = memory.resets(linearised.linear, Dampers(laws, lines, period))
-        jumping = np.concatenate((jumping[0], angles)), np.concatenate((_wider(jumping[1], len(memory)), resets))
-        pushes = [_push_of_slider(linearised, memory, number) for number in range(len(memory))]
-        steady, parts = _wider(steady, len(memory)), _wider(parts, len(memory))
-        more = np.concatenate((_wider(more, len(memory)), pushes))
+        sliders = SliderChanges(memory, linearised.linear, laws, lines, period)
+        angles, resets = sliders.resets()
+        jumping = np.concatenate((jumping[0], angles)), np.concatenate((sliders.wider(jumping[1]), resets))
+        steady, parts, more = map(sliders.wider, (steady, parts, more))
+        more = np.concatenate((more, sliders.pushes()))
     variation = *laws.over(period), laws.wave_rates
     own = steady, parts, *laws.switches, laws.rates
     matrix = _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
@@ -172,20 +173,6 @@ def monodromy(
         if each.never_slips:
             matrix[size + number, size + number] = 0.0
     return matrix
-
-
-def _wider(matrices: NDArray[np.float64], more: int) -> NDArray[np.float64]:
-    """Add rows and columns of zeros to matrices of shape (..., size, size)."""
-    return np.pad(matrices, [(0, 0)] * (matrices.ndim - 2) + [(0, more), (0, more)])
-
-
-def _push_of_slider(linearised: Linearised, memory: Memory, number: int) -> NDArray[np.float64]:
-    """Return the matrix of the momenta that a change of the place of a slider adds in stick."""
-    n, slider = len(linearised.linear.stiffness), memory.forces[number].slider
-    found = np.zeros((2 * n + len(memory),) * 2)
-    pushed = linearised.linear.contacts[:, slider.element.place]
-    found[n : 2 * n, 2 * n + number] = slider.number("stiffness")[0] * pushed
-    return found
 
 
 def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:

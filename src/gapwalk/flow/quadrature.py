@@ -1,0 +1,63 @@
+"""A motion at the nodes of Gauss's rule, for integrals along it that are accurate to rounding.
+
+The motion is analytic between its events: crossings of breakpoints, impacts, beginnings of slip and stick, kinks of
+laws and jumps of loads. Intervals of Gauss's rule end at all of them.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
+
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.motion import Motion, sample
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+
+_ORDER = 12  # nodes in each interval
+_WIDEST = PERIOD / 32  # largest width of an interval
+_NARROWEST = 1e-9  # narrower intervals between events are omitted
+
+
+class Quadrature(NamedTuple):
+    """A motion at the nodes of Gauss's rule.
+
+    Attributes
+    ----------
+    motion
+        The motion; its samples are the nodes, and its events the crossings of breakpoints.
+    weights : shape (nodes,)
+        Weights of the nodes over time (not theta); their sum is the duration of the motion.
+    """
+
+    motion: Motion
+    weights: NDArray[np.float64]
+
+
+def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quadrature:
+    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods.
+
+    Raises
+    ------
+    FlowError
+        If the motion diverges.
+    """
+    end = PERIOD * periods
+    logged = sample(system, state, np.array([0.0, end]))
+    changes = [each.theta for log in (logged.events, logged.slips, logged.holds) for each in log]
+    kinks = flow_of(system).kinks(coefficients_of(system), state, end)  # and jumps: it is not analytic there either
+    edges = np.unique(np.concatenate(([0.0], changes, kinks, [end])))
+    edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
+    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / _WIDEST)))[:-1] for a, b in pairwise(edges)]
+    starts = np.concatenate(parts)
+    widths = np.diff(np.append(starts, end))
+    nodes, weights = leggauss(_ORDER)
+    thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
+    found = sample(system, state, np.concatenate(([0.0], thetas)))
+    logs = logged.events, logged.slips, logged.holds, logged.impacts
+    motion = Motion.of(system, thetas, found.states[1:], *logs)
+    return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)

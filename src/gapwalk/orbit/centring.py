@@ -1,0 +1,139 @@
+"""Centring of an element whose friction never slips: the one orbit of a continuum that a branch follows.
+
+A Jenkins element that never slips may have its slider anywhere in a range: the extension z only has to stay within its
+limits on both sides. Where the motion grows, the range shrinks, and slip begins on both sides once it has shrunk to a
+point: there the extension is as large on one side as on the other. So in a symmetric system a branch follows the orbit
+whose extension has such equal extremes. It is continuous where slip begins and ends. Any other orbit of the continuum
+would be pushed along the end of the range, where the motion is at a corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.flow import PERIOD, Flow
+from gapwalk.flow.forces import Angles
+from gapwalk.model.coefficients import ContactSlots
+
+_SAMPLES = 32  # per forcing period, between which the deflection turns at most once
+_SECANTS = 4  # steps of the secant method: the deflection depends on the square of the error of an angle
+_STEP = 1e-150  # of the complex step
+
+
+class Centre(NamedTuple):
+    """Middle between the largest and the smallest deflection of a motion, less its displacement at the start.
+
+    Attributes
+    ----------
+    value
+        The middle.
+    by_unknowns : shape (segments * state_size,)
+        Its derivative by the states at the start of each segment.
+    by_parameter
+        Its derivative along a direction of the coefficients.
+    """
+
+    value: float
+    by_unknowns: NDArray[np.float64]
+    by_parameter: float
+
+
+def centre_of(
+    flow: Flow,
+    light: Flow,
+    slots: ContactSlots,
+    coefficients: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    knots: Sequence[float],
+    states: NDArray[np.float64],
+) -> Centre:
+    """Compute the centre of the deflection of a contact over one period.
+
+    Parameters
+    ----------
+    flow
+        The flow, with its transition and one direction.
+    light
+        The flow without its transition.
+    slots
+        The contact.
+    coefficients, direction
+        The coefficients of the flow, and their derivative by the parameter.
+    knots
+        Angles at which the segments begin, and the end.
+    states : shape (segments, state_size)
+        The states at the start of each segment.
+    """
+    deflection = _Deflection(light, slots, coefficients)
+    turns = [turn for number, pair in enumerate(pairwise(knots)) for turn in deflection.turns(number, *pair, states)]
+    n, size = flow.equations.layout.structure.size, states.shape[1]
+    value, by_unknowns, by_parameter = 0.0, np.zeros(states.size), 0.0
+    for pick in (max, min):
+        _, segment, theta = pick(turns)
+        state, transition, along = states[segment], np.eye(size), np.zeros(size)
+        if theta > knots[segment]:
+            arc = flow.integrate(coefficients, state, knots[segment], theta, direction)
+            assert arc.transition is not None
+            assert arc.sensitivity is not None
+            state, transition, along = arc.state, arc.transition, arc.sensitivity
+        vector = coefficients[slots.deflection]
+        value += 0.5 * deflection.at(theta, state)
+        by_unknowns[segment * size : (segment + 1) * size] += 0.5 * vector @ transition[:n]
+        by_parameter += 0.5 * float(vector @ along[:n] + direction[slots.deflection] @ state[:n])
+        by_parameter += 0.5 * deflection.sway_changes(direction, theta)
+    sway = deflection.at(knots[0], np.zeros(size))
+    return Centre(value - sway, by_unknowns, by_parameter - deflection.sway_changes(direction, knots[0]))
+
+
+class _Deflection:
+    """The deflection of one contact along motions."""
+
+    def __init__(self, flow: Flow, slots: ContactSlots, coefficients: NDArray[np.float64]) -> None:
+        self._flow, self._slots, self._coefficients = flow, slots, coefficients
+        self._layout, self._vector = flow.equations.layout, coefficients[slots.deflection]
+
+    def at(self, theta: Any, states: NDArray[np.float64], order: int = 0) -> Any:
+        """Return the deflection at states, shape (..., state_size), or its rate over time (order 1)."""
+        n = len(self._vector)
+        moved = states[..., order * n : (order + 1) * n] @ self._vector
+        return moved + Angles(self._layout, self._coefficients, theta).sway(self._slots, 0, order)
+
+    def sway_changes(self, direction: NDArray[np.float64], theta: float) -> float:
+        """Return the derivative of the prescribed displacement along a direction of the coefficients."""
+        moved = Angles(self._layout, self._coefficients + 1j * _STEP * direction, theta).sway(self._slots)
+        return float(np.imag(moved)) / _STEP
+
+    def turns(
+        self, segment: int, start: float, stop: float, states: NDArray[np.float64]
+    ) -> list[tuple[float, int, float]]:
+        """Return the largest and the smallest deflection of a segment, with its number and the angle of each."""
+        thetas = np.linspace(start, stop, 2 + int(_SAMPLES * (stop - start) / PERIOD))
+        sampled = self._flow.sample(self._coefficients, states[segment], thetas).states
+        places, rates = self.at(thetas, sampled), self.at(thetas, sampled, 1)
+        found = [(float(places[0]), segment, start), (float(places[-1]), segment, stop)]
+        width = (thetas[1] - thetas[0]) * float(self._coefficients[0])
+        for way in (1.0, -1.0):
+            inner = np.flatnonzero((way * rates[:-1] > 0.0) & (way * rates[1:] <= 0.0))
+            if not len(inner):
+                continue
+            first, last = rates[inner], rates[inner + 1]
+            peaks = places[inner] + 0.5 * width * first**2 / (first - last)
+            k = int(inner[np.argmax(way * peaks)])
+
+            low, high = (float(thetas[k]), float(rates[k])), (float(thetas[k + 1]), float(rates[k + 1]))
+            for _ in range(_SECANTS):
+                theta = low[0] - low[1] * (high[0] - low[0]) / (high[1] - low[1])
+                if not thetas[k] < theta < thetas[k + 1]:
+                    break
+                state = self._flow.integrate(self._coefficients, sampled[k], float(thetas[k]), theta).state
+                found.append((float(self.at(theta, state)), segment, theta))
+                low, high = (high, low) if abs(low[1]) < abs(high[1]) else (low, high)
+                low = theta, float(self.at(theta, state, 1))
+                if low[1] == high[1]:
+                    break
+        return found

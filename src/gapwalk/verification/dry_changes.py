@@ -1,0 +1,88 @@
+"""Comparison of the stored events of an orbit with friction or rigid stops with those that verification finds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from gapwalk.orbit.orbit import Orbit
+
+_PERIOD = 2.0 * math.pi
+_TOGETHER = 1e-3  # radians within which two records of an impact may be one
+
+
+class Change(NamedTuple):
+    """An event: ``"contact"`` with the number of a switch, or ``"slip"`` with that of a contact; the mode after it.
+
+    `slope` is the derivative of its guard over the angle, as a share of the size of the motion.
+    """
+
+    kind: str
+    index: int
+    mode: int
+    theta: float
+    slope: float
+
+
+def mismatch(orbit: Orbit, changes: Sequence[Change]) -> float:
+    """Compare the stored events of an orbit with those that were found, and return the largest difference.
+
+    Where modes differ over some angle, it is that angle times the slope of the guard: about how far the motion is then
+    on the wrong side. Impacts are compared one by one, but for the last ones of those that end in a held contact.
+    """
+    rigid = {switch for _, switch in orbit.system.structure.reactions if switch >= 0}
+    end = _PERIOD * orbit.period
+    stored = [Change("contact", each.switch, int(each.enters), each.theta, 1.0) for each in orbit.events]
+    stored += [Change("slip", each.contact, each.slip, each.theta, 1.0) for each in orbit.slips]
+    worst = 0.0
+    for key in sorted({(each.kind, each.index) for each in (*stored, *changes)}):
+        theirs, ours = ([each for each in those if (each.kind, each.index) == key] for those in (stored, changes))
+        if key[0] == "contact" and key[1] in rigid:
+            worst = max(worst, _of_impacts(theirs, ours, end))
+        else:
+            if key[0] == "contact":  # the mode at the start follows from the first event
+                begun = 1 - theirs[0].mode if theirs else ours[0].mode
+                theirs = [Change(*key, begun, 0.0, 1.0), *theirs]
+            worst = max(worst, _of_modes(theirs, ours, end))
+    return worst
+
+
+def _of_modes(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> float:
+    """Return the longest angle over which modes differ, times the steepest slope of a guard at its ends."""
+    if not theirs or not ours:
+        return math.inf
+    every = sorted([(each.theta, 0, each) for each in theirs] + [(each.theta, 1, each) for each in ours])
+    modes, worst, since, slope = [theirs[0].mode, ours[0].mode], 0.0, None, 0.0
+    for theta, side, each in every:
+        modes[side] = each.mode
+        if since is not None and side:
+            slope = max(slope, abs(each.slope))
+        if modes[0] != modes[1] and since is None:
+            since, slope = theta, abs(each.slope) if side else 0.0
+        elif modes[0] == modes[1] and since is not None:
+            worst, since = max(worst, (theta - since) * (slope or 1.0)), None
+    return worst if since is None else max(worst, end - since)
+
+
+def _of_impacts(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> float:
+    worst, left = 0.0, list(theirs)
+    angles = [each.theta for each in (*theirs, *ours)]
+    alone = []
+    for each in ours:
+        near = [other for other in left if other.mode == each.mode and _apart(other, each, end) < _TOGETHER]
+        if near:
+            match = min(near, key=lambda other, each=each: _apart(other, each, end))
+            left.remove(match)
+            worst = max(worst, abs(each.slope) * _apart(match, each, end))
+        else:
+            alone.append(each)
+    for each in (*alone, *left):
+        others = sorted(abs(each.theta - angle) for angle in angles)[1:]  # without itself
+        if not others or others[0] > _TOGETHER:
+            return math.inf
+    return worst
+
+
+def _apart(a: Change, b: Change, end: float) -> float:
+    return min(abs(a.theta - b.theta), end - abs(a.theta - b.theta))

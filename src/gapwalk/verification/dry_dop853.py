@@ -1,0 +1,500 @@
+"""Integration of orbits with dry friction or rigid stops over one period, one at a time, by DOP853 between events.
+
+Unlike `gapwalk.verification.dop853`, it knows nothing of the stored events: it finds each event and decides the modes
+after it on its own, and compares both afterwards. Steps are chosen by the error estimate. In a step the guards of the
+present modes are evaluated at some places, and an event is located by shorter steps from the same start.
+
+States have small imaginary parts, one set for each direction in the state space: those are the changes of the motion,
+to first order. At an event each of these neighbours has its own time. It is carried there along the flow before the
+event, reset, and carried back along the flow after it; so the transition matrix needs no formula of its own.
+
+Impacts are followed until flights are shorter than `_HELD`: then the contact is held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import collapses
+from gapwalk.verification.dop853 import Round, error_of, method, turn
+from gapwalk.verification.dop853 import carry as carry_together
+from gapwalk.verification.dry_changes import Change, mismatch
+from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
+
+Array = NDArray[np.float64]
+
+_PERIOD = 2.0 * math.pi
+_SMALL = 1e-25  # size of the imaginary parts: rounding does not see their squares
+_STEP = 1e-150  # of the complex step
+_EXACT = 2e-11  # error of a step, relative to the motion
+_FIRES = 1e-11  # share of its scale by which a guard is beyond zero once it has changed its sign
+_STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
+_HOP = 1e-3  # angle of a flight that is located from its parabola
+_HELD = 1e-7  # angle of a flight that is not made any more
+_MOST = 4000  # events in a period
+_AT_ONCE = 40  # events at one angle
+_SHARES = np.concatenate((0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
+
+
+@dataclass(frozen=True)
+class DryRound(Round):
+    """Result of integrating an orbit with friction or rigid stops over one period.
+
+    Attributes
+    ----------
+    transition : shape (state size, state size)
+        Derivative of the final state by the initial one.
+    changes
+        The modes at the start, then the events that were found.
+    """
+
+    transition: Array | None = None
+    changes: tuple[Change, ...] = ()
+
+
+def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> Sequence[Round]:
+    """Integrate orbits of one structure over one period, each by the integrator for its system.
+
+    See `gapwalk.verification.dop853.carry`; those with friction or rigid stops give a `DryRound`.
+    """
+    if not orbits or not collapses(orbits[0].system):
+        return carry_together(orbits, report)
+    rounds: list[Round] = []
+    for orbit in orbits:
+        rounds.append(carry_dry(orbit))
+        if report is not None:
+            report(len(rounds))
+    return rounds
+
+
+def carry_dry(orbit: Orbit) -> DryRound:
+    """Integrate an orbit with friction or rigid stops over one period.
+
+    Where that fails, closure and the error are infinite.
+    """
+    n = orbit.system.size
+    try:
+        motion = _Motion(orbit)
+        motion.advance(_PERIOD * orbit.period)
+    except (NumericalError, np.linalg.LinAlgError):
+        return DryRound(math.inf, math.inf, math.nan, np.full((n, 2), math.nan), math.inf)
+    scales = motion.scales
+    end = np.real(motion.states[0])
+    gap = np.abs(end - orbit.state) / scales
+    extremes = np.column_stack((motion.largest, motion.smallest))
+    transition = (np.imag(motion.states[1:]) / _SMALL).T
+    changes = tuple(motion.changes)
+    closure = float(gap.max())
+    return DryRound(
+        closure if math.isfinite(closure) else math.inf,
+        mismatch(orbit, changes),
+        math.nan,
+        extremes,
+        motion.error,
+        (),
+        (),
+        transition,
+        changes,
+    )
+
+
+class _Motion:
+    """The motion of an orbit and of its neighbours, one for each direction of the state space."""
+
+    def __init__(self, orbit: Orbit) -> None:
+        equations = self.equations = DryEquations(orbit.system)
+        n, size = equations.size, equations.state_size
+        self.theta, self.error = 0.0, 0.0
+        self.states = np.tile(orbit.state.astype(complex), (size + 1, 1))
+        self.states[1:] += 1j * _SMALL * np.eye(size)
+        length = max(float(np.abs(orbit.extremes).max()), float(np.abs(orbit.state[:n]).max()), 1e-300)
+        speed = max(float(np.abs(orbit.state[n : 2 * n]).max()), length * equations.omega)
+        self.scales = np.full(size, length)
+        self.scales[n : 2 * n] = speed
+        self.length, self.speed = length, speed
+        self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
+        self._pieces = sorted(
+            {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
+        )
+        self._step, self.angles = 1e-3, np.zeros(size + 1)
+        self.levels = equations.levels(np.array([1e-9]))
+        self.modes = self._start()
+        self.changes = [Change("slip", index, slip, 0.0, 0.0) for index, slip in self.modes.slip.items()]
+        soft = [switch for switch in range(len(equations.signs)) if switch not in equations.rigid]
+        self.changes += [Change("contact", switch, int(self.modes.closed[switch]), 0.0, 0.0) for switch in soft]
+
+    # ---- modes
+
+    def _now(self) -> Loading:
+        """Return the loading of the motion itself."""
+        return self.equations.loading(np.array([self.theta]), np.real(self.states[:1]), self.modes, self.levels)
+
+    def _gap(self, switch: int) -> tuple[float, float]:
+        """Return the distance of the motion from a breakpoint, positive where it is open, and its rate over time."""
+        equations, n = self.equations, self.equations.size
+        angle, state = np.array([self.theta]), np.real(self.states[:1])
+        index = equations.contact_of[switch]
+        depth = equations.depths(equations.deflections(angle, state[:, :n]))[0, switch]
+        rate = equations.deflections(angle, state[:, n : 2 * n] / equations.omega, derivative=1)[0, index]
+        return -float(depth), -float(equations.signs[switch] * rate) * equations.omega
+
+    def _slip_rate(self, index: int) -> float:
+        return float(self.equations.sliding(np.array([self.theta]), np.real(self.states[:1]))[0, index])
+
+    def _start(self) -> Modes:
+        equations = self.equations
+        modes = self.modes = Modes(np.zeros(len(equations.signs)), dict.fromkeys(equations.dry, 0), set())
+        for switch in range(len(equations.signs)):
+            gap, rate = self._gap(switch)
+            on = abs(gap) <= 1e-12 * self.length
+            if switch not in equations.rigid and ((gap < 0.0 and not on) or (on and rate < 0.0)):
+                modes.closed[switch] = 1.0
+        for index in equations.dry:
+            if index not in equations.memories:
+                rate = self._slip_rate(index)
+                modes.slip[index] = 0 if abs(rate) <= _STILL * self.speed else round(math.copysign(1.0, rate))
+        self._decide()
+        for index in equations.memories:
+            self._set_slider(index)
+        self._decide()
+        for switch in equations.rigid:
+            gap, rate = self._gap(switch)
+            if abs(gap) <= 1e-12 * self.length and abs(rate) <= _STILL * self.speed:
+                self._strike(switch)
+        equations.come_to_rest(self.angles, self.states, modes, positions=True)
+        equations.set_extensions(self.angles, self.states, modes, self.levels)
+        return modes
+
+    def _set_slider(self, index: int) -> None:
+        """Decide the mode of a Jenkins element by its extension, which is not beyond its limit."""
+        equations, place = self.equations, self.equations.memories[index]
+        limit = float(self._now().limits[index][0]) / equations.stiffnesses[index]
+        z = float(np.real(self.states[0, place]))
+        self.modes.slip[index] = 0
+        grown = limit > 1e-12 * self.length
+        if grown and abs(z) < limit * (1.0 - 1e-12):
+            return
+        side = round(math.copysign(1.0, z if grown else self._slip_rate(index)))
+        if equations.is_idle(index, np.array([limit]), self.modes):
+            self.states[:, place] = 0.0
+            return
+        self.modes.slip[index] = side
+        self.equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+        if not self._sliding(index) > 0.0:
+            self.modes.slip[index] = 0
+
+    def _sliding(self, index: int) -> float:
+        """Return the rate of the slider of a Jenkins element in the direction of its slip."""
+        state = np.real(self.states[0])
+        creep = self.equations.creep(index, self.theta, state, self.modes, self.levels)
+        return self.modes.slip[index] * self._slip_rate(index) - creep
+
+    def _decide(self, slipping: Sequence[int] = ()) -> None:
+        """Decide which rigid friction at rest sticks: as many as can; `slipping` have just begun to slip."""
+        equations, modes = self.equations, self.modes
+        at_rest = [
+            index
+            for index in equations.dry
+            if index not in equations.memories
+            and index not in slipping
+            and abs(self._slip_rate(index)) <= _STILL * self.speed
+        ]
+        for slips in sorted(product((0, 1, -1), repeat=len(at_rest)), key=lambda each: sum(map(abs, each))):
+            modes.slip.update(zip(at_rest, slips, strict=True))
+            try:
+                now = self._now()
+            except np.linalg.LinAlgError:  # too many would stick
+                continue
+            if all(self._may(index, slip, now) for index, slip in zip(at_rest, slips, strict=True)):
+                break
+        else:
+            raise NumericalError("no modes of friction are consistent")
+        equations.come_to_rest(self.angles, self.states, modes)
+
+    def _may(self, index: int, slip: int, now: Loading) -> bool:
+        """Return True if friction at rest may stick, or begin to slip in a direction."""
+        bound = float(now.breakaways[index][0])
+        if not slip:
+            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + 1e-11)
+        turning = self.equations.turning(np.array([self.theta]), now)[0, index]
+        return slip * float(turning) > (0.0 if bound else -1e-12 * self.speed * self.equations.omega)
+
+    def _strike(self, switch: int) -> None:
+        """Reverse the rate at a rigid stop, and hold the stop if the next flight is short; then other stops."""
+        equations, modes = self.equations, self.modes
+        index, side = int(equations.contact_of[switch]), equations.signs[switch]
+        if self._gap(switch)[1] < 0.0:
+            modes.held.discard(switch)
+            equations.rebound(switch, self.angles, self.states)
+            self._after_impact()
+        leaves = max(self._gap(switch)[1], 0.0)
+        turning = -side * float(equations.turning(np.array([self.theta]), self._now())[0, index])
+        if turning < 0.0 and 2.0 * leaves * equations.omega < _HELD * -turning:
+            modes.held.add(switch)
+            equations.come_to_rest(self.angles, self.states, modes)
+            self._decide()
+        for other in sorted(modes.held - {switch}):
+            rate = self._gap(other)[1]
+            if rate < -_STILL * self.speed:
+                self._strike(other)
+            elif rate > _STILL * self.speed:
+                modes.held.discard(other)
+
+    def _after_impact(self) -> None:
+        for index in self.equations.dry:
+            rate = self._slip_rate(index)
+            if index in self.equations.memories:
+                if self.modes.slip[index]:
+                    self._set_slider(index)
+            elif abs(rate) > _STILL * self.speed:
+                self.modes.slip[index] = round(math.copysign(1.0, rate))
+        self._decide()
+
+    def _change(self, key: tuple[str, int]) -> None:
+        """Set the modes after an event."""
+        equations, modes, (kind, index) = self.equations, self.modes, key
+        released: tuple[int, ...] = ()
+        if kind == "contact" and index in equations.rigid:
+            if index in modes.held:
+                modes.held.discard(index)
+            else:
+                self._strike(index)
+        elif kind == "contact":
+            modes.closed[index] = 1.0 - modes.closed[index]
+            for other in equations.memories:
+                if equations.host_of(other) == equations.contact_of[index]:
+                    self._set_slider(other)
+        elif index in equations.memories:
+            z = float(np.real(self.states[0, equations.memories[index]]))
+            modes.slip[index] = 0 if modes.slip[index] else round(math.copysign(1.0, z))
+        elif not modes.slip[index]:
+            modes.slip[index] = round(math.copysign(1.0, float(self._now().forces[0, index])))
+            released = (index,)
+        self._decide(released)
+
+    # ---- events
+
+    def guards(self, angles: Values, states: Values) -> dict[tuple[str, int], Values]:
+        """Return the guards of the present modes, as shares of their scales, at some states."""
+        equations, modes, n = self.equations, self.modes, self.equations.size
+        now, found = equations.loading(angles, states, modes, self.levels), {}
+        depths = equations.depths(equations.deflections(angles, states[:, :n]))
+        for switch, sign in enumerate(equations.signs):
+            index = int(equations.contact_of[switch])
+            if switch in modes.held:
+                found["contact", switch] = sign * now.forces[:, index] / self._force(index)
+            elif switch not in equations.unreached:
+                side = 1.0 if modes.closed[switch] else -1.0
+                found["contact", switch] = side * depths[:, switch] / self.length
+        for index in equations.dry:
+            slip, limits = modes.slip[index], now.limits[index]
+            forces = now.forces[:, index]
+            if index not in equations.memories:
+                left = now.breakaways[index] - np.where(np.real(forces) > 0.0, forces, -forces)
+                size = max(self._force(index), float(np.real(now.breakaways[index][0])))
+                found["slip", index] = slip * now.sliding[:, index] / self.speed if slip else left / size
+            elif not equations.is_idle(index, limits, modes):
+                if slip:
+                    rates = slip * now.sliding[:, index]
+                    if index in equations.creeping:
+                        rates = rates - self._creeps(index, angles, states)
+                    found["slip", index] = rates / self.speed
+                else:
+                    left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
+                    found["slip", index] = left / (equations.stiffnesses[index] * self.length)
+        return found
+
+    def _creeps(self, index: int, angles: Values, states: Values) -> Values:
+        rows = zip(np.real(angles), np.real(states), strict=True)
+        return np.array([self.equations.creep(index, angle, row, self.modes, self.levels) for angle, row in rows])
+
+    def _force(self, index: int) -> float:
+        """Return the force that would give a contact the accelerations of the motion."""
+        return self.speed * self.equations.omega / abs(float(self.equations.row(index) @ self.equations.push(index)))
+
+    # ---- integration
+
+    def advance(self, end: float) -> None:
+        """Integrate to an angle."""
+        equations, repeated, count, last = self.equations, 0, 0, -1.0
+        for stop in [*(angle for angle in self._pieces if 0.0 < angle < end), end]:
+            self.levels = equations.levels(np.array([0.5 * (self.theta + stop)]))
+            while self.theta < stop:
+                key = self._advance(stop)
+                if key is None:
+                    continue
+                repeated = repeated + 1 if self.theta - last <= 1e-14 * (1.0 + self.theta) else 0
+                count += 1
+                if repeated > _AT_ONCE or count > _MOST:
+                    raise NumericalError("events repeat")
+                last = self.theta
+                self._pass(key)
+        self.angles = np.full(len(self.states), self.theta)
+        equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+
+    def _rates(self, angle: float, states: Values) -> Values:
+        return self.equations.derivatives(np.full(len(states), angle), states, self.modes, self.levels)
+
+    def _stepped(self, h: float, first: Values | None = None) -> tuple[Values, Values]:
+        """Return the states after a step, and the rates at its stages and its end."""
+        tableau, states = method(), self.states
+        count = tableau.n_stages
+        rates = np.empty((count + 1, *states.shape), dtype=complex)
+        rates[0] = self._rates(self.theta, states) if first is None else first
+        for s in range(1, count):
+            middle = states + h * np.tensordot(tableau.A[s, :s], rates[:s], axes=1)
+            rates[s] = self._rates(self.theta + tableau.C[s] * h, middle)
+        new = states + h * np.tensordot(tableau.B, rates[:count], axes=1)
+        rates[-1] = self._rates(self.theta + h, new)
+        return new, rates
+
+    def _advance(self, stop: float) -> tuple[str, int] | None:
+        """Take one step, to the first event in it if there is any; return that."""
+        hops = self._hops()
+        most = min([stop - self.theta, *(1.5 * hop for hop in hops.values())])
+        h = min(self._step, most)
+        with np.errstate(over="ignore", invalid="ignore"):
+            while True:
+                new, rates = self._stepped(h)
+                error = float((np.abs(h * error_of(np.real(rates[:, 0]))) / self.scales).max())
+                if not math.isfinite(error):
+                    raise NumericalError("the motion diverges")
+                ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
+                if error <= _EXACT or h < 1e-9:
+                    break
+                h *= max(0.2, ratio)
+        longer = max(self._step, h) if h == most else h
+        self._step = min(longer * min(4.0, max(ratio, 0.2)), 0.5)
+        found = self._first_event(h, new, rates, hops)
+        if found is not None:
+            h, key = found
+            new, rates = (self._stepped(h, rates[0])) if h > 0.0 else (self.states.copy(), rates[:1])
+        if h > 0.0:
+            self.error += error
+            self._watch(h, new, rates)
+        self.states, self.theta = new, self.theta + h if found is not None or h < stop - self.theta else stop
+        return None if found is None else key
+
+    def _hops(self) -> dict[tuple[str, int], float]:
+        """Return the angles until rigid stops are hit that are near, by parabolas."""
+        equations, found = self.equations, {}
+        if not equations.rigid:
+            return found
+        turning = equations.turning(np.array([self.theta]), self._now())[0]
+        for switch in equations.rigid:
+            if switch not in self.modes.held:
+                gap, rate = self._gap(switch)
+                bend = -equations.signs[switch] * float(turning[equations.contact_of[switch]])
+                if bend < 0.0:
+                    root = (rate + math.sqrt(max(rate**2 - 2.0 * bend * gap, 0.0))) / -bend * equations.omega
+                    if 0.0 < root < _HOP:
+                        found["contact", switch] = root
+        return found
+
+    def _first_event(
+        self, h: float, new: Values, rates: Values, hops: dict[tuple[str, int], float]
+    ) -> tuple[float, tuple[str, int]] | None:
+        found = []
+        for key, guess in hops.items():
+            share = guess
+            for _ in range(4):
+                value, slope = self._guard_after(share, key)
+                if slope < 0.0:
+                    share = max(share - value / slope, 0.0)
+            if share <= h:
+                found.append((share, key))
+        states = self.equations.inside(_SHARES, h, np.real((self.states[0], new[0])), np.real(rates[[0, -1], 0]))
+        angles = self.theta + _SHARES * h
+        begun = self.guards(np.array([self.theta]), np.real(self.states[:1]))
+        within = self.guards(angles, states)
+        for key, values in within.items():
+            if key in hops:
+                continue
+            below = np.flatnonzero(values < -_FIRES)
+            if not len(below):
+                continue
+            above = [-1, *np.flatnonzero(values[: below[0]] > _FIRES)]
+            last = 0.0 if above[-1] < 0 else float(_SHARES[above[-1]]) * h
+            first = float(_SHARES[below[0]]) * h
+            if self._guard_after(first, key)[0] >= -0.1 * _FIRES:
+                continue  # the interpolation is less exact than that
+            at_last = float(begun[key][0]) if last == 0.0 else self._guard_after(last, key)[0]
+            found.append((0.0 if at_last <= 0.0 else self._root(last, first, key), key))
+        return min(found) if found else None
+
+    def _root(self, low: float, high: float, key: tuple[str, int]) -> float:
+        """Locate a sign change by Newton's method within a bracket that shrinks."""
+        share = high
+        for _ in range(60):
+            value, slope = self._guard_after(share, key)
+            if value > 0.0:
+                low = share
+            else:
+                high = share
+            step = -value / slope if slope else math.inf
+            better = share + step
+            if not low <= better <= high:
+                better = 0.5 * (low + high)
+            if abs(better - share) <= 4e-16 * (1.0 + self.theta) or high - low <= 1e-16:
+                return better
+            share = better
+        return share
+
+    def _guard_after(self, h: float, key: tuple[str, int]) -> tuple[float, float]:
+        """Return a guard and its slope over the angle after a step of some length."""
+        everyone, self.states = self.states, np.real(self.states[:1]).astype(complex)
+        try:
+            state = np.real(self._stepped(h)[0]) if h > 0.0 else np.real(self.states)
+        finally:
+            self.states = everyone
+        return self._slope(key, self.theta + h, state)
+
+    def _slope(self, key: tuple[str, int], angle: float, state: Array) -> tuple[float, float]:
+        aside = state + 1j * _STEP * np.real(self._rates(angle, state))
+        found = self.guards(np.array([angle + 1j * _STEP]), aside)[key][0]
+        value, slope = float(np.real(found)), float(np.imag(found) / _STEP)
+        kind, index = key
+        if kind == "slip" and self.modes.slip[index] and index in self.equations.creeping:
+            h = 1e-6  # the rate of a limit has been a complex step already
+            later = self.guards(np.array([angle + h]), state + h * np.real(self._rates(angle, state)))[key][0]
+            slope = (float(np.real(later)) - value) / h
+        return value, slope
+
+    def _watch(self, h: float, new: Values, rates: Values) -> None:
+        """Record extrema."""
+        n, omega = self.equations.size, self.equations.omega
+        y0, y1 = np.real(self.states[0]), np.real(new[0])
+        r0, r1 = h * np.real(rates[0, 0]), h * np.real(rates[-1, 0])
+        turning = turn([y0[:n], r0[:n], h * r0[n : 2 * n] / omega], [y1[:n], r1[:n], h * r1[n : 2 * n] / omega])
+        for seen in (turning, y1[:n]):
+            np.maximum(self.largest, seen, out=self.largest)
+            np.minimum(self.smallest, seen, out=self.smallest)
+
+    def _pass(self, key: tuple[str, int]) -> None:
+        """Pass an event with all neighbours, each at its own time."""
+        before, everyone = self._rates(self.theta, self.states), np.full(len(self.states), self.theta)
+        slips, closed, held = dict(self.modes.slip), self.modes.closed.copy(), set(self.modes.held)
+        slope = self._slope(key, self.theta, np.real(self.states[:1]))[1]
+        values = self.guards(everyone, self.states)[key]
+        delays = -np.imag(values) / slope if slope else np.zeros(len(values))
+        self.states = self.states + 1j * delays[:, None] * np.real(before)
+        self.angles = everyone + 1j * delays
+        self.equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+        self._change(key)
+        after = self._rates(self.theta, self.states)
+        self.states = self.states - 1j * delays[:, None] * np.real(after)
+        kind, index = key
+        if kind == "contact":
+            mode = index not in held if index in self.equations.rigid else not closed[index]
+            self.changes.append(Change(kind, index, int(mode), self.theta, slope))
+        for other, slip in self.modes.slip.items():
+            if slip != slips[other]:
+                self.changes.append(Change("slip", other, slip, self.theta, slope))

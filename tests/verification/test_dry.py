@@ -1,0 +1,105 @@
+"""Verification of orbits with friction and rigid stops, by an integrator that finds their events itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.model.laws import Jenkins
+from gapwalk.model.laws.friction import Hysteretic
+from gapwalk.verification import confirm
+from gapwalk.verification.dry_dop853 import DryRound, carry
+
+LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
+
+
+def oscillator(contacts, *, damping=0.0, frequency=1.0, load=LOAD) -> gw.System:
+    return gw.System(["x"], [[1.0]], [[damping]], contacts=contacts, harmonics=load, frequency=frequency)
+
+
+def stop(restitution: float, clearance: float = 1.0) -> Contact:
+    stages = [Stage(clearance, side=Side.POSITIVE)]
+    return Contact("stop", {"x": 1.0}, stages, law="rigid", restitution=restitution)
+
+
+def damper() -> list[Contact]:
+    stages = [
+        Stage(0.2, 1.0, name="one", numbers={"hysteresis": 0.1}),
+        Stage(0.5, 2.0, name="two", numbers={"hysteresis": 0.2}),
+    ]
+    spring = Contact("damper", {"x": 1.0}, stages, law=Hysteretic("elastic"))
+    return [spring, Contact("dry", {"x": 1.0}, (), None, Jenkins("stages", "damper"), {"stiffness": 3.0})]
+
+
+SYSTEMS = {
+    "slip": oscillator([friction("f", {"x": 1.0}, 0.3)], frequency=0.8),
+    "stick": oscillator([friction("f", {"x": 1.0}, 0.3, static=1.2)], frequency=0.3),
+    "belt": oscillator([friction("f", {"x": 1.0}, 0.3, speed=0.4)], damping=0.1, frequency=0.6),
+    "jenkins": oscillator([friction("j", {"x": 1.0}, 0.3, stiffness=2.0)], damping=0.1),
+    "stages": oscillator(damper(), damping=0.1, frequency=1.3),
+    "impact": oscillator([stop(0.8)], damping=0.1),
+    "held": oscillator([stop(0.5, 0.1)], damping=0.1, frequency=0.4),
+}
+
+
+def found(name: str) -> tuple[gw.records.Orbit, DryRound]:
+    orbit = gw.find_orbit(SYSTEMS[name], start="settle")
+    (around,) = carry([orbit])
+    assert isinstance(around, DryRound)
+    return orbit, around
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_orbit_events_and_multipliers_are_those_of_another_integrator(name: str) -> None:
+    orbit, around = found(name)
+    assert around.closure < 1e-10
+    assert around.astray < 1e-9
+    assert any(event.theta for event in around.changes)
+    np.testing.assert_allclose(around.extremes, orbit.extremes[:, :2], atol=1e-6)
+    assert around.transition is not None
+    powers = [(around.transition, orbit.multipliers)]
+    powers.append((around.transition @ around.transition, orbit.multipliers**2))
+    for matrix, multipliers in powers:
+        assert np.trace(matrix) == pytest.approx(multipliers.sum().real, abs=1e-8)
+
+
+def test_phases_of_stick_make_multipliers_zero() -> None:
+    orbit, around = found("stick")
+    assert {event.mode for event in around.changes} == {1, 0, -1}
+    assert around.transition is not None
+    assert abs(np.linalg.det(around.transition)) < 1e-12
+    assert orbit.multipliers[-1] == 0.0
+
+
+def test_another_state_does_not_close() -> None:
+    orbit, _ = found("stages")
+    state = orbit.state.copy()
+    state[1] += 1e-6
+    (around,) = carry([replace(orbit, state=state)])
+    assert around.closure > 1e-8
+
+
+@pytest.mark.parametrize("name", ["stick", "jenkins"])
+def test_other_slip_events_are_found_out(name: str) -> None:
+    orbit, _ = found(name)
+    late = tuple(event._replace(theta=event.theta + 1e-4 * (event.theta > 0.0)) for event in orbit.slips)
+    assert carry([replace(orbit, slips=late)])[0].astray > 1e-5
+    assert carry([replace(orbit, slips=orbit.slips[:-1])])[0].astray > 1e-2
+    turned = (*orbit.slips[:-1], orbit.slips[-1]._replace(slip=orbit.slips[-1].slip + 1))
+    assert carry([replace(orbit, slips=turned)])[0].astray > 1e-2
+
+
+def test_other_impacts_are_found_out() -> None:
+    orbit, _ = found("impact")
+    late = tuple(event._replace(theta=event.theta + 1e-4) for event in orbit.events)
+    assert carry([replace(orbit, events=late)])[0].astray > 1e-5
+    assert carry([replace(orbit, events=())])[0].astray > 1.0
+
+
+def test_a_branch_with_friction_is_verified() -> None:
+    orbit, _ = found("slip")
+    confirm(gw.follow(orbit, "frequency", 0.81))
