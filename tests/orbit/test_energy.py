@@ -1,6 +1,7 @@
 """The energy of orbits: the work of the loads is what elements dissipate, each as a closed form says."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from gapwalk.flow.motion import sample
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Rigid
 from gapwalk.orbit.energy import energy
+from tests import models
 from tests.flow.dry_systems import SYSTEMS, beginning, system
 
 H = gw.Harmonic
 SEEDS = range(40)
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def settled(found, periods=60):
@@ -213,3 +216,11 @@ def test_energy_describes_itself():
     work = list(book.tables()["work"]())
     assert work[0] == ["element", "kind", "energy", "power", "share"]
     assert len(work) == 3
+
+
+@pytest.mark.parametrize("name", ["train", "drivetrain", "reducer", "mesh"])
+def test_losses_of_trains_are_those_of_their_links(name):
+    """In the first one, gears vibrate two thousand times in a period of the excitation."""
+    found = models.read_system(EXAMPLES / f"{name}.toml")
+    book = energy(gw.find_orbit(found))
+    assert abs(book.imbalance) < 1e-11
