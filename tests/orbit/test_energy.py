@@ -11,8 +11,9 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.motion import sample
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Rigid
+from gapwalk.model.model_file import check_model
+from gapwalk.model.model_source import read_source
 from gapwalk.orbit.energy import energy
-from tests import models
 from tests.flow.dry_systems import SYSTEMS, beginning, system
 
 H = gw.Harmonic
@@ -73,7 +74,7 @@ def random_system(seed):
         loads.append(H(0.05, varies="gap.deflection", phase=0.4, name="error"))
     if rng.random() < 0.4:
         loads.append(H(0.3, varies="gap.stiffness", phase=0.7, name="mesh"))
-    mean = {name: 0.1 for name in names}
+    mean = dict.fromkeys(names, 0.1)
     return gw.System(
         names,
         definite(0.5, 3.0),
@@ -221,6 +222,6 @@ def test_energy_describes_itself():
 @pytest.mark.parametrize("name", ["train", "drivetrain", "reducer", "mesh"])
 def test_losses_of_trains_are_those_of_their_links(name):
     """In the first one, gears vibrate two thousand times in a period of the excitation."""
-    found = models.read_system(EXAMPLES / f"{name}.toml")
+    found = check_model(read_source(EXAMPLES / f"{name}.toml"))[0].system
     book = energy(gw.find_orbit(found))
     assert abs(book.imbalance) < 1e-11
