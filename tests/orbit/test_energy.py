@@ -91,11 +91,10 @@ def random_system(seed):
 def test_losses_are_the_work_of_the_loads_of_random_systems():
     checked, worst = 0, 0.0
     for seed in SEEDS:
-        found = random_system(seed)
         try:
-            orbit = settled(found, 200)
-        except (FlowError, gw.errors.ConvergenceError):
-            continue  # it does not settle on this period
+            orbit = settled(random_system(seed))
+        except (ModelError, FlowError, gw.errors.ConvergenceError):
+            continue  # two frictions on one deflection, or a motion that does not settle on this period
         if orbit.residual > 1e-10:
             continue
         worst = max(worst, abs(energy(orbit).imbalance))
