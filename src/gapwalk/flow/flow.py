@@ -189,7 +189,7 @@ class Flow:
         stop: float = PERIOD,
         direction: NDArray[np.float64] | None = None,
         *,
-        keeps: bool = False,
+        keeps: int | None = None,
     ) -> Arc:
         """Integrate a state from one theta to another.
 
@@ -205,7 +205,7 @@ class Flow:
             The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
             needs a flow compiled with as many.
         keeps
-            True if friction keeps the modes of the start, even where it would slip or stick.
+            Number of a contact whose friction keeps the mode of the start, even where it would slip or stick.
 
         Raises
         ------
@@ -296,12 +296,12 @@ class _Integrator:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
         self._turns: list[Turn] = []
 
-    def integrate(self, coefficients, state, start, stop, direction=None, keeps=False) -> Arc:
+    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
         for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps = keeps
             steps = self._run(start, stop, longest_step)
-            if keeps or self._switchboard.is_right():
+            if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps)
         raise FlowError(
             f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
