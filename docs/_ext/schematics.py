@@ -364,8 +364,8 @@ def hysteresis() -> Sketch:
     for k in range(2):
         s.line((194 + 8 * k, 176), (197 + 8 * k, 170), (200 + 8 * k, 176), color=ORANGE, width=1)
     s.text(200, 200, "friction", color=ORANGE)
-    s.arc(70, 115, 88, 145, 215)
-    s.text(44, 222, "excitation", color=BLUE)
+    s.arc(75, 115, 45, 130, 230)
+    s.text(72, 205, "excitation", color=BLUE)
     s.line((400, 120), (620, 120), color=GREY, width=1)
     s.line((500, 30), (500, 215), color=GREY, width=1)
     s.line((410, 190), (410, 162), (450, 146), (560, 104), (600, 42), (600, 72), (560, 134), (450, 176), (410, 190))
