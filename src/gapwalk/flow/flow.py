@@ -188,6 +188,8 @@ class Flow:
         start: float = 0.0,
         stop: float = PERIOD,
         direction: NDArray[np.float64] | None = None,
+        *,
+        keeps: bool = False,
     ) -> Arc:
         """Integrate a state from one theta to another.
 
@@ -202,13 +204,15 @@ class Flow:
         direction
             The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
             needs a flow compiled with as many.
+        keeps
+            True if friction keeps the modes of the start, even where it would slip or stick.
 
         Raises
         ------
         FlowError
             If the motion diverges, chatters without end, or a contact event is missed.
         """
-        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction))
+        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps))
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
@@ -292,11 +296,12 @@ class _Integrator:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
         self._turns: list[Turn] = []
 
-    def integrate(self, coefficients, state, start, stop, direction=None) -> Arc:
+    def integrate(self, coefficients, state, start, stop, direction=None, keeps=False) -> Arc:
         for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
             self._prepare(coefficients, state, start, stop, direction)
+            self._switchboard.dry.keeps = keeps
             steps = self._run(start, stop, longest_step)
-            if self._switchboard.is_right():
+            if keeps or self._switchboard.is_right():
                 return self._arc(steps)
         raise FlowError(
             f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "

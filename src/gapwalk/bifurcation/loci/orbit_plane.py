@@ -235,6 +235,18 @@ class ShotPlane(OrbitPlane):
         derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
         return np.array([depth, rate]), derivatives
 
+    def reached(self, place: Place, keeping: float, angle: float) -> tuple[NDArray[np.float64], NDArray, Arc]:
+        """Return the state at an angle, its derivatives by unknowns and parameters, and the motion until `keeping`.
+
+        From that angle on friction keeps its mode. Errors as in `Flow.integrate`.
+        """
+        first = self._flow.integrate(place.coefficients, place.unknowns, 0.0, keeping, place.slopes)
+        last = self._flow.integrate(place.coefficients, first.state, keeping, angle, place.slopes, keeps=True)
+        size, to, on = len(place.unknowns), _derivatives(first), _derivatives(last)
+        by_all = on[:, :size] @ to
+        by_all[:, size:] += on[:, size:]
+        return last.state, by_all, first
+
     def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
         """See `OrbitPlane.flip_coefficient`."""
         units = scales[: len(place.unknowns)]
