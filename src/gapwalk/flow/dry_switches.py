@@ -254,6 +254,17 @@ class DrySwitches(DryState):
         elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
 
+    def stop_simultaneous(self, theta: float) -> None:
+        """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
+        now = self.read(theta)
+        for place, memory in enumerate(self.memory_of):
+            if self._stops_too(place, now, theta):
+                if memory is not None:
+                    self._at_memory(place, False, -self.slips[place], theta, now)
+                else:
+                    self._stop(place, theta, now)
+                now = self.read(theta)
+
     def _stop(self, place: int, theta: float, before: Readings) -> None:
         """Decide whether rigid friction sticks where its slip rate vanishes, or slips the other way."""
         acceleration = self.slip_acceleration(place, before, theta)
