@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -97,7 +98,7 @@ class Trial:
                 self.faults.append(f"{name}: {self.ends[name]} is no reason")
         except Exception as error:  # whatever it is: it must not come out
             self.ends[name] = f"{type(error).__name__}: {error}"
-            self.faults.append(f"{name}: {self.ends[name]}")
+            self.faults.append(f"{name}: {''.join(traceback.format_exception(error)[-4:])}")
         self.seconds[name] = round(time.process_time() - begin, 2)
         return found
 
