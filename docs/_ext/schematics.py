@@ -297,12 +297,137 @@ def driveline() -> Sketch:
     return s
 
 
+def rubbing(s: Sketch, x: float, y: float, width: float) -> None:
+    """Draw a rough surface under a body whose lower edge is at `y`, with the arrow of the friction."""
+    s.wall((x + width / 2, y + 5), (x - width / 2, y + 5), side=1)
+    for k in range(int(width / 12)):
+        left = x - width / 2 + 6 + 12 * k
+        s.line((left, y + 5), (left + 4, y), (left + 8, y + 5), color=ORANGE, width=1)
+
+
+def dry_friction() -> Sketch:
+    """Draw a mass on a spring, on a rough support."""
+    s = Sketch(480, 170, "A mass on a spring, pressed on a rough support")
+    s.wall((70, 40), (70, 125), side=-1)
+    s.spring(70, 80, 200, 80)
+    s.text(135, 62, "k", math=True)
+    s.box(240, 80, 80, 60)
+    s.text(240, 86, "m", math=True)
+    rubbing(s, 240, 110, 150)
+    s.text(240, 144, "friction: at most f", color=ORANGE)
+    s.arrow(282, 80, 340, 80)
+    s.text(350, 86, "cos Ωt", math=True, color=BLUE, anchor="start")
+    s.arrow(240, 38, 285, 38, color=INK)
+    s.text(295, 43, "x", math=True)
+    return s
+
+
+def rigid_stop() -> Sketch:
+    """Draw a mass on a spring and a damper, next to a soft and a rigid stop."""
+    s = Sketch(600, 190, "A mass on a spring and a damper, next to a stop that is a spring or rigid")
+    s.wall((50, 40), (50, 140), side=-1)
+    s.spring(50, 70, 160, 70)
+    s.damper(50, 115, 160, 115)
+    s.box(195, 92, 70, 80)
+    s.arrow(195, 38, 240, 38, color=INK)
+    s.text(250, 43, "x", math=True)
+    s.line((280, 62), (280, 122), width=2.4)
+    s.spring(280, 76, 390, 76)
+    s.text(335, 60, "k", math=True)
+    s.damper(280, 110, 390, 110)
+    s.text(335, 136, "c", math=True)
+    s.wall((390, 130), (390, 50), side=-1)
+    s.arrow(230, 152, 280, 152, both=True)
+    s.text(255, 172, "1", color=BLUE)
+    s.text(420, 96, "or", color=GREY)
+    s.wall((455, 130), (455, 50), side=-1)
+    s.text(480, 85, "rigid:", anchor="start", color=ORANGE)
+    s.text(480, 108, "v+ = −r v−", anchor="start", color=ORANGE)
+    return s
+
+
+def hysteresis() -> Sketch:
+    """Draw a clutch with friction between two inertias, and the loop of its torque."""
+    s = Sketch(640, 240, "A clutch with two stages and dry friction between two inertias")
+    s.box(70, 115, 30, 130)
+    s.box(330, 115, 30, 130)
+    s.spring(85, 65, 315, 65)
+    s.text(200, 50, "first stage")
+    s.line((85, 115), (165, 115))
+    s.line((165, 100), (165, 130), width=2.4)
+    s.line((185, 100), (185, 130), width=2.4)
+    s.spring(185, 115, 315, 115)
+    s.text(230, 98, "second stage")
+    s.arrow(165, 140, 185, 140, both=True)
+    s.line((85, 170), (210, 170))
+    s.line((315, 176), (190, 176))
+    for k in range(2):
+        s.line((194 + 8 * k, 176), (197 + 8 * k, 170), (200 + 8 * k, 176), color=ORANGE, width=1)
+    s.text(200, 200, "friction", color=ORANGE)
+    s.arc(75, 115, 45, 130, 230)
+    s.text(72, 205, "excitation", color=BLUE)
+    s.line((400, 120), (620, 120), color=GREY, width=1)
+    s.line((500, 30), (500, 215), color=GREY, width=1)
+    s.line((410, 190), (410, 162), (450, 146), (560, 104), (600, 42), (600, 72), (560, 134), (450, 176), (410, 190))
+    s.arrow(585, 65, 590, 57, color=INK)
+    s.arrow(580, 103, 575, 111, color=INK)
+    s.text(614, 136, "q_1", math=True)
+    s.text(508, 42, "torque", anchor="start")
+    return s
+
+
+def belt() -> Sketch:
+    """Draw a mass on a spring, on a moving belt."""
+    s = Sketch(480, 200, "A mass on a spring, on a belt that moves")
+    s.wall((60, 30), (60, 115), side=-1)
+    s.spring(60, 58, 195, 58)
+    s.damper(60, 88, 195, 88)
+    s.box(235, 72, 80, 66)
+    s.line((130, 108), (370, 108), color=ORANGE, width=2)
+    s.line((130, 164), (370, 164), color=ORANGE, width=2)
+    s.disc(130, 136, 28)
+    s.disc(370, 136, 28)
+    s.disc(130, 136, 2.5, fill=INK)
+    s.disc(370, 136, 2.5, fill=INK)
+    s.arrow(300, 122, 345, 122, color=ORANGE)
+    s.text(322, 143, "v", math=True, color=ORANGE)
+    s.arrow(277, 72, 335, 72)
+    s.text(345, 77, "A cos Ωt", math=True, color=BLUE, anchor="start")
+    return s
+
+
+def impact_damper() -> Sketch:
+    """Draw an oscillator with a box in which a mass is free."""
+    s = Sketch(520, 190, "A mass on a spring, with a box in which a small mass flies to and fro")
+    s.wall((60, 40), (60, 140), side=-1)
+    s.spring(60, 65, 170, 65)
+    s.damper(60, 110, 170, 110)
+    s.box(290, 90, 240, 100)
+    s.add("rect", x=210, y=60, width=160, height=50, fill="white", stroke=INK, stroke_width=1.6)
+    s.disc(290, 93, 15, fill=ORANGE)
+    s.line((210, 110), (370, 110), width=2)
+    s.arrow(210, 93, 274, 93, both=True)
+    s.arrow(306, 93, 370, 93, both=True)
+    s.text(242, 82, "gap", color=BLUE)
+    s.text(338, 82, "gap", color=BLUE)
+    s.arrow(410, 90, 460, 90)
+    s.text(468, 96, "F", math=True, color=BLUE, anchor="start")
+    s.arrow(290, 165, 335, 165, color=INK)
+    s.text(345, 170, "x", math=True)
+    return s
+
+
 DRAWINGS: dict[str, Callable[[], Sketch]] = {
     "bearing": bearing,
     "mesh": mesh,
     "rub": rub,
     "pendulum": pendulum,
     "driveline": driveline,
+    "dry-friction": dry_friction,
+    "rigid-stop": rigid_stop,
+    "hysteresis": hysteresis,
+    "belt": belt,
+    "impact-damper": impact_damper,
 }
 """The drawings by the name of their page."""
 

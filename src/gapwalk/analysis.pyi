@@ -31,3 +31,10 @@ from .attractors.spectrum import spectrum as spectrum
 from .attractors.spectrum import waterfall as waterfall
 from .flow.hysteresis import Hysteresis as Hysteresis
 from .flow.hysteresis import hysteresis as hysteresis
+from .flow.stick_slip import Phase as Phase
+from .flow.stick_slip import StickSlip as StickSlip
+from .flow.stick_slip import Strike as Strike
+from .flow.stick_slip import stick_slip as stick_slip
+from .orbit.energy import Energy as Energy
+from .orbit.energy import EnergyItem as EnergyItem
+from .orbit.energy import energy as energy

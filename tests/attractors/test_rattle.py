@@ -10,7 +10,9 @@ import gapwalk as gw
 from gapwalk.attractors import rattle, settle
 from gapwalk.attractors.rattle import impacts, quadrature
 from gapwalk.errors import ModelError
+from gapwalk.flow.motion import sample
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from tests.flow.dry_systems import SYSTEMS, beginning
 from tests.model.drivetrain.trains import by_hand, physical
 from tests.systems import clutch, linear, viscous_stop
 
@@ -160,3 +162,24 @@ def test_a_drive_train_with_units_rattles_in_joules_and_degrees() -> None:
     assert "peak force [N m]" in repr(found)
     assert "velocity [deg/s]" in repr(found)
     assert "[" not in repr(same)
+
+
+@pytest.mark.parametrize("name", ["impact", "chatter", "stick", "jenkins", "belt", "stages"])
+def test_powers_are_those_of_the_energy(name):
+    system = SYSTEMS[name]
+    state = sample(system, beginning(system), np.array([0.0, 60 * math.tau])).states[-1]
+    orbit = gw.find_orbit(system, start=state)
+    found, book = gw.analysis.rattle(orbit), gw.analysis.energy(orbit)
+    for contact in found.contacts:
+        powers = [each.power for each in book.losses if each.element == contact.contact]
+        assert contact.power == pytest.approx(sum(powers), rel=1e-10)
+
+
+def test_impacts_on_a_rigid_stop_are_counted():
+    orbit = gw.find_orbit(SYSTEMS["impact"])
+    found = gw.analysis.rattle(orbit)
+    struck = [event.velocity for event in orbit.events if event.enters]
+    assert [impact.velocity for impact in found.impacts] == pytest.approx(struck, rel=1e-12)
+    losses = [0.5 * (1.0 - 0.8**2) * velocity**2 for velocity in struck]
+    assert [impact.loss for impact in found.impacts] == pytest.approx(losses, rel=1e-10)
+    assert all(math.isnan(impact.peak) and impact.duration == 0.0 for impact in found.impacts)

@@ -8,12 +8,10 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.ensemble import BatchOptions, batch_flow_of
-from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import force
-from gapwalk.model.laws import Law
 from gapwalk.model.loads import Rectangle
 from gapwalk.studies.basin_study import basins
 from gapwalk.studies.basin_work import BasinOptions
@@ -237,24 +235,6 @@ def test_a_motion_that_leaves_the_range_of_a_formula_in_one_coordinate_is_told()
     system = System(("x", "y"), np.eye(2), 0.2 * np.eye(2), contacts=[edge], harmonics=[Harmonic(0.3, {"y": 1.0})])
     run = batch_flow_of(system, BatchOptions(steps=100)).run(np.array([[0.1, 0.2, 0.0, 0.0], [-5.0, 0.2, 0.0, 0.0]]), 2)
     assert run.ran_away.tolist() == [False, True]
-
-
-class Bouncing(Law):
-    """A rigid stop."""
-
-    name, words = "bouncing", "a rigid stop"
-
-    def force(self, rate, stages, numbers):
-        return 0.0 * rate
-
-    def rebound(self, rate, numbers):
-        return -0.8 * rate
-
-
-def test_a_law_that_reverses_the_rate_is_refused_by_name():
-    system = oscillator(stop(Bouncing()))
-    with pytest.raises(ModelError, match=r"batch integrator cannot include 'stop': .* reverses the rate at an impact"):
-        batch_flow_of(system).run(np.zeros((4, 2)), 1)
 
 
 def in_process(check):

@@ -5,6 +5,8 @@ import pytest
 
 from gapwalk import Contact, Harmonic, Side, Stage, System, backlash, find_orbit
 from gapwalk.flow.symmetry import Symmetry, finds_all, symmetries_of
+from gapwalk.model.contact import friction
+from gapwalk.model.laws import Hysteretic, Jenkins, Rigid
 
 INVERSION = Symmetry((0,), (-1,), 0.5)
 
@@ -75,3 +77,53 @@ def test_only_some_symmetries_are_looked_for_in_large_systems():
     chain = System(names, stiffness, np.eye(n) * 0.1, harmonics=load, frequency=1.0)
     assert not finds_all(chain)
     assert Symmetry((4, 3, 2, 1, 0), (1,) * n, 0.0) in symmetries_of(chain)
+
+
+def dry(*contacts, names=("x",), stiffness=((1.0,),)):
+    """Return a system whose loads and springs are symmetric."""
+    damping = (0.1 * np.eye(len(names))).tolist()
+    loads = [Harmonic(1.0, dict.fromkeys(names, 1.0))]
+    return System(names, [[*row] for row in stiffness], damping, contacts=contacts, harmonics=loads)
+
+
+def wall(clearance, side, name="wall"):
+    """Return a rigid stop."""
+    return Contact(name, {"x": 1.0}, [Stage(clearance, side=side)], law=Rigid(), restitution=0.5)
+
+
+def hosted(first, second):
+    """Return springs on both sides whose stages have friction of their own."""
+    stages = [
+        Stage(0.2, 3.0, side=Side.POSITIVE, name="a", numbers={"hysteresis": first}),
+        Stage(0.2, 3.0, side=Side.NEGATIVE, name="b", numbers={"hysteresis": second}),
+    ]
+    base = Contact("c", {"x": 1.0}, stages, law=Hysteretic("elastic"))
+    return base, Contact("cf", {"x": 1.0}, (), law=Jenkins("stages", "c"), stiffness=8.0)
+
+
+@pytest.mark.parametrize(
+    ("contacts", "is_symmetric"),
+    [
+        ([friction("f", {"x": 1.0}, 0.3, stiffness=2.0)], True),
+        ([friction("f", {"x": 1.0}, 0.3, stiffness=2.0, speed=0.1)], False),
+        ([friction("f", {"x": 1.0}, 0.3, static=1.2)], True),
+        ([friction("f", {"x": 1.0}, 0.3, speed=0.1)], False),
+        ([wall(1.0, Side.BOTH)], True),
+        ([wall(1.0, Side.POSITIVE)], False),
+        ([wall(1.0, Side.POSITIVE), wall(1.0, Side.NEGATIVE, "other")], True),
+        ([wall(1.0, Side.POSITIVE), wall(1.2, Side.NEGATIVE, "other")], False),
+        (hosted(0.2, 0.2), True),
+        (hosted(0.2, 0.4), False),
+    ],
+)
+def test_friction_and_rigid_stops_keep_or_break_the_symmetry(contacts, is_symmetric):
+    expected = (Symmetry((0,), (-1,), 0.5),) if is_symmetric else ()
+    assert symmetries_of(dry(*contacts)) == expected
+
+
+@pytest.mark.parametrize(("stiffness", "count"), [(2.0, 3), (3.0, 1)])
+def test_springs_of_friction_decide_on_exchanges(stiffness, count):
+    first = friction("f", {"x": 1.0}, 0.3, stiffness=2.0)
+    second = friction("g", {"y": 1.0}, 0.3, stiffness=stiffness)
+    found = symmetries_of(dry(first, second, names=("x", "y"), stiffness=((2.0, -1.0), (-1.0, 2.0))))
+    assert len(found) == count

@@ -7,7 +7,7 @@ are accurate to rounding by Gauss's rule, since it is analytic between contact e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import check_count
+from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections, contact_force
@@ -23,6 +24,7 @@ from gapwalk.flow.motion import Motion, signal_factor, switch_names
 from gapwalk.flow.quadrature import Quadrature, quadrature
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
+from gapwalk.orbit.energy import impact_losses
 from gapwalk.orbit.orbit import Orbit
 
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
@@ -104,10 +106,10 @@ class Impact:
     velocity
         Approach velocity: magnitude of the rate of the deflection at closing.
     peak
-        Largest magnitude of the contact force.
+        Largest magnitude of the contact force; nan on a rigid stop, where it is an impulse.
     loss
-        Energy loss: the integral over the closure of the force of the damping law times the rate of the deflection, in
-        units of the contact force times the deflection.
+        Energy loss: on a rigid stop that of kinetic energy; otherwise the integral over the closure of the force of the
+        damping law times the rate of the deflection. In units of the contact force times the deflection.
     """
 
     contact: str
@@ -233,6 +235,9 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
     found = []
     for contact, side, switch in innermost_switches(system):
         place = names.index(contact)
+        if system.structure.contacts[place].law.rebounds:
+            found += _strikes(system, along, (contact, side, switch))
+            continue
         for closes, opens in _closures(along.motion.events, switch):
             inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
             duration = (opens.theta - closes.theta) / system.frequency
@@ -240,6 +245,19 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
             loss = float(losses[inside, place].sum())
             found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss))
     return tuple(sorted(found, key=lambda impact: impact.theta))
+
+
+def _strikes(system: System, along: Quadrature, place: tuple[str, int, int]) -> Iterator[Impact]:
+    """Yield the impacts on a rigid stop; their force is an impulse, and so without a peak."""
+    contact, side, switch = place
+    try:
+        losses = impact_losses(system, along)
+    except ModelError:  # no kinetic energy is known
+        losses = {}
+    for event in along.motion.events:
+        if event.switch == switch and event.enters:
+            lost = losses.get((event.theta, system.structure.breakpoints[switch].contact), math.nan)
+            yield Impact(contact, side, event.theta, 0.0, abs(event.velocity), math.nan, lost)
 
 
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
@@ -253,6 +271,12 @@ def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
     rates = contact_deflections(layout, coefficients, motion.theta, motion.v, derivative=1)
     springs = np.zeros_like(motion.forces)
     for place, slots in enumerate(layout.contacts):
+        if slots.form.law.is_dry:  # all of its force is of its slip, and what a spring takes returns
+            rates[:, place] -= coefficients[slots.numbers["speed"]]
+            continue
+        if slots.form.law.rebounds:  # its force holds, and impacts are apart
+            rates[:, place] = 0.0
+            continue
         # at rest: a prescribed displacement has a rate of its own, which is none of the motion
         moves = [
             (motion.q @ coefficients[vector] + angles.sway(slots, argument), np.zeros(len(motion.theta)))
@@ -340,10 +364,12 @@ def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tupl
     unit = 1.0 if system.units is None else system.units.angle  # a torque times a velocity is in W
     rows = []
     for k, contact in enumerate(system.structure.contacts):
-        peaks = [impact.peak for impact in found if impact.contact == contact.name]
+        own = [impact for impact in found if impact.contact == contact.name]
+        peaks = [impact.peak for impact in own if not contact.law.rebounds]
+        lost = sum(impact.loss for impact in own) / along.weights.sum() if contact.law.rebounds else 0.0
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
         share_closed = float(closed[k]) if contact.stages else math.nan
-        rows.append(ContactLoad(contact.name, share_closed, peak, float(rms[k]), unit * float(power[k])))
+        rows.append(ContactLoad(contact.name, share_closed, peak, float(rms[k]), unit * float(power[k]) + float(lost)))
     return tuple(rows)
 
 

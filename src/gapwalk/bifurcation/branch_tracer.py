@@ -21,6 +21,7 @@ from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
+from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.stiff_graze import pass_graze
@@ -143,7 +144,8 @@ class BranchTracer(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 stuck = self._ended(EndReason.STEP)
-                step = (self._pass_graze(state.walk) or self._pass_bend(state.walk)) if stuck else None
+                passes = (self._pass_graze, self._pass_bend, self._pass_corner) if stuck else ()
+                step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return step
                 if stuck and self.walk.persist():
@@ -305,6 +307,15 @@ class BranchTracer(Iterator[Step]):
         self.walk.go_on(state, point, _BENT)
         self.detector = Detector(self.beginning.corrector, self._kinds)
         return point, []
+
+    def _pass_corner(self, state: WalkState) -> Step | None:
+        """Return the step over a corner where the sequence of slip and stick changes."""
+        passage = pass_corner(self.beginning.corrector, state.point)
+        if passage is None or self._is_astray(state.point, passage.point):
+            return None
+        self.walk.go_on(state, passage.point, passage.distance)
+        self.detector = Detector(self.beginning.corrector, self._kinds)
+        return passage.point, passage.special
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """Return the step, cut off where the branch joins the branch from which it bifurcates.

@@ -41,7 +41,8 @@ _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the ste
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
 _APPROACHES = 60
-_RESERVE = 1e-6  # share of its bound by which a force must fall short of it not to have reached it
+_RESERVE = 1e-3  # share of its bound by which a force must fall short of it not to have reached it
+_ROUNDING = 1e-10  # the same but for rounding
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
@@ -95,23 +96,25 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
 
 
 def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
-    """Return the onset of slip if friction sticks in both orbits, but its force reaches its bound only in one."""
-    pair = [friction_phases(each.slips, contact, PERIOD * each.period) for each in (first, last)]
-    if any(len(each.friction.get(contact, [])) != 1 for each in (first, last)):
+    """Return the onset of slip if friction sticks in both orbits, but its force reaches its bound in the last one.
+
+    The motion then moves along the edge of the continuum, and back into it only if a step leads there.
+    """
+    if contact not in first.stuck or not _never_slips(last, contact):
         return []
-    stuck, other = (first, pair[1]) if len(pair[0]) == 1 else (last, pair[0])
-    slips = [phase for phase in other if phase.mode]
-    if not slips or contact not in stuck.stuck:
+    slips = [phase for phase in friction_phases(last.slips, contact, PERIOD * last.period) if phase.mode]
+    if not slips:
         return []
     change = Change(contact, 0, slips[0].mode, 0, slips[0].start, True)
     try:
-        reserve = margin(stuck, change, change.theta)[1]
+        reserve = margin(first, change, change.theta)[1]
     except LookupError:
         return []
-    return [change] if reserve > _RESERVE * abs(bound_of(stuck, change)) else []
+    least = _RESERVE if contact in first.system.structure.memories else _ROUNDING  # a rigid one ends the branch
+    return [change] if reserve > least * abs(_bound(first, change)) else []
 
 
-def bound_of(orbit: Orbit, change: Change) -> float:
+def _bound(orbit: Orbit, change: Change) -> float:
     """Return the force at which slip begins, at the angle of a change."""
     gauge, state = FrictionGauge(layout_of(orbit.system.structure), change.contact), _state(orbit, change.theta)
     modes = gauge.sticking(_modes(orbit, change.theta, True))

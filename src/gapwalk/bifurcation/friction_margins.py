@@ -58,11 +58,12 @@ def margins_of(point: BranchPoint) -> list[Margin]:
     """Return all margins of the orbit of a point; they are computed once."""
     found = point.memo.get("friction margins")
     if found is None:
-        found = point.memo["friction margins"] = _margins(point.orbit)
+        found = point.memo["friction margins"] = margins_of_orbit(point.orbit)
     return found
 
 
-def _margins(orbit: Orbit) -> list[Margin]:
+def margins_of_orbit(orbit: Orbit) -> list[Margin]:
+    """Return all margins of an orbit."""
     full, coefficients, found = PERIOD * orbit.period, coefficients_of(orbit.system), []
     starts = sorted({phase.start % full for phases in orbit.friction.values() for phase in phases})
     grid = np.unique(np.concatenate((np.linspace(0.0, full, _SAMPLES * orbit.period + 1), starts)))
@@ -82,8 +83,9 @@ def _margins(orbit: Orbit) -> list[Margin]:
             if past and past != phase.mode and gauge.memory is None:
                 start = int(np.searchsorted(grid, phase.start % full))
                 modes = gauge.sticking(modes_at(orbit.system.structure, orbit.slips, orbit.events, grid[start], True))
-                value = float(gauge.reserve(coefficients, grid[start], states[start], modes, -past))
-                found.append(Margin(contact, "stop", past, float(grid[start]), value, abs(value)))
+                now = coefficients, grid[start], states[start], modes
+                own, other = (float(gauge.reserve(*now, side)) for side in (-past, past))
+                found.append(Margin(contact, "stop", past, float(grid[start]), own, own + other))
     return found
 
 
@@ -101,7 +103,10 @@ def _least(
     for place in 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])):
         slope, bend = 0.5 * (values[place + 1] - values[place - 1]), values[place - 1 : place + 2] @ (1.0, -2.0, 1.0)
         value = float(values[place] - (0.5 * slope**2 / bend if bend > 0.0 else 0.0))
-        found.append(Margin(contact, what, side, float(thetas[place]), value, float(values.max())))
+        # the samples are even but for those at events
+        width = (thetas[place] - thetas[place - 1]) % (2.0 * PERIOD)
+        shift = -width * slope / bend if bend > 0.0 else 0.0
+        found.append(Margin(contact, what, side, float(thetas[place] + shift), value, float(values.max())))
     return found
 
 

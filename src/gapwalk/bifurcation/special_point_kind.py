@@ -90,6 +90,8 @@ class Kind(str):
         another reason, so that nothing can be concluded.
     noise
         Absolute value of the function below which its sign is undetermined.
+    by_multipliers
+        True if its locus is that of a critical multiplier, which has corners where a contact grazes.
     turn
         Order of detection: 0 first, 2 last. Results of earlier searches in a step make later ones shorter.
 
@@ -108,6 +110,7 @@ class Kind(str):
     sign_change: ClassVar[str] = ""
     noise: ClassVar[float] = 1e-6
     turn: ClassVar[int] = 2
+    by_multipliers: ClassVar[bool] = True
 
     FOLD: ClassVar[Kind]
     FLIP: ClassVar[Kind]
@@ -203,7 +206,7 @@ class Kind(str):
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
-        """Compare a special point with points computed anew on both sides of it.
+        """Compare a special point with points computed again on both sides of it.
 
         Returns
         -------

@@ -271,7 +271,7 @@ def bounded_product(factors: list[float]) -> float:
 def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list[NDArray[np.float64]]:
     """Return guesses for the point one step ahead, best first: by the cubic through two points, by the tangent."""
     straight = point.x + step * point.tangent
-    if previous is None:
+    if previous is None or point.orbit.stuck:  # a cubic would amplify errors of what friction keeps, fivefold in a step
         return [straight]
     length = point.arclength - previous.arclength
     if not 0.0 < step < 3.0 * length:

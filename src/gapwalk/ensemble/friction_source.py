@@ -170,7 +170,7 @@ class JenkinsSource:
             began = before - values["clearance"]
             # the part of the step after the breakpoint, if it closed within the step
             share = either(
-                self._sheet.write("{} > 0.0 and {} <= 0.0", depth, began), depth / (depth - began + _TINY), 0.0
+                self._sheet.write("({} > 0.0) & ({} <= 0.0)", depth, began), depth / (depth - began + _TINY), 0.0
             )
             terms = StageTerms(slots.sign, depth, closed, slots.innermost, values)
             found.append(_HostStage(terms, depth, reach, rate if slots.sign > 0 else -rate, share))
@@ -231,6 +231,5 @@ def refuse(structure: Structure) -> None:
         if not variation.is_deflection and (contact.law.rebounds or (contact.law.is_dry and variation.name == "speed")):
             raise ModelError(
                 f"the batch integrator cannot include {contact.name!r}: its {variation.name} varies over the angle; "
-                f'let it move instead, with varies = "{contact.name}.deflection" in the load, or use the exact flow '
-                "(gapwalk.integrate)"
+                f'let it move instead (varies = "{contact.name}.deflection"), or use the exact flow (gapwalk.integrate)'
             )

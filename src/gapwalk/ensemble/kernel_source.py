@@ -25,7 +25,7 @@ from gapwalk.ensemble.source_text import Sheet, Term
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.structure import Structure
 
-_SWEEPS = 3  # over the reactions of several stops
+_SWEEPS = 2  # over the reactions of several stops
 
 
 @dataclass(frozen=True)
@@ -297,7 +297,7 @@ class Source:
             def echo(which: int, rest: Any, stop: int = stop, sheet: Sheet = sheet) -> Any:
                 return polynomial([sheet.name(self._slot("echo", j, which, stop)) for j in range(DEGREE + 1)], rest)
 
-            start, end = (tuple(map(sheet.name, pair)) for pair in names)
+            start, end = ((sheet.name(x), sheet.name(rate)) for x, rate in names)
             slots = self.layout.contacts[k]
             numbers = {name: sheet.name(self._coefficient(slot)) for name, slot in slots.numbers.items()}
             rebound = partial(slots.form.law.rebound, numbers=numbers)
@@ -318,7 +318,9 @@ class Source:
             for stop, k in enumerate(self._stops):
                 sheet, source = self._stop(k)
                 removed = sheet.name(f"j2_{k}"), sheet.name(f"j3_{k}")
-                struck = sheet.name(total([f"abs(j0_{other})" for other in self._stops if other != k]))
+                struck = sheet.name(
+                    total([f"(abs(j0_{other}) if j2_{other} == 0.0 else 0.0)" for other in self._stops if other != k])
+                )
                 found = source.again((sheet.name("x"), sheet.name("r")), removed, sheet.name(f"j4_{k}"), struck)
                 lines = [*self._forecast(k), *sheet.lines(*found)]
                 names = (f"j{number}_{k}" for number in (2, 3, 5, 6, 4))
@@ -334,8 +336,8 @@ class Source:
         """
         lines = [f"rest{k} = j1_{k} if j0_{k} != 0.0 else -1.0" for k in self._stops]
         for k in self._stops:
-            earlier = " or ".join(f"rest{k} < rest{other}" for other in self._stops if other != k)
-            lines.append(f"late = rest{k} >= 0.0 and ({earlier})")
+            earlier = " | ".join(f"(rest{k} < rest{other})" for other in self._stops if other != k)
+            lines.append(f"late = (rest{k} >= 0.0) & ({earlier})")
             lines += [f"j{number}_{k} = 0.0 if late else j{number}_{k}" for number in (0, 2, 3, 4)]
         return lines
 

@@ -98,8 +98,8 @@ class RigidSource:
     def again(self, end: tuple[Term, Term], removed: tuple[Term, Term], held: Term, struck: Term) -> tuple[Any, ...]:
         """Write what a reaction removes in all, after those of other stops, what of that is new, and if it is held.
 
-        A reaction that would pull is left out: Gauss and Seidel's method, projected. Where another stop was `struck`,
-        the contact is no longer held: it may meet its stop again in the next step.
+        A reaction that would pull is left out: Gauss and Seidel's method, projected. Where another stop was `struck`
+        and is not held, the contact is no longer held: it may meet its stop again in the next step.
         """
         sheet, (_, clearance) = self._sheet, self._side(held)
         depth = removed[0] + (end[0] - held * clearance)

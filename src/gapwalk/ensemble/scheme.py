@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
@@ -114,23 +113,11 @@ class Linear:
 
     @cached_property
     def impulses(self) -> NDArray[np.float64]:
-        """Change of the state by impacts that change the rate of each rigid stop by 1, shape (lanes, 2n, stops).
-
-        Raises
-        ------
-        ModelError
-            If a stop does not act against its own deflection.
-        """
+        """Change of the state by impacts that change the rate of each rigid stop by 1, shape (lanes, 2n, stops)."""
         places, stops = [contact for contact, _ in deflections_of(self.layout)], rigid_stops(self.layout)
         found = -self.push[:, :, stops]
         rows = self.deflections[:, 1, [places.index(stop) for stop in stops]]
         rates = np.einsum("lkz,lzk->lk", rows, found)
-        for stop, each in zip(stops, rates.T, strict=True):
-            if not np.all(each > 0.0):
-                raise ModelError(
-                    f"the force of the rigid stop {self.layout.contacts[stop].form.name!r} does not oppose its "
-                    "deflection: e M^-1 d must be > 0; leave its force out, then it acts along its deflection"
-                )
         return found / rates[:, None]
 
     @cached_property
@@ -212,6 +199,8 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
     before = _interpolating(moments[:HISTORY], np.arange(0.0, -HISTORY, -1.0))
     rows = linear.deflections
     forecast = np.einsum("lakz,ljzm->ljakm", rows, before)
+    impulse: NDArray[Any]
+    hold: NDArray[Any]
     impulse, echo, hold = _of_stops(linear, span)
     if linear.basis is not None:
         impulse, hold = (np.linalg.solve(linear.basis[:, None], each) for each in (impulse, hold))
@@ -222,12 +211,12 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
     return Scheme(transition, loads, weights, rows, forecast, span, impulse, echo, hold)
 
 
-def _of_stops(linear: Linear, span: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _of_stops(linear: Linear, span: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Compute what impulses and reactions of rigid stops contribute: `Scheme.impulse`, `echo` and `hold`."""
     stops = rigid_stops(linear.layout)
     if not stops:
         lanes, n2 = len(span), 2 * linear.n
-        return tuple(np.zeros((lanes, *shape, 0)) for shape in ((DEGREE + 1, n2), (DEGREE + 1, 2), (2, n2)))
+        return np.zeros((lanes, DEGREE + 1, n2, 0)), np.zeros((lanes, DEGREE + 1, 2, 0)), np.zeros((lanes, 2, n2, 0))
     carried = expm(linear.matrix[:, None] * (span[:, None] * _NODES)[:, :, None, None]) @ linear.impulses[:, None]
     impulse = np.einsum("pj,ljzk->lpzk", np.linalg.inv(np.vander(_NODES, increasing=True)), carried)
     places = [contact for contact, _ in deflections_of(linear.layout)]

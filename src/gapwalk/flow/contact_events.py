@@ -277,7 +277,7 @@ class Switchboard:
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
-            self.modes.set_simultaneous(self._closed())
+            self.modes.set_simultaneous(self._closed(), dry=self.dry.present)
         self.event_limit -= 1
         return self.event_limit > 0
 
@@ -427,6 +427,8 @@ class Switchboard:
     def at_slip(self, event: int, direction: int) -> bool:
         """Change a mode of friction at one of its events; return whether the integrator continues."""
         self.dry.at_slip(event, direction)
+        if self.modes.mode_count:  # a law with abs(v) of the same deflection: only one of both events is reported
+            self.modes.set_simultaneous(self._closed() if self.count else None, dry=self.dry.present)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1
@@ -436,7 +438,9 @@ class Switchboard:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
         self.modes.set_mode(mode, direction)
         if self.modes.mode_count > 1:
-            self.modes.set_simultaneous(self._closed() if self.count else None, mode)
+            self.modes.set_simultaneous(self._closed() if self.count else None, mode, self.dry.present)
+        if self.dry.count:
+            self.dry.stop_simultaneous(self._integrator.time)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
         self.event_limit -= 1

@@ -32,7 +32,7 @@ _NEAR = 1e-8  # the same at the end of a motion
 _SETTLING = 1e-7  # radians after a change within which a guard of the new mode vanishes by rounding
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
-_BRIEF = 4e-9  # radians that they must last: events of one contact are told apart from a quarter of that
+_BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
@@ -51,6 +51,8 @@ class DrySwitches(DryState):
     ----------
     log
         The slip events since the start, which begin with the modes at the start.
+    keeps
+        Number of a contact whose friction keeps its mode until the next start; None if there is none.
     kinks
         The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
     """
@@ -59,6 +61,7 @@ class DrySwitches(DryState):
         super().__init__(equations)
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
+        self.keeps: int | None = None
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
         self._begun = [0.0] * len(self.slots)
@@ -70,7 +73,7 @@ class DrySwitches(DryState):
 
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
-        self.log, self.kinks, self._begun = [], [], [theta - 1.0] * len(self.slots)
+        self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
         self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
@@ -236,6 +239,8 @@ class DrySwitches(DryState):
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
         place, second = divmod(event, 2)
+        if self.keeps == self.equations.dry[place]:
+            return
         theta = self.integrator.time
         now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
@@ -248,6 +253,17 @@ class DrySwitches(DryState):
                 self._release(place, -1 if second else 1, theta, now)
         elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
+
+    def stop_simultaneous(self, theta: float) -> None:
+        """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
+        now = self.read(theta)
+        for place, memory in enumerate(self.memory_of):
+            if self._stops_too(place, now, theta):
+                if memory is not None:
+                    self._at_memory(place, False, -self.slips[place], theta, now)
+                else:
+                    self._stop(place, theta, now)
+                now = self.read(theta)
 
     def _stop(self, place: int, theta: float, before: Readings) -> None:
         """Decide whether rigid friction sticks where its slip rate vanishes, or slips the other way."""

@@ -120,6 +120,12 @@ def hysteresis(
             f"{name!r} depends on {len(slots.deflections)} deflections ({', '.join(form.law.arguments)}), so it has no "
             "loop over one of them; plot the loop of a motion, as in gw.plot.draw(orbit.motion(), contact=...)"
         )
+    if form.law.is_dry or form.law.rebounds:
+        raise ModelError(
+            f"{name!r} is {form.law.words}: its force depends on what happened before, or is an impulse, so it has no "
+            "loop by itself; draw that of a motion: gw.plot.draw(gw.analysis.stick_slip(orbit)), and its loss is in "
+            "gw.analysis.energy(orbit)"
+        )
     layout = layout_of(system.structure)
     coefficients = steady(layout, coefficients_of(system))
     levels = sorted({stage.sign * float(coefficients[stage.clearance]) for stage in slots.stages})

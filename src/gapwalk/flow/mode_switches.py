@@ -132,17 +132,18 @@ class ModeSwitches:
             self._parameters[self._modes + mode] = direction > 0
         self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
 
-    def set_simultaneous(self, closed: list[list[bool]] | None, mode: int = -1) -> None:
+    def set_simultaneous(self, closed: list[list[bool]] | None, mode: int = -1, dry: Dry | None = None) -> None:
         """Set the modes, other than one, whose guards vanish at the same time as an event: it alone was reported.
 
         Two forces with ``abs(v)`` of the same coordinate have two guards that always vanish together, and a guard that
         depends on a mode may vanish until that mode changes. `closed` has for each contact which of its stages are
-        closed.
+        closed, and `dry` the modes of friction.
         """
         n, theta, levels = self.n, self._integrator.time, self._parameters[self._levels :][: self.cycle_count] > 0.5
         state = self._state[: 2 * n]
         q, v = state[:n], state[n:]
-        turning = accelerations(self.equations.layout, self.coefficients, theta, q, v, closed, levels, self._unit)
+        layout = self.equations.layout
+        turning = accelerations(layout, self.coefficients, theta, q, v, closed, levels, self._unit, dry)
         rates = self.coefficients[0] * np.concatenate((v, turning))
         modes = self._parameters[self._modes : self._modes + self.mode_count]
 

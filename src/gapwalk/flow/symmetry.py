@@ -8,15 +8,16 @@ branch; it is lost at a branch point, where the branch of the less symmetric orb
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.forces import accelerations
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.flow.forces import Angles, accelerations
+from gapwalk.model.coefficients import CoefficientLayout, Wave, coefficients_of, layout_of
+from gapwalk.model.laws import Law
 from gapwalk.model.system import System
 
 _ALL = 4  # coordinates up to which all exchanges and signs are tried; beyond, only common signs and reversals
@@ -105,8 +106,14 @@ def finds_all(system: System) -> bool:
 def _holds(
     symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
 ) -> bool:
-    """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise."""
+    """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise.
+
+    The springs of friction, the stages that host it, and rigid stops are not in the accelerations: they are compared
+    one by one.
+    """
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
+    if not _moves_dry(symmetry, layout, coefficients, theta):
+        return False
     for q, v in states:
         with np.errstate(all="ignore"):  # a formula may have no value, or no finite one, at some states
             here = accelerations(layout, coefficients, theta, q, v)
@@ -118,6 +125,68 @@ def _holds(
         if known.any() and float(np.abs(there - moved[2])[known].max()) > _EQUAL * float(np.abs(here[known]).max()):
             return False
     return True
+
+
+def _moves_dry(
+    symmetry: Symmetry, layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: NDArray[np.float64]
+) -> bool:
+    """Return True if each friction element and rigid stop is mapped to one with the same numbers.
+
+    An element of the deflection ``e.q`` and the acceleration D becomes one of ``s e P`` and ``s P D``, where P is the
+    symmetry and s a sign: so its displacement, the speed of its base and its side change their signs with s.
+    """
+    order, signs = list(symmetry.order), np.array(symmetry.signs, dtype=float)
+    here, there = (
+        _dry_elements(layout, coefficients, theta),
+        _dry_elements(layout, coefficients, theta + math.tau * symmetry.shift),
+    )
+    for law, vector, push, turning, kept in here:
+        moved = vector[order] * signs, push[order] * signs
+        if not any(
+            law == other
+            and all(
+                np.allclose(factor * one, two, rtol=_EQUAL, atol=_EQUAL * (1e-300 + np.abs(two).max(initial=0.0)))
+                for factor, one, two in (
+                    (sign, moved[0], image[0]),
+                    (sign, moved[1], image[1]),
+                    (sign, turning, image[2]),
+                    (1.0, kept, image[3]),
+                )
+            )
+            for other, *image in there
+            for sign in (1.0, -1.0)
+        ):
+            return False
+    return True
+
+
+def _dry_elements(
+    layout: CoefficientLayout, coefficients: NDArray[np.float64], theta: NDArray[np.float64]
+) -> list[tuple[Law, NDArray, NDArray, NDArray, NDArray]]:
+    """Return law, deflection and acceleration of friction and of stages; what has a sign, and the other numbers."""
+    angles, found = Angles(layout, coefficients, theta), []
+
+    def rows(numbers: Mapping[str, int], waves: Mapping[str, Wave], without: str) -> NDArray:
+        named = angles.named(numbers, waves)
+        kept = [value + np.zeros(len(theta)) for name, value in named.items() if name != without]
+        return np.array(kept).reshape(-1, len(theta))
+
+    for slots in layout.contacts:
+        law = slots.form.law
+        if not (law.is_dry or law.rebounds or law.has_stage_parameter("hysteresis")):
+            continue
+        sway = angles.sway(slots) + np.zeros(len(theta))
+        vectors = coefficients[slots.deflection], coefficients[slots.force]
+        own = rows(slots.numbers, slots.waves, "speed")
+        if law.is_dry:
+            speed = np.full(len(theta), coefficients[slots.numbers["speed"]])
+            found.append((law, *vectors, np.stack((sway, speed)), own))
+            continue
+        for stage in slots.stages:
+            side = np.full(len(theta), float(stage.sign))
+            kept = np.vstack((own, rows(stage.numbers, stage.waves, "")))
+            found.append((law, *vectors, np.stack((sway, side)), kept))
+    return found
 
 
 def _formula_reaches(system: System) -> set[float]:

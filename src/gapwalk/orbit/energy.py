@@ -196,12 +196,24 @@ def energy(orbit: Moving) -> Energy:
         raise ModelError("a motion without a period has no energy in a period; its stored energy does not return")
     if not getattr(orbit, "is_exact", True):
         raise ModelError(
-            "an orbit of harmonic balance neglects higher harmonics, and so is its energy not that of the motion; refine "
-            "it first: gw.find_orbit(orbit.system, orbit.period, start=orbit.state)"
+            "an orbit of harmonic balance neglects higher harmonics, and its energy is not exact; refine it "
+            "first: gw.find_orbit(orbit.system, orbit.period, start=orbit.state)"
         )
     system = orbit.system
     along = quadrature(system, orbit.state, orbit.period)
     return _Book(system, along).closed(orbit.period)
+
+
+def impact_losses(system: System, along: Quadrature) -> dict[tuple[float, int], float]:
+    """Compute what each impact on a rigid stop loses, by its angle and the number of its contact.
+
+    Raises
+    ------
+    ModelError
+        As `energy`, where no kinetic energy is known.
+    """
+    book = _Book(system, along)
+    return {(kink.theta, contact): loss for kink in along.motion.impacts for contact, loss, _ in book.impact(kink)}
 
 
 class _Book:
@@ -286,7 +298,7 @@ class _Book:
         found: list[tuple[str, str, float]] = []
         strikes = dict.fromkeys(range(len(self.layout.contacts)), (0.0, 0.0))
         for kink in self.along.motion.impacts:
-            for contact, loss, displaced in self._impact(kink):
+            for contact, loss, displaced in self.impact(kink):
                 before = strikes[contact]
                 strikes[contact] = before[0] + loss, before[1] + displaced
         for index, slots in enumerate(self.layout.contacts):
@@ -357,7 +369,7 @@ class _Book:
         vector = self.coefficients[slots.deflection]
         return bool(np.abs(push - vector).max() <= _SYMMETRIC * np.abs(vector).max())
 
-    def _impact(self, kink: Kink) -> Iterator[tuple[int, float, float]]:
+    def impact(self, kink: Kink) -> Iterator[tuple[int, float, float]]:
         """Yield for each contact that is struck at one instant its number, its loss, and the work of its displacement.
 
         The impulses p follow from the jump of the velocities, and each takes ``p d.v`` at the mean velocity.

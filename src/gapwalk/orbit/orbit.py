@@ -26,10 +26,11 @@ from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, stick_words
-from gapwalk.orbit.measures import Turns, measure, survey
+from gapwalk.orbit.measures import Turns, apart, measure, survey
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import kept_words, without_kept
 
+_AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; logs are those of the last step but one
 _SIGNS = {1: "+", -1: "-"}
 SAME = 1e-6
 """Distance of two states, relative to their size, within which they count as equal."""
@@ -263,11 +264,23 @@ class Orbit(Shown):
 
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:
-        """Angles at which the deflection of each switch turns, and its depths beyond the breakpoint there."""
+        """Angles at which the deflection of each switch turns, and its depths beyond the breakpoint there.
+
+        At an impact on a rigid stop the depth is 0 but for rounding. In its place stands the height of a throw at the
+        speed of the impact: it is positive, and goes to 0 where the motion only grazes.
+        """
         depths = []
-        for contact, side, clearance in self.system.breakpoints:
+        for switch, (contact, side, clearance) in enumerate(self.system.breakpoints):
             thetas, values = self.turns[contact]
-            depths.append(Turns(thetas, [side * x - clearance for x in values]))
+            own = [side * x - clearance for x in values]
+            if own and self.system.structure.contacts[contact].law.rebounds:
+                turns, full = Turns(thetas, own), PERIOD * self.period
+                for event in self.events:
+                    if event.switch == switch and event.enters:
+                        place = turns.nearest(event.theta % full, full)
+                        if apart(thetas[place], event.theta % full, full) <= _AT_IMPACT:
+                            own[place] = 0.5 * (event.velocity / self.system.frequency) ** 2
+            depths.append(Turns(thetas, own))
         return tuple(depths)
 
     def measure(self, name: str) -> float:

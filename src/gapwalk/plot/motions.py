@@ -24,6 +24,7 @@ from gapwalk.flow.forces import Angles
 from gapwalk.flow.hysteresis import Hysteresis
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.flow.signal import contact_to_show
+from gapwalk.flow.stick_slip import stick_slip
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
@@ -33,7 +34,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
+from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GREY, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
@@ -58,6 +59,8 @@ def draw_history(
     motion: Motion | Orbit | Settled | Attractor, ax: Axes, signal: str | None = None, *, contact: str | None = None
 ) -> None:
     """Draw a signal of a motion over time with the breakpoints of contacts; or the force-deflection loop of a contact.
+
+    Phases in which friction sticks, or a rigid stop is held, are shaded.
 
     Parameters
     ----------
@@ -87,10 +90,18 @@ def draw_history(
             else:
                 ax.axhline(levels[0], **GUIDE.options(zorder=1))
             low, high = min(low, float(levels.min())), max(high, float(levels.max()))
+    _shade_rest(motion, ax)
     ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
     ax.set_ylim(low - pad, high + pad)
     ax.set_xlabel("forcing periods")
     ax.set_ylabel(signal_words(signal, motion.system.units))
+
+
+def _shade_rest(motion: Motion, ax: Axes) -> None:
+    """Shade the phases of a time history in which friction sticks or a stop is held."""
+    for phase in stick_slip(motion).phases if motion.holds else ():
+        if phase.mode in ("stick", "held"):
+            ax.axvspan(phase.start / PERIOD, phase.end / PERIOD, color=GREY, alpha=0.16, linewidth=0, zorder=0)
 
 
 def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import asdict, astuple, dataclass, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -24,6 +25,7 @@ from gapwalk.model.problems import given
 from gapwalk.model.schema import Angle
 from gapwalk.model.system import System
 from gapwalk.model.words import line_words, pace_words, signal_words
+from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Part, Parts
@@ -120,6 +122,8 @@ class SettleFinding(Finding):
         Impacts, contact forces, energy and impulsiveness.
     lines
         The highest lines of the spectrum of the signal.
+    energy
+        Work and losses in one period; None for a motion without period, or where no energy is known.
     """
 
     options: SettleStudyOptions
@@ -128,6 +132,7 @@ class SettleFinding(Finding):
     section: NDArray[np.float64]
     rattle: Rattle
     lines: tuple[Peak, ...]
+    energy: Energy | None = None
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
@@ -167,6 +172,9 @@ class SettleFinding(Finding):
         yield Table(["line", f">{order}", ">amplitude"], lines[:_SHOWN])
         yield f"\nrattle: index {self.rattle.index:.4g} (kurtosis of the acceleration)\n"
         yield repr(self.rattle)
+        if self.energy is not None:
+            yield ""
+            yield from self.energy.summary()
 
     def document(self, points: bool) -> dict[str, Any]:
         """Return plain JSON values; with the section if points are wanted."""
@@ -186,19 +194,27 @@ class SettleFinding(Finding):
                 "coordinates": [asdict(coordinate) for coordinate in rattle.coordinates],
             },
         }
+        if self.energy is not None:
+            document["energy"] = {
+                "imbalance": self.energy.imbalance,
+                "work": [asdict(each) for each in self.energy.work],
+                "losses": [asdict(each) for each in self.energy.losses],
+            }
         if points:
             document["section"] = {"phase": self.options.phase, "states": plain_numbers(self.section.tolist())}
         return document
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the section, the lines of the spectrum, and the tables of `Rattle`."""
-        rattle = self.rattle
+        """Return the section, the lines of the spectrum, the tables of `Rattle`, and those of `Energy`."""
+        rattle, book = self.rattle, self.energy
+        energies = {"work": book.work, "losses": book.losses} if book is not None else {}
         return {
             "section": self._section_rows,
             "lines": lambda: [("line", "order", f"amplitude.{self.options.signal}"), *self.lines],
             "sides": lambda: _rows(SideRattle, rattle.sides),
             "contacts": lambda: _rows(ContactLoad, rattle.contacts),
             "signals": lambda: _rows(Impulsiveness, rattle.coordinates),
+            **{name: partial(_rows, EnergyItem, items) for name, items in energies.items()},
         }
 
     def _section_rows(self) -> Iterator[list[object]]:
@@ -232,7 +248,8 @@ class SettleWork(Work):
         motion = motion_of(attractor, settled)
         section = strobe(self.system, motion.state, motion.period or _POINTS, asked.phase)
         lines = tuple(spectrum(motion, asked.signal).peaks(_LINES))
-        self._found = SettleFinding(asked, attractor, motion, section.states, rattle(motion), lines)
+        found = section.states, rattle(motion), lines, _energy_of(motion)
+        self._found = SettleFinding(asked, attractor, motion, *found)
         yield Found((SETTLED.entry(self._found),), ())
 
     @property
@@ -254,6 +271,16 @@ def motion_of(attractor: Attractor, settled: Settled) -> Settled:
     """Return the motion on an attractor; it may be known now to be periodic even if the settled motion was not."""
     converged = settled.converged or attractor.orbit is not None
     return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
+
+
+def _energy_of(motion: Settled) -> Energy | None:
+    """Return the energy of a periodic motion; None where its equations tell none, or nothing works on it."""
+    if motion.orbit is None:
+        return None
+    try:
+        return energy(motion.orbit)
+    except ModelError:  # matrices that are not symmetric
+        return None
 
 
 def _rows(kind: type[Any], records: tuple[Any, ...]) -> Iterator[tuple[object, ...]]:

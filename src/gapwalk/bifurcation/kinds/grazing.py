@@ -40,6 +40,7 @@ class Grazing(Kind):
     """
 
     turn = 0
+    by_multipliers = False
     symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:

@@ -7,13 +7,14 @@ who call stick sliding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import Change, changes_between, find_changes, located_again
+from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
 _EPS = float(np.finfo(float).eps)
+_BESIDE = 1e-6  # arclength over which rates of the margin would be dominated by rounding
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -31,6 +33,9 @@ class Sliding(Kind):
     """Kind of special point at which a phase of friction appears or vanishes."""
 
     turn = 0
+    by_multipliers = False
+    what: ClassVar[str]
+    """What vanishes there, as in `gapwalk.bifurcation.friction_margins.Margin`."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""
@@ -85,14 +90,21 @@ class Sliding(Kind):
         return [], located_again(special.orbit, own[0])
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-        """Return nan: the orbit alone does not determine which phase vanishes."""
-        return float("nan")
+        """Return the least margin of the kind, as a share of its range."""
+        own = [each for each in margins_of_orbit(orbit) if each.what == self.what]
+        return min((abs(each.value) / each.range for each in own), default=float("nan"))
+
+    @property
+    def no_locus(self) -> str:
+        """Empty string, since it has a locus: the margin is zero along it."""
+        return ""
 
 
 class CrossingSliding(Sliding):
     """Crossing-sliding: where the slip rate reverses, friction begins or ceases to stick for a moment."""
 
-    symbol = Symbol("crossing-sliding", "", "x", 5.0, "green")
+    what = "stop"
+    symbol = Symbol("crossing-sliding", "", "x", 5.0, "green", (0.0, (4.0, 1.0)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: from slip to slip the other way, with stick between."""
@@ -102,7 +114,8 @@ class CrossingSliding(Sliding):
 class SwitchingSliding(Sliding):
     """Switching-sliding: before it sticks, friction begins or ceases to slip back for a moment."""
 
-    symbol = Symbol("switching-sliding", "", "1", 6.0, "green")
+    what = "stop"
+    symbol = Symbol("switching-sliding", "", "1", 6.0, "green", (0.0, (4.0, 1.0, 1.0, 1.0)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: from slip to stick, with slip the other way between."""
@@ -112,7 +125,8 @@ class SwitchingSliding(Sliding):
 class GrazingSliding(Sliding):
     """Grazing-sliding: within slip the slip rate just touches zero, and friction begins or ceases to stick there."""
 
-    symbol = Symbol("grazing-sliding", "", "_", 7.0, "green")
+    what = "rate"
+    symbol = Symbol("grazing-sliding", "", "_", 7.0, "green", (0.0, (2.0, 1.0)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip, stick, and slip in the same direction."""
@@ -122,7 +136,8 @@ class GrazingSliding(Sliding):
 class AddingSliding(Sliding):
     """Adding-sliding: within stick the force just touches its bound, and a phase of slip divides the stick in two."""
 
-    symbol = Symbol("adding-sliding", "", "+", 6.0, "green")
+    what = "reserve"
+    symbol = Symbol("adding-sliding", "", "+", 6.0, "green", (0.0, (1.0, 1.0)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: stick, slip, and stick again."""
@@ -132,11 +147,23 @@ class AddingSliding(Sliding):
 class SlipOnset(Sliding):
     """Onset of slip: friction that never slips begins to, as its force just touches its bound."""
 
-    symbol = Symbol("onset of slip", "", "h", 5.0, "green")
+    what = "reserve"
+    symbol = Symbol("onset of slip", "", "h", 5.0, "green", (0.0, (6.0, 1.0)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""
         return not change.reverses and change.before == 0 and change.alone
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root."""
+        away = [
+            point
+            for point in search.interval.points
+            if abs(point.arclength - zero.point.arclength) > _BESIDE
+            and {*zero.point.orbit.stuck} <= {*point.orbit.stuck}
+        ]
+        near = min(away, key=lambda point: abs(point.arclength - zero.point.arclength), default=None)
+        return float("inf") if near is None else location_error(zero, second, [near])
 
 
 def describe_friction(orbit: Orbit, change: Change) -> str:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch_start import halves_apart, is_close
 from gapwalk.bifurcation.kinds.defining_functions import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
+from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -105,7 +106,7 @@ def find_codim2(
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
-    for what in _KINDS.get(locus, _ON_OTHERS):
+    for what in () if isinstance(locus, Sliding) else _KINDS.get(locus, _ON_OTHERS):
         function = _function(locus, what, corrector, first)
         rate = None
         if before is not None and before.arclength < first.arclength:

@@ -177,7 +177,7 @@ class LocusTracer(Iterator[LocusStep]):
 
     def _around_corner_ahead(self) -> LocusStep | None:
         """Return the step round a nearby corner; without one, limit the next step to end before the next corner."""
-        if self.beginning.kind is Kind.GRAZING:
+        if not self.beginning.kind.by_multipliers:
             return None
         ahead = approaches(self.walk.previous, self.walk.point)
         shallow = _SHALLOW * float(self.beginning.corrector.scales[0])
@@ -201,7 +201,7 @@ class LocusTracer(Iterator[LocusStep]):
         """
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
-        if self.beginning.kind is Kind.GRAZING:
+        if not self.beginning.kind.by_multipliers:
             return True
         return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
 
@@ -272,7 +272,9 @@ class LocusTracer(Iterator[LocusStep]):
     def _around_corner(self, within: float, ahead: list[Approach]) -> LocusStep | None:
         """Return the step from the present point around a corner; None if there is no corner, or it was just passed."""
         state = self.walk.state
-        if self.beginning.kind is Kind.GRAZING or (state.previous is None and state.point is not self.beginning.first):
+        if not self.beginning.kind.by_multipliers or (
+            state.previous is None and state.point is not self.beginning.first
+        ):
             return None
         corner = turn_corner(self.beginning.corrector, state.point, within, ahead)
         if corner is None:

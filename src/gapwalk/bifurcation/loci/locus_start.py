@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import (
     MARGIN,
     GrazingEquation,
@@ -19,6 +20,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     onto_curve,
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
+from gapwalk.bifurcation.loci.sliding_equation import posed
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -186,7 +188,13 @@ def _posed(
     """Return the corrector for the locus of a special point, and the start in its variables."""
     orbit, units, widths = special.orbit, plane.scales(special.orbit), [each.width for each in within]
     value = orbit.system[plane.names[1]]
-    if special.kind is not Kind.GRAZING:
+    if isinstance(special.kind, Sliding):
+        if not isinstance(plane, ShotPlane):
+            raise ModelError(f"the locus of a {special.kind} is followed by shooting; write method=Shooting()")
+        equation = posed(plane, special.kind, orbit, special.contact, float(units[0]), plane.tolerance)
+        scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
+        unknowns = equation.unknowns(orbit)
+    elif special.kind is not Kind.GRAZING:
         scales = powers_of_two(np.append(units, widths))
         equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
         unknowns = equation.unknowns(orbit)

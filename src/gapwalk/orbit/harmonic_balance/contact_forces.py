@@ -376,9 +376,9 @@ def _plan_of(layout: CoefficientLayout) -> _Plan:
         first = len(switches)
         if slots.form.law.rebounds:
             raise ModelError(
-                f"{backend} cannot include {slots.form.name!r}: its force law {slots.form.law.name!r} reverses the rate "
-                'at an impact, and no Fourier series has rates that jump. Give the stop a stiffness (law = "elastic", '
-                "stiffness = 1000), or use the method shooting"
+                f"{backend} cannot include {slots.form.name!r}: its force law {slots.form.law.name!r} reverses the "
+                "rate at an impact, and no Fourier series has rates that jump. Give the stop a stiffness "
+                '(law = "elastic", stiffness = 1000), or use the method shooting'
             )
         switches += [(place, stage) for stage in slots.stages]
         for term in slots.form.closed_form(backend) if slots.stages else ():

@@ -16,6 +16,7 @@ from gapwalk.orbit.harmonic_balance.series import waves
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+    from gapwalk.orbit.harmonic_balance.linear_part import Linear
 
 Array = NDArray[np.float64]
 
@@ -96,13 +97,15 @@ def add_passages(
         slopes[contact, 1] -= (doubled * (signed @ (each.forces[1] * each.moves)))[: count + 1]
 
 
-def kicks(lines: NDArray[np.complex128], laws: Laws, period: int) -> tuple[Array, NDArray[np.intp], Array]:
-    """Return the changes of P' where gates open and close: their angles, their deflections, and their sizes."""
-    found = [each for each in passages(lines, laws, period) if each.by_deflection[1].any()]
-    if not found:
-        return np.zeros(0), np.zeros(0, np.intp), np.zeros(0)
-    return (
-        np.concatenate([each.phi for each in found]),
-        np.concatenate([np.full(len(each.phi), laws.contact[each.row]) for each in found]),
-        np.concatenate([each.signs * each.by_deflection[1] for each in found]),
-    )
+def kicks(lines: NDArray[np.complex128], laws: Laws, period: int, linear: Linear) -> tuple[Array, Array]:
+    """Return the angles at which momenta jump with positions, as gates open and close, and how, as matrices."""
+    n, angles, changes = len(linear.stiffness), [], []
+    for each in passages(lines, laws, period):
+        place = laws.contact[each.row]
+        along: Array = linear.contacts[:, place, None] * linear.deflections[place]
+        for phi, size in zip(each.phi, each.signs * each.by_deflection[1], strict=True):
+            if size:
+                angles.append(phi)
+                changes.append(np.zeros((2 * n, 2 * n)))
+                changes[-1][n:, :n] = size * along
+    return np.array(angles, dtype=float), np.array(changes).reshape(len(angles), 2 * n, 2 * n)

@@ -101,7 +101,7 @@ class Share(NamedTuple):
 
 
 def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:
-    """Choose the shares of all forces without stages: dampers, and springs if the stiffness alone does not hold the system.
+    """Choose the shares of forces without stages: dampers, and springs if the stiffness does not hold the system.
 
     They are about as large as the inertia of the deflection at the frequency of the excitation.
     """

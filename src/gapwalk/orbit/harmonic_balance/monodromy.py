@@ -121,7 +121,7 @@ def monodromy(
 ) -> NDArray[np.float64]:
     """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
 
-    With Jenkins elements the places of their sliders follow, shape (2n + elements, 2n + elements).
+    The places of the sliders of Jenkins elements follow.
 
     Parameters
     ----------
@@ -154,11 +154,7 @@ def monodromy(
         more, values = linearised.pair_parts(pairs), _values_of_pairs(linearised, lines, steps, breaks, period, memory)
     jumping = (_NO_KICKS, np.zeros((0, size, size)))
     if laws.has_kicks:
-        angles, places, changes = kicks(lines, laws, period)
-        leaps, n = np.zeros((len(angles), size, size)), size // 2
-        for each, place, change in zip(leaps, places, changes, strict=True):
-            each[n:, :n] = change * np.outer(linearised.linear.contacts[:, place], linearised.linear.deflections[place])
-        jumping = angles, leaps
+        jumping = kicks(lines, laws, period, linearised.linear)
     steady, parts = linearised.steady, linearised.parts
     if memory.forces:
         sliders = SliderChanges(memory, linearised.linear, laws, lines, period)
@@ -168,11 +164,7 @@ def monodromy(
         more = np.concatenate((more, sliders.pushes()))
     variation = *laws.over(period), laws.wave_rates
     own = steady, parts, *laws.switches, laws.rates
-    matrix = _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
-    for number, each in enumerate(memory.forces):
-        if each.never_slips:
-            matrix[size + number, size + number] = 0.0
-    return matrix
+    return _transition(lines, steps, breaks, length, *own, *variation, more, values, *jumping)
 
 
 def _rate_of_pairs(linearised: Linearised, pairs: Pairs) -> float:

@@ -56,7 +56,11 @@ class Pairs(NamedTuple):
 
     def and_those(self, others: Pairs) -> Pairs:
         """Return these, followed by others."""
-        return Pairs(*(np.concatenate(both) for both in zip(self, others, strict=True)))
+        return Pairs(
+            np.concatenate((self.forces, others.forces)),
+            np.concatenate((self.arguments, others.arguments)),
+            np.concatenate((self.spectra, others.spectra)),
+        )
 
 
 class Sampled(NamedTuple):

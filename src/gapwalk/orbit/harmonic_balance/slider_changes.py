@@ -63,13 +63,17 @@ class SliderChanges:
         n, found = len(self.linear.stiffness), []
         size = 2 * n + len(self.memory)
         for number, force in enumerate(self.memory.forces):
+            if force.never_slips:  # its place is kept: that is no change of the motion
+                matrix = np.zeros((size, size))
+                matrix[2 * n + number, 2 * n + number] = -1.0
+                found.append((TURN, 2, matrix))
+                continue
             for pin in (force.pins[each] for each in {stick.pin for stick in force.sticks}):
-                if pin.side:
-                    change, matrix = force.change_of(pin), np.zeros((size, size))
-                    aside = 0.0 if pin.place < 0 else -_ASIDE if pin.is_before else _ASIDE
-                    matrix[2 * n + number, : 2 * n] = self._row(force, change, aside)
-                    matrix[2 * n + number, 2 * n + number] = -1.0
-                    found.append((pin.phi % TURN or TURN, 0 if pin.is_before else 2, matrix))
+                change, matrix = force.change_of(pin), np.zeros((size, size))
+                aside = 0.0 if pin.place < 0 else -_ASIDE if pin.is_before else _ASIDE
+                matrix[2 * n + number, : 2 * n] = self._row(force, change, aside)
+                matrix[2 * n + number, 2 * n + number] = -1.0
+                found.append((pin.phi % TURN or TURN, 0 if pin.is_before else 2, matrix))
             for leap in force.leaps:
                 change, matrix = force.shift_of(leap.place), np.zeros((size, size))
                 late = self._row(force, change, -_ASIDE) / force.slider.motion.frequency  # over time

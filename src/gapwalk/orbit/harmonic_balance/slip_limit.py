@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -150,7 +151,7 @@ class Slider:
         return (waves(phi, len(rates) - 1) @ rates).real - self.drift[0]
 
     def limit(self, phi: Array, pieces: NDArray[np.intp], *, partial: bool = True) -> Limit:
-        """Return the limit at some angles, each in an interval with a number; without `partial` no partial derivatives."""
+        """Return the limit at some angles, each in the interval of a number; all derivatives only if `partial`."""
         found = self._signed_limit(phi, self._patterns[pieces], partial=partial)
         acts = self._acts[pieces] & (found.value > 0.0)
         return found if acts.all() else Limit(*(np.where(acts, each, 0.0) for each in found))
@@ -158,10 +159,9 @@ class Slider:
     @cached_property
     def is_steady(self) -> bool:
         """True if the limit is constant between the events of its host."""
-        law, host = self.slots.form.law, self._host
+        law = self.slots.form.law
         assert isinstance(law, Friction)
-        stages = host.stages if host and law.by == "stages" else ()
-        return law.by != "normal" and not self.slots.waves and not any("hysteresis" in each.waves for each in stages)
+        return law.by != "normal"
 
     @cached_property
     def breaks(self) -> list[Break]:
@@ -209,7 +209,7 @@ class Slider:
 
     @cached_property
     def _closed(self) -> NDArray[np.bool_]:
-        """True for each stage of the host that is closed in each interval between its events, shape (intervals, stages)."""
+        """True for each stage of the host that is closed in each interval between its events; (intervals, stages)."""
         if self._host is None:
             return np.zeros((1, 0), dtype=bool)
         angles = np.array([each.phi for each in self._closings]) if self._closings else np.zeros(1)
@@ -222,7 +222,7 @@ class Slider:
 
     @cached_property
     def _intervals(self) -> tuple[list[Break], NDArray[np.intp], NDArray[np.bool_]]:
-        """All breaks; for each interval after one the pattern of closed stages; and True where the limit is positive."""
+        """All breaks; for each interval after one its pattern of closed stages; True where the limit is positive."""
         found, patterns = self._closings, np.arange(len(self._closed))
         if self.is_steady:
             return found, patterns, np.ones(len(patterns), dtype=bool)
@@ -262,7 +262,7 @@ class Slider:
         return self._intervals[2]
 
     def _points(self, parts: list[tuple[float, float, int]]) -> tuple[Array, NDArray[np.intp], NDArray[np.bool_]]:
-        """Return points of a grid in some parts, with their ends; the interval of each; and True but for last points."""
+        """Return points of a grid in some parts, with their ends; their intervals; and True but for last points."""
         cells, phi, which, opens = grid(self.motion.lines.shape[1] - 1)[0], [], [], []
         for low, high, piece in parts:
             phi.append(np.concatenate(([low], cells[(cells > low) & (cells < high)], [high])))
@@ -341,8 +341,8 @@ class Slider:
 
 
 def _parts(angles: list[float]) -> list[tuple[float, float, int]]:
-    """Return the parts of the period from 0 to 2 pi between some angles, each with the number of the angle before it."""
+    """Return the parts of the period from 0 to 2 pi between angles, each with the number of the angle before it."""
     ends = [0.0, *angles, TURN]
     count = max(1, len(angles))
-    parts = [(low, high, (number - 1) % count) for number, (low, high) in enumerate(zip(ends, ends[1:], strict=False))]
+    parts = [(low, high, (number - 1) % count) for number, (low, high) in enumerate(pairwise(ends))]
     return [each for each in parts if each[1] > each[0]]

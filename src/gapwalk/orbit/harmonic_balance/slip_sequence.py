@@ -5,11 +5,11 @@ extension of the spring. The limit over the stiffness, ``r``, is the largest ext
 slider stays where it is unless one of these bounds pushes it: that is slip, and it ends where the bound turns. If the
 limit varies, the bounds are ``x`` less or plus what varies; where the limit jumps, the bounds jump.
 
-Between two events of the contact that hosts the friction, the bounds have turning points. Between two neighbouring ones
-of all these angles both bounds are monotone, and what the slider does follows from their ends. Its place after a period
-is ``min(max(p, low), high)`` of that before: so it settles within one period, and the second one is the periodic motion.
-If it never slips, any place from the highest lower bound to the lowest upper bound is possible. Then the one is taken at
-which the mean of its force is zero, or nearest to that.
+Between two events of the contact that hosts the friction, the bounds have turning points. Between two neighbouring
+ones of all these angles both bounds are monotone, and what the slider does follows from their ends. Its place after a
+period is ``min(max(p, low), high)`` of that before: so it settles within one period, and the second one is the periodic
+motion. If it never slips, any place from the highest lower bound to the lowest upper bound is possible. Then the one is
+taken at which the mean of its force is zero, or nearest to that.
 """
 
 from __future__ import annotations

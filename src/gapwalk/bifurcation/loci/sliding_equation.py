@@ -1,0 +1,204 @@
+"""Equation of the loci of points of sliding: a periodic orbit at an instant of which friction is about to change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.friction_margins import margins_of_orbit
+from gapwalk.bifurcation.kinds.sliding import Sliding
+from gapwalk.bifurcation.loci.locus_equations import LocusEquation
+from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.errors import ConvergenceError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.model.coefficients import layout_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import Evaluation
+
+_STEP = 1e-150  # of the complex step
+_ASIDE = 1e-6  # step of central differences, as a share of the unknowns
+_LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
+_AT = 1e-3  # radians within which the beginning of a phase is the instant itself
+_MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
+
+Array = NDArray[np.float64]
+
+
+class Instant(NamedTuple):
+    """What vanishes at the instant of a point of sliding.
+
+    Attributes
+    ----------
+    what
+        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.bifurcation.friction_margins.Margin`.
+    contact
+        Number of the contact.
+    side
+        The direction of slip concerned.
+    """
+
+    what: str
+    contact: int
+    side: int
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingEquation(LocusEquation):
+    """Equation of an orbit with two conditions at an angle ``theta*``.
+
+    Where slip ends (crossing- and switching-sliding), the slip rate and the reserve of the force are zero. Within slip
+    (grazing-sliding), the slip rate and its derivative are. Within stick (adding-sliding and the onset of slip), the
+    reserve and its derivative are. Shortly before ``theta*`` the friction keeps its mode, so all are smooth.
+
+    The unknowns are those of the orbit, ``theta*`` and the first parameter; the second parameter is followed.
+
+    Parameters
+    ----------
+    plane
+        The plane of orbits.
+    instant
+        What vanishes.
+    lead
+        Angle before the instant, in radians, from which on the friction keeps its mode: all the period at an onset of
+        slip, where the position that it keeps is the same all along the locus.
+    units
+        Scales of the two conditions.
+    tolerance
+        Largest residual, relative to the size of the unknowns.
+    """
+
+    others: ClassVar[int] = 2
+
+    instant: Instant
+    lead: float
+    units: tuple[float, float]
+    tolerance: float
+
+    def place(self, unknowns: Array, value: float) -> Place:
+        """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
+        keeps = self.instant.contact if self.lead >= PERIOD * self.period else None
+        plane = cast("ShotPlane", self.plane)
+        return plane.place(unknowns[: -self.others], float(unknowns[-1]), value, keeps)
+
+    def evaluate(self, unknowns: Array, value: float) -> Evaluation:
+        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
+        place, size = self.place(unknowns, value), len(unknowns) - 2
+        jacobian = np.zeros((size + 2, size + 3))
+        jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
+        found, jacobian[size:] = self._conditions(place, float(unknowns[-2]))
+        residual = np.concatenate((place.residual, found / self.units))
+        jacobian[size:] /= np.array(self.units)[:, None]
+        if self.instant.what != "stop":
+            residual[size] -= _MARGIN
+        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+
+    def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
+        """Return both conditions, and their derivatives by unknowns, angle and parameters."""
+        plane, (what, contact, side) = cast("ShotPlane", self.plane), self.instant
+        structure, size = plane.system.structure, len(place.unknowns)
+        full = PERIOD * self.period
+        angle = theta % full
+        lead = min(self.lead, angle) if self.lead >= full else self.lead
+        angle += full * (angle < 2.0 * lead and self.lead < full)
+        there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
+        gauge = FrictionGauge(layout_of(structure), contact)
+        modes = modes_at(structure, arc.slips, arc.contacts, angle - lead, True)
+        slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
+        pairs: dict[str, list[tuple[Callable[..., Any], Modes, int]]] = {
+            "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
+            "rate": [(gauge.rate, slips, side), (gauge.acceleration, slips, side)],
+            "reserve": [(gauge.reserve, sticks, side), (_changing(gauge), sticks, side)],
+        }
+        own = slips if what != "reserve" else sticks
+        values, derivatives = np.empty(2), np.empty((2, size + 3))
+        rates = gauge.motion(place.coefficients, angle, there, own)
+        for row, (function, modes_of, towards) in enumerate(pairs[what]):
+
+            def at(y: NDArray, coefficients: NDArray, t: Any, use: Any = (function, modes_of, towards)) -> Any:
+                return use[0](coefficients, t, y, use[1], use[2])
+
+            by_state, by_angle, by_slopes = _derivatives(
+                at, there, place.coefficients, angle, place.slopes, rates, smooth=row == 0 or what != "reserve"
+            )
+            values[row] = float(np.real(at(there, place.coefficients, angle)))
+            derivatives[row, :size] = by_state @ by_all[:, :size]
+            derivatives[row, size] = by_angle
+            derivatives[row, size + 1 :] = by_state @ by_all[:, size:] + by_slopes
+        return values, derivatives
+
+    def unknowns(self, orbit: Orbit) -> Array:
+        """Return the unknowns of an orbit, with the angle of the margin that is nearest to zero."""
+        theta = nearest_margin(orbit, self.instant).theta
+        return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
+
+
+def nearest_margin(orbit: Orbit, instant: Instant):
+    """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
+    alike = [each for each in margins_of_orbit(orbit) if (each.what, each.contact, each.side) == instant_of(instant)]
+    if not alike:
+        raise ConvergenceError("no friction of this motion is near such a point")
+    return min(alike, key=lambda each: abs(each.value) / each.range)
+
+
+def instant_of(instant: Instant) -> tuple[str, int, int]:
+    """Return an instant as a plain tuple."""
+    return instant.what, instant.contact, instant.side
+
+
+def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: float, tolerance: float):
+    """Return the equation of the locus of a point of sliding, which names its contact and its side."""
+    name, _, sign = contact.rpartition(" ")
+    names = [each.name for each in orbit.system.structure.contacts]
+    instant = Instant(kind.what, names.index(name), 1 if sign == "+" else -1)
+    near = nearest_margin(orbit, instant)
+    time = float(orbit.system.frequency)
+    units = {
+        "stop": (time, near.range / length),
+        "rate": (time, time**2),
+        "reserve": (near.range / length, near.range * time / length),
+    }
+    full = PERIOD * orbit.period
+    passed = [(near.theta - phase.start) % full for phase in orbit.friction[instant.contact]]
+    lead = min([_LEAD, *(0.5 * each for each in passed if each > _AT)]) if kind is not Kind.SLIP_ONSET else full
+    return SlidingEquation(plane, instant, lead, units[kind.what], min(tolerance, 0.1 * _MARGIN * length))
+
+
+def _changing(gauge: FrictionGauge) -> Callable[..., Any]:
+    def changing(coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> float:
+        return gauge.change(gauge.reserve, coefficients, theta, y, modes, side)
+
+    return changing
+
+
+def _derivatives(
+    function: Callable[..., Any],
+    y: Array,
+    coefficients: Array,
+    theta: float,
+    slopes: Array,
+    rates: Array,
+    *,
+    smooth: bool,
+) -> tuple[Array, float, Array]:
+    """Return the derivatives of a function of one instant by the state, along the motion over theta, and by slopes."""
+    size = len(y)
+    ways = [(row, 0.0 * coefficients, 0.0) for row in np.eye(size)]
+    ways.append((rates * float(coefficients[0]), 0.0 * coefficients, 1.0))
+    ways += [(0.0 * y, slope, 0.0) for slope in slopes]
+    found = []
+    for dy, dc, dt in ways:
+        if smooth:
+            step = 1j * _STEP
+            found.append(complex(function(y + step * dy, coefficients + step * dc, theta + step * dt)).imag / _STEP)
+        else:
+            moved = max(float(np.abs(dy).max()), float(np.abs(dc).max(initial=0.0)), abs(dt)) or 1.0
+            step = _ASIDE / moved
+            ends = [function(y + s * dy, coefficients + s * dc, theta + s * dt) for s in (step, -step)]
+            found.append(float(ends[0] - ends[1]) / (2.0 * step))
+    return np.array(found[:size]), found[size], np.array(found[size + 1 :])

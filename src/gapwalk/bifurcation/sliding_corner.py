@@ -1,0 +1,109 @@
+"""Step over a corner of a branch, where the sequence of slip and stick changes.
+
+Where a phase of stick begins within slip, neighbouring motions become one from there on. So the derivatives of the
+orbit's equation jump, and the branch has a corner: on the other side its direction is that of the derivatives there. It
+may even turn back. Steps along the old direction shrink, or fail, before such a corner. The step over it evaluates the
+derivatives a little beyond it, follows their direction, and is accepted if the orbit there has the other sequence.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.kinds.sliding import Sliding, describe_friction
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import KINDS
+from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.friction_phases import text_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import collapses
+
+_PROBES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)  # distances beyond the corner at which the derivatives are evaluated
+_STEPS = (1e-6, 1e-5, 1e-7, 1e-4)  # lengths of the step over the corner
+_ASTRAY = 0.5  # distance of the corrected point from the guess, as a share of the step, beyond which it is astray
+_REACHED = 1e-12  # distance from the corner at which it is reached
+_TURNED = 1e-3  # radians by which the direction on the other side must differ from going back
+
+
+class Passage(NamedTuple):
+    """Result of a step over a corner: the point beyond it, the special points at it, and the length of the step."""
+
+    point: BranchPoint
+    special: list[SpecialPoint]
+    distance: float
+
+
+def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
+    """Return the step over a corner from a point just before it; None if there is none near."""
+    if not collapses(point.orbit.system):
+        return None
+    here, corner = sequence(point.orbit), _corner(corrector, point)
+    for guess, tangent, length in _guesses(corrector, corner):
+        correction = corrector.correct(guess, tangent, near=1e-3 * length)
+        if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
+            continue
+        beyond = corrector.point(correction, tangent, corner.arclength + length)
+        if sequence(beyond.orbit) != here:
+            return Passage(beyond, _special(corrector, corner, beyond), length)
+    return None
+
+
+def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
+    """Return the last point ahead, within a short distance, that is reached along the direction at a point."""
+    here, low, high = sequence(point.orbit), 0.0, _PROBES[0]
+    last, limit = point, _PROBES[-1]
+    while high - low > _REACHED:
+        correction = corrector.correct(point.x + high * point.tangent, point.tangent, near=1e-3 * high)
+        reached = correction is not None and length_of(correction.x - last.x) < 2.0 * (high - low)
+        if correction is not None and reached:
+            trial = corrector.point(correction, point.tangent, point.arclength + high)
+            reached = sequence(trial.orbit) == here
+            last, low = (trial, high) if reached else (last, low)
+        if not reached:
+            limit = high
+        high = 2.0 * high if limit == _PROBES[-1] and reached else 0.5 * (low + limit)
+        if low >= _PROBES[-1]:
+            break
+    return last
+
+
+def sequence(orbit: Orbit) -> tuple[object, ...]:
+    """Return the sequences of slip and stick of all friction in one period, and how often each contact closes."""
+    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), orbit.closings
+
+
+def _guesses(corrector: Corrector, corner: BranchPoint):
+    """Iterate over guesses beyond the corner, each with the direction there and the length of the step."""
+    known: list[NDArray[np.float64]] = []
+    for probe in _PROBES:
+        try:
+            jacobian = corrector.jacobian(corner.x + probe * corner.tangent)
+        except NumericalError:
+            continue
+        direction = np.linalg.svd(jacobian)[2][-1]
+        for way in (direction, -direction):
+            back = float(way @ -corner.tangent)
+            if back > 1.0 - 0.5 * _TURNED**2 or any(float(way @ each) > 1.0 - 0.5 * _TURNED**2 for each in known):
+                continue
+            known.append(way)
+            for length in _STEPS:
+                yield corner.x + length * way, way, length
+
+
+def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> list[SpecialPoint]:
+    """Return the special points at the corner: one for each phase that appears or vanishes."""
+    found, counts = [], (corner.orbit.instability, point.orbit.instability)
+    error = 4.0 * _REACHED * float(corrector.scales[-1])
+    for change in changes_between(corner.orbit, point.orbit) or []:
+        for kind in KINDS.values():
+            if isinstance(kind, Sliding) and kind.owns(change):
+                words = kind.nature(corner, point)
+                name = describe_friction(corner.orbit, change)
+                found.append(SpecialPoint(kind, corner, *counts, error, name, words))
+    return found

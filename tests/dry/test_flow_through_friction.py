@@ -1,0 +1,154 @@
+"""The flow through stick, slip and impacts: states against another integrator, derivatives against differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins
+from gapwalk.model.loads import Harmonic
+from gapwalk.model.system import System
+from tests.dry import closed_forms
+from tests.dry.event_reference import Reference
+
+START = [0.31, 0.17, 0.23, -0.11]
+LOAD = Harmonic(1.0, {"x": 1.0}, name="load")
+
+
+def one(*contacts: Contact, stiffness=1.0, damping=0.05, frequency=0.5, load=LOAD) -> System:
+    return System(["x"], [[stiffness]], [[damping]], contacts=contacts, harmonics=[load], frequency=frequency)
+
+
+def two(*contacts: Contact, frequency=0.45) -> System:
+    stiffness = [[2.0, -1.0], [-1.0, 1.5]]
+    return System(["x", "y"], stiffness, np.eye(2) * 0.1, contacts=contacts, harmonics=[LOAD], frequency=frequency)
+
+
+def wall(clearance: float, restitution: float, side=Side.POSITIVE) -> Contact:
+    return Contact("wall", {"x": 1.0}, [Stage(clearance, side=side)], law="rigid", restitution=restitution)
+
+
+def damper(**more) -> Contact:
+    stages = [
+        Stage(0.2, 3.0, name="a", numbers={"hysteresis": 0.2}),
+        Stage(0.8, 5.0, name="b", numbers={"hysteresis": 0.4}),
+    ]
+    return Contact("c", {"x": 1.0}, stages, law=Hysteretic("viscous"), viscous_damping=0.1)
+
+
+PRESS = Contact("c", {"x": 1.0}, [Stage(0.2, 3.0)])
+BRAKE, PAD = friction("f", {"x": 1.0}, 0.3), friction("g", {"x": -1.0, "y": 1.0}, 0.4)
+SYSTEMS = {
+    "slip": (one(BRAKE, frequency=0.8, damping=0.0), ["frequency", "f.limit"]),
+    "stick": (one(friction("f", {"x": 1.0}, 0.75)), ["frequency", "f.limit", "load.amplitude"]),
+    "static": (one(friction("f", {"x": 1.0}, 0.5, static=1.4)), ["f.limit", "f.static"]),
+    "belt": (one(friction("f", {"x": 1.0}, 0.5, static=1.4, speed=0.3)), ["f.limit", "f.speed"]),
+    "two that stick": (two(BRAKE, PAD), ["frequency", "g.limit", "g.deflection.y", "stiffness.x.y"]),
+    "along another direction": (
+        two(friction("f", {"x": 1.0}, 0.3, static=1.3, force={"x": 1.0, "y": -0.4}), PAD),
+        ["frequency", "f.static", "f.force.y"],
+    ),
+    "jenkins": (one(friction("f", {"x": 1.0}, 0.3, stiffness=2.0)), ["frequency", "f.limit", "f.stiffness"]),
+    "iwan": (
+        two(
+            friction("f", {"x": 1.0}, 0.3, stiffness=3.0),
+            friction("g", {"x": 1.0}, 0.2, stiffness=1.0),
+            friction("h", {"y": 1.0, "x": -1.0}, 0.1, speed=0.05),
+        ),
+        ["f.limit", "g.stiffness", "h.speed"],
+    ),
+    "impacts": (one(wall(1.0, 0.8), damping=0.1, frequency=1.0), ["frequency", "wall.clearance", "wall.restitution"]),
+    "chatter": (
+        one(wall(0.35, 0.5), stiffness=0.2, frequency=0.3),
+        ["frequency", "wall.clearance", "wall.restitution"],
+    ),
+    "stages": (
+        one(damper(), Contact("cf", {"x": 1.0}, (), law=Coulomb("stages", "c")), stiffness=0.1),
+        ["frequency", "c.a.hysteresis", "c.b.clearance"],
+    ),
+    "springs of stages": (
+        one(damper(), Contact("cf", {"x": 1.0}, (), law=Jenkins("stages", "c"), stiffness=8.0), stiffness=0.1),
+        ["c.a.hysteresis", "c.b.clearance", "cf.stiffness"],
+    ),
+    "normal": (
+        two(PRESS, Contact("cf", {"y": 1.0}, (), law=Coulomb("normal", "c"), coefficient=0.3)),
+        ["cf.coefficient", "c.clearance"],
+    ),
+    "springs that are pressed": (
+        two(PRESS, Contact("cf", {"y": 1.0}, (), law=Jenkins("normal", "c"), coefficient=0.3, stiffness=3.0)),
+        ["cf.coefficient", "c.clearance"],
+    ),
+}
+each_system = pytest.mark.parametrize("name", SYSTEMS)
+
+
+def start_of(system: System) -> np.ndarray:
+    n = system.size
+    return np.concatenate((START[:n], START[2 : 2 + n], np.zeros(system.state_size - 2 * n)))
+
+
+@each_system
+def test_the_state_is_that_of_another_integrator(name: str) -> None:
+    system, _ = SYSTEMS[name]
+    arc = flow_of(system).integrate(coefficients_of(system), start_of(system), 0.0, 2.0 * PERIOD)
+    expected = Reference(system).integrate(start_of(system), 0.0, 2.0 * PERIOD)
+    assert arc.state == pytest.approx(expected.state, abs=1e-9)
+
+
+@each_system
+def test_derivatives_are_those_of_differences(name: str) -> None:
+    system, names = SYSTEMS[name]
+    start, h = start_of(system), 1e-6
+
+    def end(state: np.ndarray, changed: System = system) -> np.ndarray:
+        return flow_of(changed).integrate(coefficients_of(changed), state).state
+
+    directions = np.array([ParameterLine(system, each).coefficients(system[each])[1] for each in names])
+    flow = flow_of(system, *names, transition=True)
+    arc = flow.integrate(coefficients_of(system), start, 0.0, PERIOD, directions)
+    assert arc.transition is not None
+    assert arc.sensitivity is not None
+    steps = h * np.eye(len(start))
+    slopes = np.column_stack([(end(start + step) - end(start - step)) / (2.0 * h) for step in steps])
+    assert arc.transition == pytest.approx(slopes, abs=1e-7)
+    by_numbers = [
+        (end(start, system.at({each: system[each] + h})) - end(start, system.at({each: system[each] - h}))) / (2.0 * h)
+        for each in names
+    ]
+    assert arc.sensitivity.reshape(len(start), -1) == pytest.approx(np.column_stack(by_numbers), abs=1e-7)
+
+
+@pytest.mark.parametrize(("ratio", "amplitude"), [(0.8, 2.626104875724), (1.2, 2.072384268013)])
+def test_den_hartogs_amplitudes(ratio: float, amplitude: float) -> None:
+    orbit = gw.find_orbit(one(BRAKE, damping=0.0, frequency=ratio))
+    assert [orbit.measure("max.x"), -orbit.measure("min.x")] == pytest.approx([amplitude] * 2, abs=1e-11)
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_one_impact_in_n_periods(periods: int) -> None:
+    """Budd and Dux (1994): W = 2n, one impact in n periods; its velocity in closed form, and det M = r^2."""
+    restitution, frequency = 0.8, 2.0 * periods
+    velocity = closed_forms.budd_dux(periods, restitution)
+    load = Harmonic(1.0, {"x": 1.0}, name="load", phase=math.pi / 2.0)
+    system = one(wall(0.0, restitution), damping=0.0, frequency=frequency, load=load)
+    # the impact is at theta = 0, where the load is largest: the orbit leaves with r V
+    orbit = gw.find_orbit(system, periods, start=[-1e-12, -restitution * velocity])
+    assert [event.velocity for event in orbit.events if event.enters] == pytest.approx([velocity], abs=1e-10)
+    assert abs(np.prod(orbit.multipliers)) == pytest.approx(restitution**2, abs=1e-9)
+
+
+def test_chatter_ends_where_the_geometric_series_does() -> None:
+    height, gravity, restitution = 1.0, 2.0, 0.6
+    system = System(["x"], [[0.0]], contacts=[wall(0.0, restitution)], mean={"x": gravity})
+    arc = flow_of(system).integrate(coefficients_of(system), np.array([-height, 0.0]), 0.0, 2.0 * PERIOD)
+    times, end = closed_forms.chatter(height, gravity, restitution, 20)
+    hits = [event.theta for event in arc.contacts if event.enters]
+    assert hits[:20] == pytest.approx(times, abs=1e-11)
+    assert hits[-1] == pytest.approx(end, abs=1e-6)
+    assert arc.state == pytest.approx([0.0, 0.0], abs=1e-15)

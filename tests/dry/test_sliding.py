@@ -1,0 +1,187 @@
+"""Special points of sliding against closed forms, and against what changes on both sides of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve
+
+import gapwalk as gw
+from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.walk import EndReason
+from gapwalk.model.contact import Contact, Stage, friction
+from gapwalk.orbit.friction_phases import text_of
+
+K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
+
+
+def oscillator(*, amplitude=0.1, damping=C, **options):
+    pad = friction("pad", {"x": 1.0}, LIMIT, **options)
+    loads = [gw.Harmonic(amplitude, {"x": 1.0})]
+    return gw.System(("x",), [[K]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=W)
+
+
+def clutch(limit):
+    stage = Contact(
+        "stage2",
+        {"q1": 1.0},
+        [Stage(1.0, 1.0)],
+        force={"q1": 0.9, "q3": -0.54},
+        law="hunt-crossley",
+        impact_damping=0.05,
+    )
+    lining = friction("lining", {"q1": 1.0}, limit, force={"q1": 1.0, "q3": -0.6})
+    return gw.System(
+        ("q1", "q3"),
+        [[0.1, -0.6], [-0.06, 1.1]],
+        damping=[[0.04, -0.04], [-0.04, 0.06]],
+        mean={"q1": 0.25, "q3": 0.25},
+        contacts=[stage, lining],
+        harmonics=[gw.Harmonic(0.25, {"q1": 1.0})],
+        frequency=2.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def walked():
+    """Return the branch of the clutch with friction over the frequencies of its points of sliding."""
+    start = gw.follow(gw.find_orbit(clutch(0.02)), "frequency", 0.6).points[-1].orbit
+    return gw.follow(start, "frequency", 0.2)
+
+
+def sliding(branch):
+    return [each for each in branch.special_points if each.kind in SLIDING]
+
+
+SLIDING = (
+    Kind.CROSSING_SLIDING,
+    Kind.SWITCHING_SLIDING,
+    Kind.GRAZING_SLIDING,
+    Kind.ADDING_SLIDING,
+    Kind.SLIP_ONSET,
+)
+
+
+def test_a_mass_at_rest_begins_to_slip_where_the_load_equals_the_limit():
+    branch = gw.follow(gw.find_orbit(oscillator(damping=0.05)), "harmonic1.amplitude", 0.36)
+    found = sliding(branch)
+    assert {each.kind for each in found} == {Kind.SLIP_ONSET}
+    assert {each.contact for each in found} == {"pad +", "pad -"}
+    for each in found:
+        assert each.value == pytest.approx(LIMIT, abs=1e-10)
+    assert not branch.unexplained
+    assert branch.points[0].orbit.pattern == "pad sticks"
+    assert branch.points[-1].orbit.pattern == "pad 2 sticks"
+
+
+def test_a_jenkins_element_begins_to_slip_where_the_linear_motion_reaches_its_limit():
+    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.7)
+    exact = LIMIT / SPRING * abs(K + SPRING - W**2 + 1j * C * W)
+    found = sliding(branch)
+    assert [each.kind for each in found] == [Kind.SLIP_ONSET] * 2
+    for each in found:
+        assert each.value == pytest.approx(exact, abs=1e-10)
+        assert each.uncertainty < 1e-9
+    assert not [each for each in branch.special_points if each not in found]
+    assert not branch.unexplained
+
+
+def test_friction_off_its_middle_begins_to_slip_earlier_and_keeps_no_position_from_there():
+    """Beyond the first touch, the extension of a Jenkins element moves so that its force just reaches its limit."""
+    shift = 0.03
+    start = gw.find_orbit(oscillator(amplitude=0.44, stiffness=SPRING))
+    moved = gw.find_orbit(start.system, start=start.state + np.array([shift, 0.0, 0.0]))
+    slider = moved.state[0] - moved.state[2]
+    size = abs(K + SPRING - W**2 + 1j * C * W)
+    mean = slider * SPRING / (K + SPRING) - slider
+    first = (LIMIT / SPRING - abs(mean)) * size
+    branch = gw.follow(moved, "harmonic1.amplitude", 0.6)
+    found = sliding(branch)
+    assert found[0].kind is Kind.SLIP_ONSET
+    assert found[0].value == pytest.approx(first, abs=1e-9)
+    assert found[-1].value == pytest.approx(LIMIT / SPRING * size, abs=1e-9)
+    assert len(found) == 2
+    assert not branch.unexplained
+
+
+def test_a_branch_ends_where_rigid_friction_gives_way_to_one_side():
+    system = oscillator(damping=0.05)
+    branch = gw.follow(gw.find_orbit(system, start=np.array([0.1, 0.0])), "harmonic1.amplitude", 0.5)
+    assert branch.ends[-1].reason is EndReason.GIVES_WAY
+    assert branch.ends[-1].value == pytest.approx(LIMIT - 0.1 * K, abs=1e-9)
+    assert [each.kind for each in branch.special_points] == [Kind.SLIP_ONSET]
+
+
+def den_hartog(frequency):
+    """Return the limit at which a mass without damping begins to stop, from the closed form of half a period.
+
+    Between its stops the mass moves from x0 to -x0, with ``x = f + a cos t + b sin t + G cos(W t + phi)``. It stops
+    where its acceleration after the turn vanishes.
+    """
+    gain, half = 1.0 / (1.0 - frequency**2), np.pi / frequency
+
+    def equations(unknowns):
+        a, b, phase, x0, limit = unknowns
+        ends = []
+        for t, x in ((0.0, x0), (half, -x0)):
+            wave = frequency * t + phase
+            ends += [
+                limit + a * np.cos(t) + b * np.sin(t) + gain * np.cos(wave) - x,
+                -a * np.sin(t) + b * np.cos(t) - gain * frequency * np.sin(wave),
+            ]
+        return [*ends, np.cos(phase) + limit - x0]
+
+    found, *_, ok, _ = fsolve(equations, [0.5, 0.5, 0.5, 1.5, 0.8], xtol=1e-14, full_output=True)
+    assert ok == 1 or np.abs(equations(found)).max() < 1e-12
+    return found[-1]
+
+
+def test_crossing_sliding_is_where_den_hartogs_oscillator_begins_to_stop():
+    system = oscillator(amplitude=1.0, damping=0.0)
+    branch = gw.follow(gw.find_orbit(system), "pad.limit", 0.9)
+    found = sliding(branch)
+    assert [each.kind for each in found] == [Kind.CROSSING_SLIDING] * 2
+    for each in found:
+        assert each.value == pytest.approx(den_hartog(W), abs=1e-9)
+    assert branch.points[0].orbit.pattern == "pad slips"
+    assert branch.points[-1].orbit.pattern == "pad 2 sticks"
+
+
+def test_the_clutch_has_all_its_points_of_sliding(walked):
+    found = sliding(walked)
+    kinds = [each.kind.value.removesuffix("-sliding") for each in found]
+    assert kinds == [
+        *("grazing", "switching", "crossing"),
+        *("grazing", "switching", "grazing", "switching"),
+        *("adding", "adding", "grazing", "grazing"),
+    ]
+    assert found[0].value == pytest.approx(0.43253142, abs=1e-8)  # shared/elements.md, for every section
+    assert not walked.unexplained
+
+
+def test_on_both_sides_of_a_point_the_sequences_differ_by_its_phase(walked):
+    equation_points = sliding(walked)
+    for special in equation_points:
+        start = special.orbit
+        texts = []
+        for way in (-1.0, 1.0):
+            value = special.value + way * 1e-7
+            orbit = gw.find_orbit(start.system.at(frequency=value), start=start.state)
+            texts.append(text_of(orbit.friction[1]))
+        assert len(texts[0]) != len(texts[1]), special
+
+
+def test_the_walk_does_not_depend_on_where_the_section_is_taken(walked):
+    """The same motions with another phase of the load begin their period elsewhere."""
+    values = [each.value for each in sliding(walked)]
+    finer = gw.follow(walked.points[0].orbit, "frequency", 0.2, walk=gw.WalkOptions(largest_step=0.01))
+    assert [each.value for each in sliding(finer)] == pytest.approx(values, abs=1e-9)
+
+
+def test_changes_are_the_shortest_phases_that_one_orbit_lacks(walked):
+    first, last = walked.points[0].orbit, walked.points[-1].orbit
+    assert changes_between(first, first) == []
+    assert changes_between(first, last) is not None
+    special = sliding(walked)[0]
+    assert special.contact.startswith("lining ")
