@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -23,22 +24,21 @@ LONGEST = 60.0
 _WALK = gw.WalkOptions(max_points=400)
 _SETTLE = SettleOptions(max_periods=2000, max_period=16)
 _LYAPUNOV = LyapunovOptions(max_periods=256)
-_FACTOR = 1.3  # of the frequency
 _CLOSED, _SAME = 1e-9, 1e-6  # of the independent integrator, as in gapwalk.verification
 _STEPS, _POINTS = 5, 20  # of the sweep
 Result = TypeVar("Result")
 
 
-class Hang(Exception):
+class HangError(Exception):
     """A step that took too long."""
 
 
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
-    """Raise a Hang in the middle of what takes more processor time."""
+    """Raise a HangError in the middle of what takes more processor time."""
 
     def stop(*_: object) -> None:
-        raise Hang
+        raise HangError
 
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
@@ -89,7 +89,7 @@ class Trial:
             with at_most(LONGEST):
                 found = work()
             self.ends[name] = words(found)
-        except Hang:
+        except HangError:
             self.ends[name] = "hang"
             self.faults.append(f"{name}: it took more than {LONGEST:g} s")
         except GapwalkError as error:
@@ -98,20 +98,21 @@ class Trial:
                 self.faults.append(f"{name}: {self.ends[name]} is no reason")
         except Exception as error:  # whatever it is: it must not come out
             self.ends[name] = f"{type(error).__name__}: {error}"
-            self.faults.append(f"{name}: {self.ends[name]}")
+            self.faults.append(f"{name}: {''.join(traceback.format_exception(error)[-4:])}")
         self.seconds[name] = round(time.process_time() - begin, 2)
         return found
 
 
-def attempt(name: str, system: gw.System, sampled: int = 0) -> Trial:
+def attempt(name: str, system: gw.System, factor: float = 1.3, sampled: int = 0) -> Trial:
     """Search an orbit, walk and verify its branch, classify the settled motion, and sweep.
 
-    A number `sampled` of orbits are integrated by the independent integrator in place of the whole verification.
+    The range is from its frequency to `factor` times as much. A number `sampled` of orbits are
+    integrated by the independent integrator in place of the whole verification.
     """
     trial = Trial(name)
     orbit = trial.step("orbit", lambda: gw.find_orbit(system), repr)
     if orbit is not None:
-        to = _FACTOR * system["frequency"]
+        to = factor * system["frequency"]
         branch = trial.step("branch", lambda: gw.follow(orbit, "frequency", to, walk=_WALK), _branch_words)
         if branch is not None:
             _judge(trial, branch, sampled)
@@ -123,7 +124,7 @@ def attempt(name: str, system: gw.System, sampled: int = 0) -> Trial:
         if found is not None and orbit.period == 1:
             _compare(trial, found.per_period, orbit)
     options = gw.SweepOptions(steps=_STEPS, points=_POINTS, patience=gw.studies.Patience(48, 300), workers=1)
-    between = (system["frequency"], _FACTOR * system["frequency"])
+    between = (system["frequency"], factor * system["frequency"])
     trial.step("sweep", lambda: gw.sweep(system, "frequency", between, options=options), _sweep_words)
     return trial
 
@@ -152,7 +153,7 @@ def _judge(trial: Trial, branch: gw.Branch, sampled: int) -> None:
 
 
 def _closures(trial: Trial, orbits: list[gw.Orbit]) -> float:
-    """Enter as faults the orbits that do not close, or that have other extremes, when another integrator follows them."""
+    """Enter as faults the orbits that another integrator does not close, or that have other extremes."""
     worst = 0.0
     for orbit, around in zip(orbits, carry(orbits, lambda _: None), strict=True):
         size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
