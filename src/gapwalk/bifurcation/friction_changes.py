@@ -382,7 +382,7 @@ def _least(
     for _ in range(_ZOOMS):
         fine = np.linspace(best - width, best + width, 2 * _ZOOM + 1)
         best, width = fine[int(np.argmin(values(fine)))], width / _ZOOM
-    theta = float(best)
+    theta, value = float(best), math.nan
     for _ in range(2):
         state = _state(orbit, theta)
         now = coefficients, theta, state, modes, change.side
