@@ -70,6 +70,8 @@ PERMITTED = {
     ("bifurcation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("flow/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
+    ("flow/stick_slip.py", "plot", "plot"): "stick_slip.plot() is a convenience; finding phases never draws",
+    ("orbit/energy.py", "plot", "plot"): "energy.plot() is a convenience; booking energy never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",
     ("studies/family.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",

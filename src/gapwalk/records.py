@@ -2,10 +2,11 @@
 
 Classes: `AttractorKind`, `Band`, `BasinCheck`, `BasinShares`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`,
 `BranchWalk`, `Cascade`, `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`,
-`ContactRest`, `DiagramBranch`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`, `Instability`,
-`Lane`, `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`,
-`Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`, `SearchResult`, `Share`, `SpecialCheck`,
-`SpecialPointPath`, `Spot`, `Summary`, `SummaryText`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
+`ContactRest`, `DiagramBranch`, `DryModes`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`,
+`FrictionPhase`, `Hold`, `Instability`, `Kink`, `Lane`, `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`,
+`Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`, `Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`,
+`SearchResult`, `Share`, `SlipEvent`, `SpecialCheck`, `SpecialPointPath`, `Spot`, `Summary`, `SummaryText`, `Table`,
+`Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -27,6 +27,10 @@ from .continuation.point_on_branch import BranchPoint as BranchPoint
 from .continuation.walk import End as End
 from .continuation.walk import EndReason as EndReason
 from .flow.contact_events import ContactEvent as ContactEvent
+from .flow.dry_motion import DryModes as DryModes
+from .flow.dry_state import Hold as Hold
+from .flow.dry_state import Kink as Kink
+from .flow.dry_state import SlipEvent as SlipEvent
 from .flow.motion import ContactRecord as ContactRecord
 from .flow.motion import Motion as Motion
 from .model.equilibria import ContactRest as ContactRest
@@ -34,6 +38,7 @@ from .model.equilibria import Equilibrium as Equilibrium
 from .model.equilibria import Rest as Rest
 from .model.modes import Modes as Modes
 from .orbit import Instability as Instability
+from .orbit.friction_phases import FrictionPhase as FrictionPhase
 from .orbit.measures import Turns as Turns
 from .reduction.basis import Basis as Basis
 from .reduction.reduction_error import BranchCheck as BranchCheck

@@ -26,7 +26,7 @@ class Compared(Protocol):
 
 def arguments(folder: str, about: str | None) -> argparse.ArgumentParser:
     """What every campaign is told on its command line: the log, and which random systems."""
-    parser = argparse.ArgumentParser(prog=f"python -m tests.bifurcation.{folder}", description=about)
+    parser = argparse.ArgumentParser(prog=f"python -m tests.{folder}", description=about)
     parser.add_argument("log", type=Path, help="one line of JSON for each comparison; what it holds is not done again")
     parser.add_argument("--systems", type=int, default=200, metavar="N", help="random systems (default: 200)")
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="seed of the first of them")

@@ -20,7 +20,28 @@ from tests.studies.studies import stop_study
 DATA = Path(__file__).parents[1] / "data"
 UNITS = (Path(__file__).parents[2] / "examples" / "drivetrain.toml").read_text(encoding="utf-8")
 STUDY = '\n[study]\nkind = "response"\nparameter = "frequency"\nfrom = 2.0\nto = 3.0\n'
-MODELS = {"stop": MODEL, "train": TRAIN + STUDY, "units": UNITS}
+DRY = (
+    """coordinates = ["x", "y"]
+stiffness = [1.0, 1.0]
+damping = [0.1, 0.1]
+frequency = 1.0
+[[contact]]
+name = "stop"
+deflection = { x = 1.0 }
+clearance = 1.0
+stiffness = 10.0
+[[friction]]
+name = "brake"
+deflection = { x = 1.0 }
+limit = 0.3
+[[harmonic]]
+order = 1
+amplitude = 1.0
+acts_on = { x = 1.0 }
+"""
+    + STUDY
+)
+MODELS = {"stop": MODEL, "train": TRAIN + STUDY, "units": UNITS, "dry": DRY}
 MEASUREMENT = "\n[measurement]\nsignal = \"x''\"\n"
 
 

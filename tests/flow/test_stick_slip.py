@@ -1,5 +1,7 @@
 """Phases of friction and rigid stops, and their pictures."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -23,7 +25,7 @@ def test_phases_are_the_modes_at_the_samples(name):
     words = {1: "slip +", -1: "slip -", 0: "stick"}
     for element in found.elements:
         own = [each for each in found.phases if each.element == element]
-        assert all(one.end <= other.start for one, other in zip(own, own[1:], strict=False))
+        assert all(one.end <= other.start for one, other in pairwise(own))
         for phase in own:
             inside = (motion.theta > phase.start) & (motion.theta < phase.end)
             if element in dry:

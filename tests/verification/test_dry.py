@@ -11,7 +11,7 @@ import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
-from gapwalk.verification import confirm
+from gapwalk.verification import Check, confirm
 from gapwalk.verification.dry_dop853 import DryRound, carry
 
 LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
@@ -103,3 +103,16 @@ def test_other_impacts_are_found_out() -> None:
 def test_a_branch_with_friction_is_verified() -> None:
     orbit, _ = found("slip")
     confirm(gw.follow(orbit, "frequency", 0.81))
+
+
+@pytest.mark.parametrize("depth", [3e-5, 1e-7, 1e-8])
+def test_a_touch_that_is_much_shorter_than_a_step_is_seen(depth: float) -> None:
+    brake = friction("f", {"x": 1.0}, 0.3)
+    most = gw.find_orbit(oscillator([brake], damping=0.1)).extremes.max()
+    wall = Contact("wall", {"x": 1.0}, [Stage(most * (1.0 - depth), 1e4)])
+    orbit = gw.find_orbit(oscillator([brake, wall], damping=0.1))
+    (around,) = carry([orbit])
+    assert isinstance(around, DryRound)
+    assert sum(change.kind == "contact" and change.mode == 1 for change in around.changes) == 2
+    assert around.closure < Check.CLOSURE.bound
+    assert around.astray < 1e-9

@@ -108,8 +108,8 @@ class Impact:
     peak
         Largest magnitude of the contact force; nan on a rigid stop, where it is an impulse.
     loss
-        Energy loss: on a rigid stop, of kinetic energy; otherwise the integral over the closure of the force of the damping law times the rate of the deflection, in
-        units of the contact force times the deflection.
+        Energy loss: on a rigid stop that of kinetic energy; otherwise the integral over the closure of the force of the
+        damping law times the rate of the deflection. In units of the contact force times the deflection.
     """
 
     contact: str

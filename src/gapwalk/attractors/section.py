@@ -198,7 +198,7 @@ class _Crossings:
         on = np.abs(heights) <= _ROUNDING * (np.abs(states) @ np.abs(self._weights)).max()
         if np.any(on[1:] & on[:-1]):
             raise ModelError(
-                f"the motion lies in the plane {self._plane.text} while friction sticks or a stop is held, so that it has "
+                f"the motion lies in the plane {self._plane.text} while friction sticks or a stop is held: it has "
                 "no single crossing there; choose another level, or another signal"
             )
 

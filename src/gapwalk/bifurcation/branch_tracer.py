@@ -263,14 +263,14 @@ class BranchTracer(Iterator[Step]):
             if correction is None:
                 break
             beside = corrector.point(correction, first.tangent, ahead)
-            if beside.orbit.closings == first.orbit.closings:
+            if not any(first.orbit.closing_changes(beside.orbit)):
                 break
             ahead *= _NEARER
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
         """Return True if a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
-        if first.orbit.closings == point.orbit.closings:
+        if not any(first.orbit.closing_changes(point.orbit)):
             return False
         return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
 
@@ -299,7 +299,7 @@ class BranchTracer(Iterator[Step]):
         if not any(min(event.theta, full - event.theta) < _BEGINNING for event in first.orbit.events):
             return None
         point = self.walk.bent_step(_BENT)
-        if point is None or first.orbit.closings != point.orbit.closings:
+        if point is None or any(first.orbit.closing_changes(point.orbit)):
             return None
         off = np.abs(first.orbit.free_multipliers - point.orbit.free_multipliers).max()
         if off > _UNCHANGED * np.abs(first.orbit.free_multipliers).max() or first.determinant * point.determinant < 0.0:

@@ -214,13 +214,13 @@ def _is_vertex(point: BranchPoint, kind: Kind) -> bool:
 
 def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """Yield the stages whose number of closings changes by more than the grazing points between account for."""
-    for switch, (now, then) in enumerate(zip(a.orbit.closings, b.orbit.closings, strict=True)):
+    changes = a.orbit.closing_changes(b.orbit)
+    for switch, (now, then, change) in enumerate(zip(a.orbit.closings, b.orbit.closings, changes, strict=True)):
         if a.orbit.system.gapless[switch] or b.orbit.system.gapless[switch]:
             continue  # without a gap nothing can touch
         name = describe_switch(a.orbit, switch)
         grazes = sum(each.kind is Kind.GRAZING and each.contact == name for each in special)
-        change = abs(then - now)
-        if change > grazes or (grazes - change) % 2:
+        if abs(change) > grazes or (grazes - change) % 2:
             times = f"{now} times per period before this step, {then} times after it"
             yield f"{name} closes {times}, and grazes {grazes} times in it"
 

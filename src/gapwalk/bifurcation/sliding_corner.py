@@ -22,6 +22,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.friction_phases import text_of
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sticking import collapses
 
 _PROBES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)  # distances beyond the corner at which the derivatives are evaluated
 _STEPS = (1e-6, 1e-5, 1e-7, 1e-4)  # lengths of the step over the corner
@@ -40,7 +41,7 @@ class Passage(NamedTuple):
 
 def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     """Return the step over a corner from a point just before it; None if there is none near."""
-    if not point.orbit.slips:
+    if not collapses(point.orbit.system):
         return None
     here, corner = sequence(point.orbit), _corner(corrector, point)
     for guess, tangent, length in _guesses(corrector, corner):
@@ -72,9 +73,9 @@ def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
     return last
 
 
-def sequence(orbit: Orbit) -> tuple[tuple[int, str], ...]:
-    """Return the sequences of slip and stick of all friction in one period."""
-    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items())
+def sequence(orbit: Orbit) -> tuple[object, ...]:
+    """Return the sequences of slip and stick of all friction in one period, and how often each contact closes."""
+    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), orbit.closings
 
 
 def _guesses(corrector: Corrector, corner: BranchPoint):

@@ -30,10 +30,14 @@ from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
+_MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits are sought that miss a rigid stop
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
 _LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
 _GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
 _LEAST = 1e-16  # depth, in the scale of positions, that is only rounding
+_SOFTEST = 1e-12  # the same at a rigid stop
+_MISSED = 1e-13  # depth by which an orbit at the graze of a rigid stop misses it
+_RIGID_LEAD = 1e-4  # largest angle, in radians, by which a segment begins before a touch of a rigid stop
 _BLUR = 1.5  # label up to which the order of events is undetermined; depths there are a few times the above
 _ASIDE = 1e-9  # depth, in the scale of positions, at which the depth is calibrated
 _SAME = 1e-2  # largest relative difference of the depths of simultaneous contacts in a symmetric motion
@@ -73,6 +77,26 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
             return _Corner(corrector, by_touches, point, at_once).passage()
         except NumericalError:
             continue
+    return _leave_impact(corrector, by_touches, point)
+
+
+def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint) -> Passage | None:
+    """Return the step from an orbit with the softest impact on a rigid stop to orbits that miss it.
+
+    However soft, such an impact has an effect, so a walk comes to within rounding of the graze, where Newton's method
+    jumps over it in any case.
+    """
+    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
+        return None
+    for aside in _MISSING:
+        correction = corrector.correct(point.x + aside * point.tangent, point.tangent)
+        start = None if correction is None else corrector.point(correction, point.tangent, point.arclength)
+        if start is None or sum(start.orbit.closings) != sum(point.orbit.closings) - 1:
+            continue
+        try:
+            return _Corner(corrector, by_touches, start, False).retreat(point)
+        except NumericalError:
+            continue
     return None
 
 
@@ -88,6 +112,9 @@ class _Corner:
             raise ConvergenceError("no deflection has an extremum near a breakpoint")
         first = found[0]
         self._unit = float(corrector.scales[0])
+        contacts, breakpoints = point.orbit.system.structure.contacts, point.orbit.system.breakpoints
+        rigid = contacts[breakpoints[first.switch][0]].law.rebounds
+        self._least = _SOFTEST if rigid else _LEAST
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._simultaneous = [  # contacts that begin simultaneously, in a symmetric motion
             touch
@@ -95,7 +122,8 @@ class _Corner:
             if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
         ]
         self._touches = [first, *self._simultaneous] if at_once else [first]
-        self._posed = by_touches(point.orbit, self._touches, corrector.scales)
+        # the effect of an impact on a rigid stop is that of the root of its depth, which must be the more exact
+        self._posed = by_touches(point.orbit, self._touches, corrector.scales, _RIGID_LEAD if rigid else LEAD)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
@@ -125,15 +153,39 @@ class _Corner:
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
 
+    def retreat(self, before: BranchPoint) -> Passage:
+        """Return the step to this corner's first point from an orbit that touches, of another branch of the graze."""
+        graze, last = self._at(0.0), self._first
+        if length_of(graze.x - before.x) > _REACH:
+            raise ConvergenceError("no graze lies near")
+        ahead = last.tangent if float((last.x - graze.x) @ last.tangent) > 0.0 else -last.tangent
+        sign = 1.0 if ahead is last.tangent else -1.0
+        length = length_of(last.x - graze.x)
+        contact = describe_switch(last.orbit, self._touches[0].switch)
+        counts, error = (before.orbit.instability, last.orbit.instability), self._error(Kind.GRAZING, 0.0)
+        special = SpecialPoint(
+            Kind.GRAZING, replace(graze, arclength=before.arclength, memo={}), *counts, error, contact
+        )
+        point = replace(
+            last,
+            tangent=ahead,
+            determinant=sign * last.determinant,
+            arclength=before.arclength + length,
+            memo={},
+        )
+        return Passage(point, [special], length)
+
     def _growth(self, label: float) -> float:
         """Return the increment of the label; it is larger where the breakpoint is not passed and nothing happens."""
         return _GROWTH if label * self._way * self._posed.free < 0.0 else 3.0 * _GROWTH
 
     def _label(self, depth: float) -> float:
-        return self._way * math.asinh(depth / (_LEAST * self._unit))
+        return self._way * math.asinh(depth / (self._least * self._unit))
 
     def _depth(self, label: float) -> float:
-        return self._way * math.sinh(label) * _LEAST * self._unit
+        if not label and self._least > _LEAST:  # at a rigid stop even rounding of the depth would be an impact
+            return self._posed.free * _MISSED * self._unit
+        return self._way * math.sinh(label) * self._least * self._unit
 
     def _at(self, label: float) -> BranchPoint:
         """Return the point of the branch at a label; all but the first have no arclength yet."""
@@ -216,6 +268,8 @@ class _Corner:
         changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
         zeros = []
         for a, b in changes:
+            if a < 0.0 < b and self._least > _LEAST:
+                continue  # at a rigid stop the branch turns at the graze itself
             if a < 0.0 < b:
                 zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])
@@ -244,7 +298,9 @@ class _Corner:
             off = abs(other.value - here.value) + held.error + self._posed.rounding(held)
         except NumericalError:
             return math.inf
-        if kind is not Kind.GRAZING:
+        if kind is Kind.GRAZING:  # at a rigid stop the orbit there misses it
+            off += abs(held.slope[-1] * scale * self._depth(label))
+        else:
             rise = kind.at(beside) - kind.at(here)
             off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
         return float(_SAFETY * off + ROUNDING * (abs(here.value) + scale))

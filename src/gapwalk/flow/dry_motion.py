@@ -91,8 +91,8 @@ def acceleration_at(
     if not is_dry(layout.structure):
         return accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n])
     angle, states = np.array([theta]), state[None]
-    modes, moved = modes_at(layout, coefficients, angle, states), np.split(states, (n, 2 * n), axis=1)
-    return forces_and_accelerations(layout, coefficients, angle, *moved, modes)[1][0]
+    modes, (q, v, z) = modes_at(layout, coefficients, angle, states), np.split(states, (n, 2 * n), axis=1)
+    return forces_and_accelerations(layout, coefficients, angle, q, v, z, modes)[1][0]
 
 
 def forces_and_accelerations(

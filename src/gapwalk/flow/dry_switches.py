@@ -52,7 +52,7 @@ class DrySwitches(DryState):
     log
         The slip events since the start, which begin with the modes at the start.
     keeps
-        True if friction is to keep its modes until the next start.
+        Number of a contact whose friction keeps its mode until the next start; None if there is none.
     kinks
         The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
     """
@@ -61,7 +61,7 @@ class DrySwitches(DryState):
         super().__init__(equations)
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
-        self.keeps = False
+        self.keeps: int | None = None
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
         self._begun = [0.0] * len(self.slots)
@@ -73,7 +73,7 @@ class DrySwitches(DryState):
 
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
-        self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), False
+        self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
         self.hold_log = [Hold(theta, ())]
         self.begin(base, directions, changed)
         if self.sign_of:
@@ -238,9 +238,9 @@ class DrySwitches(DryState):
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
-        if self.keeps:
-            return
         place, second = divmod(event, 2)
+        if self.keeps == self.equations.dry[place]:
+            return
         theta = self.integrator.time
         now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported

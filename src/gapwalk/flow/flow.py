@@ -26,8 +26,8 @@ from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switc
 from gapwalk.flow.dry_state import DryState, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
-from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.length_unit import LengthUnit
+from gapwalk.flow.turning_points import Turn, TurningPoints
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
@@ -40,7 +40,6 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
-_ONE_TURN = 1e-8  # radians within which two turning points of a deflection are the same
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
 _MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
 _COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
@@ -118,14 +117,6 @@ class Variations(NamedTuple):
         return self.contacts, self.slips, self.holds, self.impacts
 
 
-class Turn(NamedTuple):
-    """A turning point: index into `Equations.turning`, theta, and the positions there."""
-
-    event: int
-    theta: float
-    positions: list[float]
-
-
 class Flow:
     """A compiled flow: see `flow_of`. Several threads may call one at the same time.
 
@@ -189,7 +180,7 @@ class Flow:
         stop: float = PERIOD,
         direction: NDArray[np.float64] | None = None,
         *,
-        keeps: bool = False,
+        keeps: int | None = None,
     ) -> Arc:
         """Integrate a state from one theta to another.
 
@@ -205,7 +196,7 @@ class Flow:
             The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
             needs a flow compiled with as many.
         keeps
-            True if friction keeps the modes of the start, even where it would slip or stick.
+            Number of a contact whose friction keeps the mode of the start, even where it would slip or stick.
 
         Raises
         ------
@@ -289,19 +280,19 @@ class _Integrator:
         self._components = self._parameters[: self.equations.first_switch]
         self._switchboard = Switchboard(self.equations)
         self._switchboard.attach(taylor, self.size * self.has_transition + self.directions, flow.readings)
+        self._turns = TurningPoints(self.equations, taylor, self._switchboard)
         if flow.has_survey:
-            answer_events(self, taylor.nt_events)
+            answer_events(self._turns, taylor.nt_events)
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
-        self._turns: list[Turn] = []
 
-    def integrate(self, coefficients, state, start, stop, direction=None, keeps=False) -> Arc:
+    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
         for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps = keeps
             steps = self._run(start, stop, longest_step)
-            if keeps or self._switchboard.is_right():
+            if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps)
         raise FlowError(
             f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
@@ -356,44 +347,8 @@ class _Integrator:
 
     def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
-        self._turn_at_kinks()
         units = np.array([[self._unit], [self._unit**2]])
-        return self._state[self.size :].reshape(2, -1) * units, self._turns
-
-    def at_event(self, event: int, theta: float) -> None:
-        """Record where a coordinate or a deflection turns, at an event of a survey."""
-        dry = self._switchboard.dry
-        if dry.held and dry.keeps_still(self._turning_vector(event)):
-            return  # its rate is 0 all the time, and changes its sign by rounding
-        positions = self._taylor.update_d_output(theta)[: self.equations.layout.structure.size] * self._unit
-        self._turns.append(Turn(event, theta, positions.tolist()))
-
-    def _turning_vector(self, event: int) -> NDArray[np.float64]:
-        slots = self.equations.turning[event][0]
-        return np.eye(self.equations.layout.structure.size)[event] if slots is None else self._scaled[slots]
-
-    def _turn_at_kinks(self) -> None:
-        """Add the turning points that are kinks: of a coordinate with ``abs(v)`` or friction, and at impacts.
-
-        Of two events at the same time, the integrator may report only the one that stops it.
-        """
-        layout, coefficients, board = self.equations.layout, self._scaled, self._switchboard
-        n, kinks = layout.structure.size, list(board.dry.kinks)
-        for theta, state in board.modes.kinks:
-            a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
-            kinks.append(Kink(theta, state[:n], (state[n : 2 * n],) * 2, (a, a)))
-        for theta, positions, velocities, turning in kinks:
-            angles = Angles(layout, coefficients, theta)
-            for event, (slots, _) in enumerate(self.equations.turning):
-                vector = self._turning_vector(event)
-                contact = next((each for each in layout.contacts if each.deflection is slots), None)
-                sways = [0.0, 0.0] if contact is None else [float(angles.sway(contact, 0, order)) for order in (1, 2)]
-                before, after = (float(vector @ each) + sways[0] for each in velocities)
-                change = max(abs(float(vector @ each) + sways[1]) for each in turning)
-                known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
-                if not known and (before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change):
-                    self._turns.append(Turn(event, theta, (positions * self._unit).tolist()))
-        self._turns.sort(key=lambda turn: turn.theta)
+        return self._state[self.size :].reshape(2, -1) * units, self._turns.found()
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
@@ -417,7 +372,6 @@ class _Integrator:
         return Variations(np.array(states), np.array(transitions), np.array(along), contacts, slips, holds, impacts)
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
-        self._turns = []
         Flow.calls += 1
         self._taylor.time = start
         if self.equations.switches or self.equations.modes or self.equations.dry:
@@ -434,7 +388,7 @@ class _Integrator:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        self._scaled = coefficients
+        self._turns.start(coefficients, unit)
         self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
         if self.equations.formulas and not math.isfinite(
             self._taylor.time

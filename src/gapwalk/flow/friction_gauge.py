@@ -18,7 +18,7 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.forces import Angles, Dry, balance, contact_force, contact_forces, stages_of
 from gapwalk.model.coefficients import CoefficientLayout
-from gapwalk.model.laws import Host
+from gapwalk.model.laws import Friction, Host
 from gapwalk.model.structure import Structure
 
 _STEP = 1e-150  # of the complex step
@@ -88,7 +88,9 @@ class FrictionGauge:
     def __init__(self, layout: CoefficientLayout, contact: int) -> None:
         structure = layout.structure
         self.layout, self.contact, self.n = layout, contact, structure.size
-        self._slots, self._law = layout.contacts[contact], structure.contacts[contact].law
+        self._slots, law = layout.contacts[contact], structure.contacts[contact].law
+        assert isinstance(law, Friction)
+        self._law = law
         self.place = friction_of(structure).index(contact)
         self.memory = structure.memories.index(contact) if contact in structure.memories else None
         self.reaction = next(
@@ -149,9 +151,8 @@ class FrictionGauge:
     ) -> NDArray:
         layout, n = self.layout, self.n
         held, angles = Constraint(layout, coefficients, modes.held).coefficients(), Angles(layout, coefficients, theta)
-        dry, q, v = Dry(np.array(modes.slips, dtype=float), y[..., 2 * n :]), y[..., :n], y[..., n : 2 * n]
-        if y.ndim > 1:
-            dry = Dry(np.broadcast_to(dry.slips, (len(y), len(modes.slips))), dry.extensions)
+        q, v, slips = y[..., :n], y[..., n : 2 * n], np.array(modes.slips, dtype=float)
+        dry = Dry(np.broadcast_to(slips, (*y.shape[:-1], len(slips))), y[..., 2 * n :])
         forces = contact_forces(layout, coefficients, theta, q, v, None, angles, dry)
         rows = layout.accelerations if reactions is None else layout.reactions[reactions]
         return balance(held[rows], q, v, forces, angles.waves)

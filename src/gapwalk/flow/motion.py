@@ -83,8 +83,8 @@ class Motion:
         impacts: Iterable[Kink] = (),
     ) -> Motion:
         """Make a motion from its states, shape (samples, state_size), and its logs."""
-        n, logs = system.size, map(tuple, (slips, holds, impacts))
-        return cls(system, theta, states[:, :n], states[:, n : 2 * n], tuple(events), states[:, 2 * n :], *logs)
+        q, v, z = np.split(states, (system.size, 2 * system.size), axis=1)
+        return cls(system, theta, q, v, tuple(events), z, tuple(slips), tuple(holds), tuple(impacts))
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -112,7 +112,8 @@ class Motion:
         if structure.reactions:
             modes = self.modes
         elif is_dry(structure):  # extensions alone determine the forces
-            modes = DryModes(*(np.zeros((len(self.theta), count)) for count in (len(friction_of(structure)), 0)))
+            count = len(self.theta)
+            modes = DryModes(np.zeros((count, len(friction_of(structure))), np.int8), np.zeros((count, 0), bool))
         moved = self.theta, self.q, self.v, self.z
         return forces_and_accelerations(layout_of(structure), self._coefficients, *moved, modes)
 

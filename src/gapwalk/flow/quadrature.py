@@ -20,6 +20,7 @@ from gapwalk.model.system import System
 
 _ORDER = 12  # nodes in each interval
 _WIDEST = PERIOD / 32  # largest width of an interval
+_PER_STEP = 0.5  # the same, as a share of the mean Taylor step of the flow
 _NARROWEST = 1e-9  # narrower intervals between events are omitted
 
 
@@ -47,17 +48,18 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quad
         If the motion diverges.
     """
     end = PERIOD * periods
-    logged = sample(system, state, np.array([0.0, end]))
-    changes = [each.theta for log in (logged.events, logged.slips, logged.holds) for each in log]
-    kinks = flow_of(system).kinks(coefficients_of(system), state, end)  # and jumps: it is not analytic there either
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    arc = flow.integrate(coefficients, state, 0.0, end)
+    changes = [each.theta for log in (arc.contacts, arc.slips, arc.holds) for each in log]
+    kinks = flow.kinks(coefficients, state, end)  # and jumps: it is not analytic there either
+    widest = min(_WIDEST, _PER_STEP * end / arc.steps)  # fast vibrations take short steps
     edges = np.unique(np.concatenate(([0.0], changes, kinks, [end])))
     edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
-    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / _WIDEST)))[:-1] for a, b in pairwise(edges)]
+    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / widest)))[:-1] for a, b in pairwise(edges)]
     starts = np.concatenate(parts)
     widths = np.diff(np.append(starts, end))
     nodes, weights = leggauss(_ORDER)
     thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
     found = sample(system, state, np.concatenate(([0.0], thetas)))
-    logs = logged.events, logged.slips, logged.holds, logged.impacts
-    motion = Motion.of(system, thetas, found.states[1:], *logs)
+    motion = Motion.of(system, thetas, found.states[1:], arc.contacts, arc.slips, arc.holds, arc.impacts)
     return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)

@@ -196,7 +196,7 @@ def energy(orbit: Moving) -> Energy:
         raise ModelError("a motion without a period has no energy in a period; its stored energy does not return")
     if not getattr(orbit, "is_exact", True):
         raise ModelError(
-            "an orbit of harmonic balance neglects higher harmonics, so its energy is not that of the motion; refine it "
+            "an orbit of harmonic balance neglects higher harmonics, and its energy is not exact; refine it "
             "first: gw.find_orbit(orbit.system, orbit.period, start=orbit.state)"
         )
     system = orbit.system

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +34,9 @@ _AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; 
 _SIGNS = {1: "+", -1: "-"}
 SAME = 1e-6
 """Distance of two states, relative to their size, within which they count as equal."""
+
+
+_SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are told from its end
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +144,38 @@ class Orbit(Shown):
         for event in self.events:
             counts[event.switch] += event.enters and not gapless[event.switch]
         return tuple(counts)
+
+    @cached_property
+    def chatters(self) -> dict[int, list[float]]:
+        """Angles from each impact on a rigid stop to the one from which the stop is held, by switches that are held.
+
+        There are infinitely many impacts before a stop is held, and the log has those that are not too close to that.
+        """
+        found, full = {}, PERIOD * self.period
+        for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
+            own = [event for event in self.events if event.switch == switch]
+            begins = [own[place - 1].theta for place, event in enumerate(own) if not event.enters]
+            if begins:
+                impacts = [event.theta for event in own if event.enters]
+                found[switch] = sorted(min((begin - theta) % full for begin in begins) for theta in impacts)
+        return found
+
+    def closing_changes(self, other: Orbit) -> tuple[int, ...]:
+        """Count how much more often each switch closes in another orbit, which is near this one.
+
+        A stop that is held has infinitely many impacts before. Of these, those are counted that precede a gap between
+        two of them: how many more the log has says nothing. If it is held in one of both motions only, that counts as
+        one.
+        """
+        changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
+        for switch in self.chatters.keys() | other.chatters.keys():
+            ours, theirs = self.chatters.get(switch), other.chatters.get(switch)
+            if ours is None or theirs is None:
+                changes[switch] = 1 if ours is None else -1
+            elif changes[switch]:
+                within = _widest_gap(ours)
+                changes[switch] = sum(angle > within for angle in theirs) - sum(angle > within for angle in ours)
+        return tuple(changes)
 
     @cached_property
     def pattern(self) -> str:
@@ -310,3 +346,11 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 def repeats(system: System) -> int:
     """Return how often the excitation repeats within a forcing period: three times for the orders 3 and 6."""
     return math.gcd(*(order for load in system.structure.harmonics for order in load.multiples)) or 1
+
+
+def _widest_gap(angles: list[float]) -> float:
+    """Return the middle of the widest gap between some angles, by their ratio, near the end of a chatter."""
+    low, high = _SETTLES
+    edges = [low, *(angle for angle in angles if low < angle < high), high]
+    ratio, at = max((b / a, a) for a, b in pairwise(edges))
+    return at * math.sqrt(ratio)

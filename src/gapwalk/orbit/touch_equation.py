@@ -31,6 +31,8 @@ LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a tou
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
 _SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
 _ITERATIONS = 12
+_SIMPLE = 4  # steps of the simplified Newton's method
+_EXACTLY = 2  # steps that give the touches their depth
 _CALIBRATIONS = 2
 _UNEVEN = 0.1  # largest relative difference of the depths of simultaneous touches
 _SETTLED = 1e-16  # length of a Newton step, in scaled variables, below which nothing changes
@@ -155,6 +157,8 @@ class TouchEquation:
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
         self._gauges = [Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
+        contacts = equation.system.structure.contacts
+        self._rigid = any(contacts[equation.system.breakpoints[each][0]].law.rebounds for each in self._switches)
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
@@ -180,6 +184,8 @@ class TouchEquation:
             If there is no such orbit.
         """
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
+        if self._rigid and start.depth * self.free > 0.0 > depth * self.free:
+            return self._solve(self._struck(start, depth), depth)
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth
@@ -191,6 +197,38 @@ class TouchEquation:
                 raise
         # the derivatives with a touch are not valid beyond its end: go to its end first
         return self.hold(self.hold(start, 0.0), depth)
+
+    def _struck(self, start: Held, depth: float) -> NDArray[np.float64]:
+        """Return a start for Newton's method with an impact on a rigid stop, from an orbit that just misses it.
+
+        The impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
+        large, but they vanish while the depth does not change. So the first steps leave them out.
+        """
+        unknowns = np.append(start.states.ravel(), start.value) + (depth - start.depth) * start.slope * self._scales
+        for _ in range(_SIMPLE):
+            evaluation, (depths, rows) = (
+                self._posed.evaluate(unknowns[:-1], float(unknowns[-1])),
+                self._depths(unknowns),
+            )
+            matrix = _bordered(start.evaluation, rows) * self._scales
+            right = -np.append(evaluation.residual, depths - depth)
+            unknowns = unknowns + np.linalg.lstsq(matrix, right, rcond=None)[0] * self._scales
+            unknowns = self._at_depth(unknowns, depth)
+        return unknowns
+
+    def _at_depth(self, unknowns: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
+        """Return unknowns with positions at which each touch has exactly a depth.
+
+        The depth is the square of the velocity of an impact on a rigid stop, so the square of a step changes it as much
+        as the step itself; Newton's method would not converge otherwise.
+        """
+        found, n = unknowns.copy(), self._own.system.size
+        for _ in range(_EXACTLY):
+            missing = depth - self._depths(found)[0]
+            for gauge, segment, short in zip(self._gauges, self._segments, missing, strict=True):
+                vector = gauge.vector(self._posed.line.coefficients(float(found[-1]))[0])
+                found[segment * self._size : segment * self._size + n] += short * vector / (vector @ vector)
+        return found
 
     def calibrate(self, start: Held, depth: float) -> Held:
         """Correct for changes of the acceleration before the touch, by means of an orbit that just misses it.
@@ -287,6 +325,8 @@ class TouchEquation:
                 error = abs(float(steps[-1, 0]) * self._scales[-1])
                 return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
+            if self._rigid and depth * self.free < 0.0:
+                unknowns = self._at_depth(unknowns, depth)
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 
     def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

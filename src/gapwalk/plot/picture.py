@@ -46,7 +46,7 @@ _MODULES = {
     "cells": ("Basins", "Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
-    "friction": ("Energy", "StickSlip"),
+    "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),
     "motions": (

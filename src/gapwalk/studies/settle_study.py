@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import asdict, astuple, dataclass, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -205,15 +206,15 @@ class SettleFinding(Finding):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the section, the lines of the spectrum, the tables of `Rattle`, and those of `Energy`."""
-        rattle = self.rattle
+        rattle, book = self.rattle, self.energy
+        energies = {"work": book.work, "losses": book.losses} if book is not None else {}
         return {
             "section": self._section_rows,
             "lines": lambda: [("line", "order", f"amplitude.{self.options.signal}"), *self.lines],
             "sides": lambda: _rows(SideRattle, rattle.sides),
             "contacts": lambda: _rows(ContactLoad, rattle.contacts),
             "signals": lambda: _rows(Impulsiveness, rattle.coordinates),
-            "work": lambda: _rows(EnergyItem, self.energy.work if self.energy else ()),
-            "losses": lambda: _rows(EnergyItem, self.energy.losses if self.energy else ()),
+            **{name: partial(_rows, EnergyItem, items) for name, items in energies.items()},
         }
 
     def _section_rows(self) -> Iterator[list[object]]:

@@ -2,7 +2,8 @@
 
 Unlike `gapwalk.verification.dop853`, it knows nothing of the stored events: it finds each event and decides the modes
 after it on its own, and compares both afterwards. Steps are chosen by the error estimate. In a step the guards of the
-present modes are evaluated at some places, and an event is located by shorter steps from the same start.
+present modes are sampled (`gapwalk.verification.guard_samples`), and an event is located by shorter steps from the
+same start.
 
 States have small imaginary parts, one set for each direction in the state space: those are the changes of the motion,
 to first order. At an event each of these neighbours has its own time. It is carried there along the flow before the
@@ -28,6 +29,7 @@ from gapwalk.verification.dop853 import Round, error_of, method, turn
 from gapwalk.verification.dop853 import carry as carry_together
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
+from gapwalk.verification.guard_samples import FIRES, brackets
 
 Array = NDArray[np.float64]
 
@@ -35,13 +37,11 @@ _PERIOD = 2.0 * math.pi
 _SMALL = 1e-25  # size of the imaginary parts: rounding does not see their squares
 _STEP = 1e-150  # of the complex step
 _EXACT = 2e-11  # error of a step, relative to the motion
-_FIRES = 1e-11  # share of its scale by which a guard is beyond zero once it has changed its sign
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _HOP = 1e-3  # angle of a flight that is located from its parabola
 _HELD = 1e-7  # angle of a flight that is not made any more
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
-_SHARES = np.concatenate((0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
 
 
 @dataclass(frozen=True)
@@ -411,23 +411,20 @@ class _Motion:
                     share = max(share - value / slope, 0.0)
             if share <= h:
                 found.append((share, key))
-        states = self.equations.inside(_SHARES, h, np.real((self.states[0], new[0])), np.real(rates[[0, -1], 0]))
-        angles = self.theta + _SHARES * h
-        begun = self.guards(np.array([self.theta]), np.real(self.states[:1]))
-        within = self.guards(angles, states)
-        for key, values in within.items():
-            if key in hops:
-                continue
-            below = np.flatnonzero(values < -_FIRES)
-            if not len(below):
-                continue
-            above = [-1, *np.flatnonzero(values[: below[0]] > _FIRES)]
-            last = 0.0 if above[-1] < 0 else float(_SHARES[above[-1]]) * h
-            first = float(_SHARES[below[0]]) * h
-            if self._guard_after(first, key)[0] >= -0.1 * _FIRES:
+        ends, slopes = np.real((self.states[0], new[0])), np.real(rates[[0, -1], 0])
+
+        def sample(shares: Array) -> dict[tuple[str, int], Values]:
+            states = self.equations.inside(shares, h, ends, slopes)
+            values = self.guards(self.theta + shares * h, states)
+            return {key: each for key, each in values.items() if key not in hops}
+
+        for key, (last, first) in brackets(sample).items():
+            if self._guard_after(first * h, key)[0] >= -0.1 * FIRES:
                 continue  # the interpolation is less exact than that
-            at_last = float(begun[key][0]) if last == 0.0 else self._guard_after(last, key)[0]
-            found.append((0.0 if at_last <= 0.0 else self._root(last, first, key), key))
+            at_last = self._guard_after(last * h, key)[0]
+            if at_last <= 0.0 < last:  # as here, in a dip that is as shallow as that
+                last, at_last = 0.0, self._guard_after(0.0, key)[0]
+            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key), key))
         return min(found) if found else None
 
     def _root(self, low: float, high: float, key: tuple[str, int]) -> float:

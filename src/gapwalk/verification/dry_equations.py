@@ -274,5 +274,5 @@ class DryEquations(Equations):
         d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
         z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
         found = np.concatenate((q, slope / h * self.omega, z), axis=1)
-        found[-1] = y1
+        found[shares == 1.0] = y1
         return found

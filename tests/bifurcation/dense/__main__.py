@@ -24,7 +24,7 @@ def compared(name: str) -> Comparison:
 
 def main() -> int:
     """Compare what the log does not hold yet."""
-    parser = arguments("dense", __doc__)
+    parser = arguments("bifurcation.dense", __doc__)
     parser.add_argument("--random-only", action="store_true", help="leave the figures of the paper out")
     options = parser.parse_args()
     figures = () if options.random_only else frequency_responses()

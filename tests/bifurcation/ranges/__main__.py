@@ -10,7 +10,7 @@ from tests.bifurcation.ranges.comparison import Comparison, compare_ranges, rand
 
 def main() -> int:
     """Compare what the log does not hold yet."""
-    parser = arguments("ranges", __doc__)
+    parser = arguments("bifurcation.ranges", __doc__)
     parser.add_argument("--quick", action="store_true", help="do not verify the walks")
     options = parser.parse_args()
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
 _EPS = float(np.finfo(float).eps)
+_ROUNDING = 1e4  # roundings of the motion within which an extremum is at a rigid stop
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
 _BIRTH = 2e-4  # arclength to which the appearance of a pair of extrema near a breakpoint is always narrowed down
 _NEAR = 0.02  # share of the range of all extrema within which a pair counts as near a breakpoint
@@ -67,7 +68,7 @@ class Grazing(Kind):
         if contact not in names:
             return [f"there is no contact {contact!r}"], None
         switch = names.index(contact)
-        if before.orbit.closings[switch] == after.orbit.closings[switch]:
+        if not before.orbit.closing_changes(after.orbit)[switch]:
             return [f"{contact} closes equally often on both sides"], None
         turns = orbit.turning_depths[switch]
         theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
@@ -107,8 +108,8 @@ def find_grazing(
     extrema of a deflection may have touched their breakpoint between its two points.
     """
     changes = [
-        0 if gapless else then - now
-        for now, then, gapless in zip(first.orbit.closings, last.orbit.closings, _gapless(first, last), strict=True)
+        0 if gapless else change
+        for change, gapless in zip(first.orbit.closing_changes(last.orbit), _gapless(first, last), strict=True)
     ]
     number = sum(map(abs, changes))
     length = last.arclength - first.arclength
@@ -133,7 +134,7 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
     for switch, change in enumerate(changes):
         if gapless[switch]:
             continue
-        now, then = (point.orbit.turning_depths[switch] for point in (first, last))
+        now, then = (approaches(point.orbit, switch) for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True
         # a new pair may graze once more than the change of the pattern shows: enter, stay inside, and leave
@@ -142,6 +143,21 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         if not change and before is not None and _may_touch(before, first, last, switch):
             return True
     return False
+
+
+def approaches(orbit: Orbit, switch: int) -> Turns:
+    """Return the extrema of a deflection that may pass a breakpoint.
+
+    At a rigid stop those are the places nearest to it without an impact. The others are impacts, which are at the stop
+    up to rounding, the farthest places between two of them, and where it is held.
+    """
+    turns = orbit.turning_depths[switch]
+    if switch not in {each for _, each in orbit.system.structure.reactions}:
+        return turns
+    size, depths = _EPS * float(np.abs(orbit.extremes[:, :2]).max()), turns.values
+    around = zip(turns.thetas, depths, [*depths[-1:], *depths[:-1]], [*depths[1:], *depths[:1]], strict=True)
+    free = [(theta, here) for theta, here, *beside in around if here >= max(beside) and here < -_ROUNDING * size]
+    return Turns([theta for theta, _ in free], [depth for _, depth in free])
 
 
 def _gapless(first: BranchPoint, last: BranchPoint) -> list[bool]:
@@ -193,7 +209,7 @@ def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switc
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
     full = PERIOD * first.orbit.period
-    now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
+    now, then, past = (approaches(point.orbit, switch) for point in (first, last, before))
     if not now.thetas or not then.thetas or not past.thetas:
         return False
     for theta, depth in zip(*now, strict=True):

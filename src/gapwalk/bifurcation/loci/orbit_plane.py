@@ -168,10 +168,10 @@ class ShotPlane(OrbitPlane):
 
     options: Shooting = Shooting()
 
-    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
-        """See `OrbitPlane.place`. Errors as in `Flow.integrate`."""
+    def place(self, unknowns: NDArray[np.float64], first: float, second: float, keeps: int | None = None) -> Place:
+        """See `OrbitPlane.place`; the friction of the contact `keeps` keeps its mode. Errors as in `Flow.integrate`."""
         coefficients, slopes = self._parameters.coefficients(first, second)
-        arc = self._turn(coefficients, unknowns, slopes)
+        arc = self._turn(coefficients, unknowns, slopes, keeps)
         closed = self._released(coefficients, arc, unknowns)
         jacobian, size = _derivatives(closed), len(unknowns)
         jacobian[:, :size].flat[:: size + 1] -= 1.0
@@ -235,13 +235,18 @@ class ShotPlane(OrbitPlane):
         derivatives[:, size] = coefficients[0] * rate, coefficients[0] * turning
         return np.array([depth, rate]), derivatives
 
-    def reached(self, place: Place, keeping: float, angle: float) -> tuple[NDArray[np.float64], NDArray, Arc]:
+    def reached(
+        self, place: Place, contact: int, keeping: float, angle: float
+    ) -> tuple[NDArray[np.float64], NDArray, Arc]:
         """Return the state at an angle, its derivatives by unknowns and parameters, and the motion until `keeping`.
 
-        From that angle on friction keeps its mode. Errors as in `Flow.integrate`.
+        From that angle on the friction of a contact keeps its mode. Errors as in `Flow.integrate`.
         """
+        if keeping <= 0.0:
+            only = self._flow.integrate(place.coefficients, place.unknowns, 0.0, angle, place.slopes, keeps=contact)
+            return only.state, _derivatives(only), place.evidence
         first = self._flow.integrate(place.coefficients, place.unknowns, 0.0, keeping, place.slopes)
-        last = self._flow.integrate(place.coefficients, first.state, keeping, angle, place.slopes, keeps=True)
+        last = self._flow.integrate(place.coefficients, first.state, keeping, angle, place.slopes, keeps=contact)
         size, to, on = len(place.unknowns), _derivatives(first), _derivatives(last)
         by_all = on[:, :size] @ to
         by_all[:, size:] += on[:, size:]
@@ -270,9 +275,15 @@ class ShotPlane(OrbitPlane):
         flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
         return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
 
-    def _turn(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], slopes: NDArray[np.float64]) -> Arc:
+    def _turn(
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        slopes: NDArray[np.float64],
+        keeps: int | None = None,
+    ) -> Arc:
         """Integrate the motion from a state over the whole period, with all sensitivities."""
-        return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes)
+        return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes, keeps=keeps)
 
     def _released(self, coefficients: NDArray[np.float64], arc: Arc, start: NDArray[np.float64]) -> Arc:
         """Return the motion over the whole period with the reset of what friction keeps; see `released`."""

@@ -13,6 +13,7 @@ from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
@@ -22,7 +23,9 @@ from gapwalk.orbit.orbit_equation import Evaluation
 
 _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
-_LEAD = 2e-3  # radians before the instant from which on friction keeps its mode
+_LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
+_REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
+_AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
 Array = NDArray[np.float64]
@@ -62,6 +65,9 @@ class SlidingEquation(LocusEquation):
         The plane of orbits.
     instant
         What vanishes.
+    lead
+        Angle before the instant, in radians, from which on the friction keeps its mode: all the period at an onset of
+        slip, where the position that it keeps is the same all along the locus.
     units
         Scales of the two conditions.
     tolerance
@@ -71,8 +77,15 @@ class SlidingEquation(LocusEquation):
     others: ClassVar[int] = 2
 
     instant: Instant
+    lead: float
     units: tuple[float, float]
     tolerance: float
+
+    def place(self, unknowns: Array, value: float) -> Place:
+        """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
+        keeps = self.instant.contact if self.lead >= PERIOD * self.period else None
+        plane = cast("ShotPlane", self.plane)
+        return plane.place(unknowns[: -self.others], float(unknowns[-1]), value, keeps)
 
     def evaluate(self, unknowns: Array, value: float) -> Evaluation:
         """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
@@ -92,10 +105,11 @@ class SlidingEquation(LocusEquation):
         structure, size = plane.system.structure, len(place.unknowns)
         full = PERIOD * self.period
         angle = theta % full
-        angle += full * (angle < 2.0 * _LEAD)
-        there, by_all, arc = plane.reached(place, angle - _LEAD, angle)
+        lead = min(self.lead, angle) if self.lead >= full else self.lead
+        angle += full * (angle < 2.0 * lead and self.lead < full)
+        there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
-        modes = modes_at(structure, arc.slips, arc.contacts, angle - 0.5 * _LEAD, True)
+        modes = modes_at(structure, arc.slips, arc.contacts, angle - lead, True)
         slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
         pairs: dict[str, list[tuple[Callable[..., Any], Modes, int]]] = {
             "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
@@ -121,7 +135,13 @@ class SlidingEquation(LocusEquation):
 
     def unknowns(self, orbit: Orbit) -> Array:
         """Return the unknowns of an orbit, with the angle of the margin that is nearest to zero."""
-        theta = nearest_margin(orbit, self.instant).theta
+        theta, values = nearest_margin(orbit, self.instant).theta, [orbit.system[name] for name in self.plane.names]
+        if self.instant.what != "stop":
+            place = self.plane.place(self.plane.unknowns(orbit), *values)
+            for _ in range(_REFINEMENTS):
+                found, derivatives = self._conditions(place, theta)
+                shift = -found[1] / derivatives[1, -3]
+                theta += max(-_FARTHEST, min(_FARTHEST, float(shift)))
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
 
@@ -150,7 +170,10 @@ def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: f
         "rate": (time, time**2),
         "reserve": (near.range / length, near.range * time / length),
     }
-    return SlidingEquation(plane, instant, units[kind.what], min(tolerance, 0.1 * _MARGIN * length))
+    full = PERIOD * orbit.period
+    passed = [(near.theta - phase.start) % full for phase in orbit.friction[instant.contact]]
+    lead = min([_LEAD, *(0.5 * each for each in passed if each > _AT)]) if kind is not Kind.SLIP_ONSET else full
+    return SlidingEquation(plane, instant, lead, units[kind.what], min(tolerance, 0.1 * _MARGIN * length))
 
 
 def _changing(gauge: FrictionGauge) -> Callable[..., Any]:

@@ -1,0 +1,71 @@
+"""Samples of the guards of events within a step of an integration: which of them pass below zero, and where first.
+
+A guard is sampled at some shares of the step. Where it is positive at all of them, it may still dip below zero between
+two, as at a touch that is shorter than a tenth of the step. So a smallest sample between two larger ones is looked at
+more closely, until a parabola through the three stays well above zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FIRES = 1e-11
+"""Share of its scale by which a guard is beyond zero once it has changed its sign."""
+
+_SHARES = np.concatenate(([0.0], 0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
+_CLOSER = 8  # parts of an interval that is looked at more closely
+_DEEPEST = 6  # times that it is
+_CLEAR = 0.5  # share of its smallest sample above which the parabola is clear of zero
+
+Array = NDArray[np.float64]
+Key = TypeVar("Key")
+
+
+def brackets(sample: Callable[[Array], Mapping[Key, Array]]) -> dict[Key, tuple[float, float]]:
+    """Find the guards that pass below zero in a step, each with shares of the step before and after that.
+
+    Parameters
+    ----------
+    sample
+        Function of increasing shares of the step, from 0 to 1, that returns the values of each guard.
+    """
+    found = {}
+    for key, values in sample(_SHARES).items():
+        shares = _SHARES
+        below = np.flatnonzero(values[1:] < -FIRES) + 1
+        if not len(below):
+            shares, values = _dip(lambda at, key=key: sample(at)[key], shares, values)
+            below = np.flatnonzero(values < -FIRES)
+        if len(below):
+            above = np.flatnonzero(values[: below[0]] > FIRES)
+            found[key] = (float(shares[above[-1]]) if len(above) else 0.0, float(shares[below[0]]))
+    return found
+
+
+def _dip(sample: Callable[[Array], Array], shares: Array, values: Array) -> tuple[Array, Array]:
+    """Return samples near a dip below zero, or no samples."""
+    inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
+    for place in inner:
+        near, seen = shares[place - 1 : place + 2], values[place - 1 : place + 2]
+        for _ in range(_DEEPEST):
+            if _lowest(near, seen) > _CLEAR * seen[1]:
+                break
+            closer = np.linspace(near[0], near[2], _CLOSER + 1)
+            again = sample(closer)
+            if again.min() < -FIRES:
+                return closer, again
+            middle = int(np.clip(np.argmin(again), 1, _CLOSER - 1))
+            near, seen = closer[middle - 1 : middle + 2], again[middle - 1 : middle + 2]
+    return shares[:0], values[:0]
+
+
+def _lowest(shares: Array, values: Array) -> float:
+    """Return the lowest value of the parabola through three points, of which the middle one is the lowest."""
+    left, right = ((values[k] - values[1]) / (shares[k] - shares[1]) for k in (0, 2))
+    bend = (right - left) / (shares[2] - shares[0])
+    slope = left + bend * (shares[1] - shares[0])
+    return float(values[1] - (0.25 * slope**2 / bend if bend > 0.0 else 0.0))

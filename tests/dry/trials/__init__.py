@@ -1,0 +1,1 @@
+"""Random systems with dry friction and rigid stops: each ends with a result that verification passes, or a reason."""
