@@ -166,6 +166,9 @@ def slopes_of(linear: Linear, states: NDArray[np.float64]) -> list[NDArray[np.fl
         if slots.form.law.has_memory:
             found.append(linear.coefficients[:, slots.numbers["stiffness"]])
             continue
+        if slots.form.law.is_dry:  # its force does not depend on the deflection
+            found.append(np.zeros(1))
+            continue
         for place, (x, rate) in enumerate(moves):
             shifted = [*moves[:place], (x + 1j * _STEP, rate), *moves[place + 1 :]]
             with np.errstate(all="ignore"):

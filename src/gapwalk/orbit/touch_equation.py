@@ -92,7 +92,7 @@ class Held(NamedTuple):
 def touches(orbit: Orbit) -> list[Touch]:
     """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
 
-    For a crossing, the depth is computed from the velocity there.
+    For a crossing, the depth is computed from the velocity there. Rigid stops are left out: nothing is deep in them.
     """
     places: list[tuple[float, int, float | None]] = [
         (theta, switch, depth)
@@ -100,7 +100,8 @@ def touches(orbit: Orbit) -> list[Touch]:
         for theta, depth in zip(*turns, strict=True)
     ]
     places += [(event.theta, event.switch, None) for event in orbit.events]
-    places = sorted((theta, switch, depth) for theta, switch, depth in places if theta > 0.0)
+    rigid = {switch for _, switch in orbit.system.structure.reactions}
+    places = sorted((each for each in places if each[0] > 0.0 and each[1] not in rigid), key=lambda each: each[:2])
     if not places:
         return []
     thetas = sorted({theta for theta, _, _ in places})
