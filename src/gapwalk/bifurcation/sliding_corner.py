@@ -74,8 +74,9 @@ def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
 
 
 def sequence(orbit: Orbit) -> tuple[object, ...]:
-    """Return the sequences of slip and stick of all friction in one period, and how often each contact closes."""
-    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), orbit.closings
+    """Return the sequences of slip and stick of all friction in one period, its modes at the start, and the closings."""
+    start = tuple(event.slip for event in orbit.slips if not event.theta)
+    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), start, orbit.closings
 
 
 def _guesses(corrector: Corrector, corner: BranchPoint):
