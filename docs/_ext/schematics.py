@@ -398,7 +398,7 @@ def belt() -> Sketch:
 
 def impact_damper() -> Sketch:
     """Draw an oscillator with a box in which a mass is free."""
-    s = Sketch(520, 190, "A mass on a spring, with a box in which a small mass flies to and fro")
+    s = Sketch(520, 190, "A mass on a spring, with a box in which a small mass flies back and forth")
     s.wall((60, 40), (60, 140), side=-1)
     s.spring(60, 65, 170, 65)
     s.damper(60, 110, 170, 110)

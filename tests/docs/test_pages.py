@@ -36,6 +36,11 @@ LONG = {
         "engine",
         "rub",
         "pendulum",
+        "rigid-stop",
+        "dry-friction",
+        "hysteresis",
+        "belt",
+        "impact-damper",
     )
 } | {"howto/nothing-missing.md", "howto/loads.md"}
 

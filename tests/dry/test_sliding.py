@@ -16,10 +16,11 @@ from gapwalk.orbit.friction_phases import text_of
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
 
 
-def oscillator(*, amplitude=0.1, damping=C, **options):
+def oscillator(*, amplitude=0.1, damping=C, mean=0.0, **options):
     pad = friction("pad", {"x": 1.0}, LIMIT, **options)
     loads = [gw.Harmonic(amplitude, {"x": 1.0})]
-    return gw.System(("x",), [[K]], damping=[[damping]], contacts=[pad], harmonics=loads, frequency=W)
+    matrices = {"damping": [[damping]], "mean": {"x": mean}}
+    return gw.System(("x",), [[K]], **matrices, contacts=[pad], harmonics=loads, frequency=W)
 
 
 def clutch(limit):
@@ -89,14 +90,15 @@ def test_a_jenkins_element_begins_to_slip_where_the_linear_motion_reaches_its_li
 
 def test_friction_off_its_middle_begins_to_slip_earlier_and_keeps_no_position_from_there():
     """Beyond the first touch, the extension of a Jenkins element moves so that its force just reaches its limit."""
-    shift = 0.03
-    start = gw.find_orbit(oscillator(amplitude=0.44, stiffness=SPRING))
-    moved = gw.find_orbit(start.system, start=start.state + np.array([shift, 0.0, 0.0]))
-    slider = moved.state[0] - moved.state[2]
+    load = 0.1
+    start = gw.find_orbit(oscillator(amplitude=0.4, mean=load, stiffness=SPRING))
+    branch = gw.follow(start, "harmonic1.amplitude", 0.6)
+    state = branch.points[0].orbit.state
+    slider = state[0] - state[2]
     size = abs(K + SPRING - W**2 + 1j * C * W)
-    mean = slider * SPRING / (K + SPRING) - slider
+    mean = (load + slider * SPRING) / (K + SPRING) - slider
     first = (LIMIT / SPRING - abs(mean)) * size
-    branch = gw.follow(moved, "harmonic1.amplitude", 0.6)
+    assert abs(mean) > 0.01
     found = sliding(branch)
     assert found[0].kind is Kind.SLIP_ONSET
     assert found[0].value == pytest.approx(first, abs=1e-9)
@@ -185,3 +187,35 @@ def test_changes_are_the_shortest_phases_that_one_orbit_lacks(walked):
     assert changes_between(first, last) is not None
     special = sliding(walked)[0]
     assert special.contact.startswith("lining ")
+
+
+def test_the_onset_of_a_jenkins_element_over_the_frequency_is_its_closed_form():
+    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.6)
+    locus = gw.follow_locus(sliding(branch)[0], "frequency", "harmonic1.amplitude", ((0.6, 1.4), (0.05, 1.0)))
+    assert len(locus.points) > 20
+    for point in locus.points:
+        frequency, amplitude = point.values
+        exact = LIMIT / SPRING * abs(K + SPRING - frequency**2 + 1j * C * frequency)
+        assert amplitude == pytest.approx(exact, abs=1e-10)
+
+
+def test_den_hartogs_boundary_is_a_locus_of_crossing_sliding():
+    branch = gw.follow(gw.find_orbit(oscillator(amplitude=1.0, damping=0.0)), "pad.limit", 0.85)
+    locus = gw.follow_locus(sliding(branch)[0], "frequency", "pad.limit", ((0.7, 0.95), (0.5, 0.95)))
+    assert len(locus.points) > 20
+    for point in locus.points[::4]:
+        assert point.values[1] == pytest.approx(den_hartog(point.values[0]), abs=1e-10)
+
+
+@pytest.mark.parametrize("kind", [Kind.GRAZING_SLIDING, Kind.SWITCHING_SLIDING, Kind.ADDING_SLIDING])
+def test_loci_of_the_clutch_agree_with_walks_at_other_limits(walked, kind):
+    special = next(each for each in sliding(walked) if each.kind is kind)
+    near = special.value - 0.01, special.value + 0.01
+    locus = gw.follow_locus(special, "frequency", "lining.limit", (near, (0.0195, 0.0205)))
+    for point in (locus.points[0], locus.points[-1]):
+        frequency, limit = point.values
+        assert abs(limit - 0.02) > 1e-4
+        system = point.orbit.system.at(frequency=frequency + 2e-4)
+        again = gw.follow(gw.find_orbit(system, start=point.orbit.state), "frequency", frequency - 2e-4)
+        values = [each.value for each in sliding(again) if each.kind is kind]
+        assert values == pytest.approx([frequency], abs=1e-10)

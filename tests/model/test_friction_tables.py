@@ -365,17 +365,18 @@ def test_what_varies_stays_within_its_bounds() -> None:
         gw.System(["x"], [1.0], [0.1], contacts=[brake], harmonics=[rectangle])
 
 
-def test_a_jenkins_element_has_a_limit_that_does_not_vary_over_the_angle() -> None:
+def test_a_jenkins_element_follows_its_limit_over_the_angle_but_not_by_jumps() -> None:
     stop = gw.stop("stop", {"x": 1.0}, 0.5, 3.0)
     soft = gw.friction("f", {"y": 1.0}, coefficient=0.3, normal="stop", stiffness=5.0)
     rigid = gw.friction("f", {"y": 1.0}, coefficient=0.3, normal="stop")
     own = gw.friction("f", {"y": 1.0}, 0.3, stiffness=5.0)
-    words = "f has a stiffness, but its force in slip varies over the angle with"
     for name in ("stop.stiffness", "stop.deflection"):
         assert varied(0.1, stop, rigid, varies=name).size == 2
-        with pytest.raises(ModelError, match=words):
-            varied(0.1, stop, soft, varies=name)
-    for name in ("f.limit", "f.stiffness"):
-        with pytest.raises(ModelError, match=words):
-            varied(0.1, own, varies=name)
+        assert varied(0.1, stop, soft, varies=name).size == 2
+    assert varied(0.1, own, varies="f.limit").size == 2
+    with pytest.raises(ModelError, match=r"f.stiffness varies over the angle; only the limit of friction can"):
+        varied(0.1, own, varies="f.stiffness")
+    for parts, name in (((own,), "f.limit"), ((stop, soft), "stop.stiffness")):
+        with pytest.raises(ModelError, match="a spring in series cannot follow a jump"):
+            gw.System(["x", "y"], np.eye(2), contacts=parts, harmonics=[gw.loads.Rectangle(0.1, name)])
     assert varied(0.1, own, varies="f.deflection").size == 2  # its base moves

@@ -19,6 +19,7 @@ from gapwalk.bifurcation.branch_start import (
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.friction_margins import margins_of
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
@@ -387,6 +388,19 @@ class BranchTracer(Iterator[Step]):
         end = self.walk.end
         if self._ends_at_parent(before, last) or end is None:
             return
+        for each in margins_of(last) if last.orbit.is_exact else []:
+            if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
+                name = last.orbit.system.structure.contacts[each.contact].name
+                advice = "beyond, it slips at once over a finite distance: start there"
+                self.walk.finish(
+                    last,
+                    End(
+                        end.reason,
+                        end.value,
+                        f"{end.detail}; the force of {name} reaches the one at which slip begins, and {advice}",
+                    ),
+                )
+                return
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:

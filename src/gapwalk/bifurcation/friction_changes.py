@@ -41,8 +41,7 @@ _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the ste
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
 _APPROACHES = 60
-_RESERVE = 1e-3  # share of its bound by which a force must fall short of it not to have reached it
-_ROUNDING = 1e-10  # the same but for rounding
+_RESERVE = 1e-8  # share of its bound by which a force must fall short of it not to have reached it
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
@@ -100,7 +99,7 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
 
     The motion then moves along the edge of the continuum, and back into it only if a step leads there.
     """
-    if contact not in first.stuck or not _never_slips(last, contact):
+    if contact not in first.stuck or not never_slips(last, contact):
         return []
     slips = [phase for phase in friction_phases(last.slips, contact, PERIOD * last.period) if phase.mode]
     if not slips:
@@ -110,8 +109,7 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
         reserve = margin(first, change, change.theta)[1]
     except LookupError:
         return []
-    least = _RESERVE if contact in first.system.structure.memories else _ROUNDING  # a rigid one ends the branch
-    return [change] if reserve > least * abs(_bound(first, change)) else []
+    return [change] if reserve > _RESERVE * abs(_bound(first, change)) else []
 
 
 def _bound(orbit: Orbit, change: Change) -> float:
@@ -202,7 +200,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     from scipy.optimize import brentq  # imported late, because the import is slow
 
     if change.alone:
-        stuck, far = (first, last) if _never_slips(first.orbit, change.contact) else (last, first)
+        stuck, far = (first, last) if never_slips(first.orbit, change.contact) else (last, first)
         try:
             return _locate_onset(interval, stuck, far, change)
         except LookupError:
@@ -230,7 +228,8 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     return Located(interval.at(root), change._replace(theta=tracked[root][0]), 1e-12)
 
 
-def _never_slips(orbit: Orbit, contact: int) -> bool:
+def never_slips(orbit: Orbit, contact: int) -> bool:
+    """Return True if friction sticks in all of an orbit."""
     return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
 
 
@@ -253,7 +252,7 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
         if correction is None:
             return None
         point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
-        return point if _never_slips(point.orbit, change.contact) else None
+        return point if never_slips(point.orbit, change.contact) else None
 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
@@ -383,7 +382,7 @@ def _least(
     for _ in range(_ZOOMS):
         fine = np.linspace(best - width, best + width, 2 * _ZOOM + 1)
         best, width = fine[int(np.argmin(values(fine)))], width / _ZOOM
-    theta = float(best)
+    theta, value = float(best), math.nan
     for _ in range(2):
         state = _state(orbit, theta)
         now = coefficients, theta, state, modes, change.side

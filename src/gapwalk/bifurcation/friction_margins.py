@@ -104,7 +104,7 @@ def _least(
         slope, bend = 0.5 * (values[place + 1] - values[place - 1]), values[place - 1 : place + 2] @ (1.0, -2.0, 1.0)
         value = float(values[place] - (0.5 * slope**2 / bend if bend > 0.0 else 0.0))
         # the samples are even but for those at events
-        width = (thetas[place] - thetas[place - 1]) % (2.0 * PERIOD)
+        width = (thetas[place] - thetas[place - 1]) % PERIOD
         shift = -width * slope / bend if bend > 0.0 else 0.0
         found.append(Margin(contact, what, side, float(thetas[place] + shift), value, float(values.max())))
     return found

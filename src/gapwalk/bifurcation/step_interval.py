@@ -169,13 +169,17 @@ class Search:
         NumericalError
             If an orbit between the two points cannot be found.
         """
-        known = self._recent.setdefault(kind, [])
+        known = self.recent(kind)
         zeros: list[Zero] = []
         for a, b in pairwise(_apart(self.interval.points)):
             zeros += self._search(kind, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
         return self._resolved(kind, zeros)
+
+    def recent(self, kind: Kind) -> list[float]:
+        """Return what the walk remembers of a kind, by default the arclengths of its last zeros; it may be changed."""
+        return self._recent.setdefault(kind, [])
 
     def near(self, point: BranchPoint) -> BranchPoint:
         """Return a point close to another one, but not so close that their difference is only rounding."""

@@ -83,8 +83,9 @@ class Constraint:
                 row[len(row) - 2 * count :] -= np.concatenate((squares, squares)) * found[sway]
         moved = self.impulses @ rows
         difference = table - moved
-        small = np.abs(difference.real) <= _ROUNDING * (np.abs(table.real) + np.abs(moved.real))
-        difference[small] -= difference[small].real  # what is 0 must not grow from rounding
+        sizes = np.abs(np.real(table)) + np.abs(np.real(moved))
+        small = np.abs(np.real(difference)) <= _ROUNDING * sizes
+        difference[small] -= np.real(difference[small])  # what is 0 must not grow from rounding
         found[layout.accelerations] = difference
         found[layout.reactions[self.independent]] = self._inverse @ rows
         return found

@@ -399,23 +399,22 @@ class Switchboard:
             self._of_motion[switch] = coefficients[contact.force], quotients(coefficients), vectors, places
         push, quotient, vectors, places = self._of_motion[switch]
         jump = quotient(rate, theta)
-        shifts = self._shifts(switch, theta, vectors, places)
+        shifts = self._shifts(switch, theta, (vectors, places))
         columns = self._state[self.size :].reshape(self._columns, self.size)
         columns[:, self.n : 2 * self.n] -= np.outer(shifts, (jump if inside else -jump) * push)
 
-    def _shifts(
-        self, switch: int, theta: float, vectors: NDArray | None = None, places: NDArray | None = None
-    ) -> NDArray[np.float64]:
+    def _shifts(self, switch: int, theta: float, known: tuple[NDArray, NDArray] | None = None) -> NDArray[np.float64]:
         """Return the change of the deflection of a switch less its breakpoint, along each column.
 
-        `vectors` and `places` are the derivatives of both along the directions, if they are known.
+        Derivatives of the deflection vector and of the breakpoint along the directions may be known.
         """
         columns = self._state[self.size :].reshape(self._columns, self.size)
         shifts = columns[:, : self.n] @ self._vectors[switch]
-        if vectors is None or places is None:
+        if known is None:
             directions = self._directions()
-            vectors, places = directions[:, self._deflections[switch]], directions[:, self._breaks[switch]]
-            places = self.signs[switch] * places
+            places = self.signs[switch] * directions[:, self._breaks[switch]]
+            known = directions[:, self._deflections[switch]], places
+        vectors, places = known
         if len(places):  # g_p, of each direction of the coefficients
             shifts[self._columns - len(places) :] += vectors @ self._state[: self.n] - places
             if (sway := self._sways[switch]) is not None:

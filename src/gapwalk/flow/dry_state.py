@@ -216,7 +216,7 @@ class DryState:
         coefficients = constraint.coefficients()
         if held and len(directions):
             step = 1j * _STEP
-            changes = [Constraint(layout, self.base + step * each, held).coefficients().imag for each in directions]
+            changes = [np.imag(Constraint(layout, self.base + step * each, held).coefficients()) for each in directions]
             directions = np.array(changes) / _STEP
         table = np.vstack((coefficients[layout.accelerations], coefficients[layout.reactions]))
         table[:, : 2 * n + len(layout.contacts)] *= -1.0

@@ -154,8 +154,8 @@ def contact_forces(
                 stages_of(outside, angles, moves[host], shut), contact_force(outside, angles, moves[host], shut)
             )
         rate = moves[index][0][1] - coefficients[..., slots.numbers["speed"]]
-        by_sign = dry is None or dry.slips is None
-        stages.slip = np.sign(np.real(rate)) if by_sign else dry.slips[..., friction]
+        slips = None if dry is None else dry.slips
+        stages.slip = np.sign(np.real(rate)) if slips is None else slips[..., friction]
         if index in structure.memories:
             place = structure.memories.index(index)
             stages.extension = 0.0 if dry is None else dry.extensions[..., place]

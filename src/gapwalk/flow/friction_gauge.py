@@ -88,7 +88,8 @@ class FrictionGauge:
     def __init__(self, layout: CoefficientLayout, contact: int) -> None:
         structure = layout.structure
         self.layout, self.contact, self.n = layout, contact, structure.size
-        self._slots, self._law = layout.contacts[contact], structure.contacts[contact].law
+        self._slots = layout.contacts[contact]
+        self._law: Any = structure.contacts[contact].law
         self.place = friction_of(structure).index(contact)
         self.memory = structure.memories.index(contact) if contact in structure.memories else None
         self.reaction = next(
@@ -149,9 +150,8 @@ class FrictionGauge:
     ) -> NDArray:
         layout, n = self.layout, self.n
         held, angles = Constraint(layout, coefficients, modes.held).coefficients(), Angles(layout, coefficients, theta)
-        dry, q, v = Dry(np.array(modes.slips, dtype=float), y[..., 2 * n :]), y[..., :n], y[..., n : 2 * n]
-        if y.ndim > 1:
-            dry = Dry(np.broadcast_to(dry.slips, (len(y), len(modes.slips))), dry.extensions)
+        slips, q, v = np.array(modes.slips, dtype=float), y[..., :n], y[..., n : 2 * n]
+        dry = Dry(np.broadcast_to(slips, (*y.shape[:-1], len(slips))), y[..., 2 * n :])
         forces = contact_forces(layout, coefficients, theta, q, v, None, angles, dry)
         rows = layout.accelerations if reactions is None else layout.reactions[reactions]
         return balance(held[rows], q, v, forces, angles.waves)

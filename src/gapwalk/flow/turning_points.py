@@ -62,7 +62,8 @@ class TurningPoints:
         n, kinks = layout.structure.size, list(self._switches.dry.kinks)
         for theta, state in self._switches.modes.kinks:
             a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
-            kinks.append(Kink(theta, state[:n], (state[n : 2 * n],) * 2, (a, a)))
+            v = state[n : 2 * n]
+            kinks.append(Kink(theta, state[:n], (v, v), (a, a)))
         for theta, positions, velocities, turning in kinks:
             angles = Angles(layout, coefficients, theta)
             for event, (slots, _) in enumerate(self._equations.turning):

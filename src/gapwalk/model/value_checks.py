@@ -241,10 +241,21 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
 
 
 def _memory_problems(structure: Structure, variation: Variation) -> Iterator[str]:
-    """List Jenkins elements whose stiffness varies over the angle: their force would do work in stick."""
-    form = structure.contacts[variation.contact]
-    if form.law.has_memory and variation.name == "stiffness":
-        yield f"{form.name}.stiffness varies over the angle; only the limit of friction can: vary {form.name}.limit"
+    """List what cannot vary of a Jenkins element: its stiffness, and its limit by jumps."""
+    varied = structure.contacts[variation.contact]
+    if varied.law.has_memory and variation.name == "stiffness":
+        yield f"{varied.name}.stiffness varies over the angle; only the limit of friction can: vary {varied.name}.limit"
+    if not any(structure.harmonics[load].kind.has_levels for load, _ in variation.loads):
+        return
+    for place in structure.memories:
+        form, host = structure.contacts[place], structure.host(place)
+        by = getattr(form.law, "by", "")
+        pressed = host == variation.contact and (by == "normal" or variation.name == HYSTERESIS.name)
+        if pressed or (place == variation.contact and variation.name == "limit"):
+            yield (
+                f"the force in slip of {form.name} jumps with {varied.name}.{variation.name}, but a spring in series "
+                "cannot follow a jump: vary it by harmonics, or leave the stiffness out"
+            )
 
 
 def _wave(structure: Structure, values: NDArray[np.float64], variation: Variation) -> tuple[float, float]:

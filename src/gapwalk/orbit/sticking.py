@@ -185,7 +185,7 @@ def without_kept(multipliers: NDArray[np.complex128], count: int) -> NDArray[np.
     if not count:
         return multipliers
     order = np.argsort(np.abs(multipliers - 1.0), kind="stable")
-    return np.append(np.delete(multipliers, order[:count]), np.zeros(count))
+    return np.append(np.delete(multipliers, order[:count]), np.zeros(count, complex))
 
 
 def kept_words(structure: Structure, stuck: Iterable[int]) -> list[str]:

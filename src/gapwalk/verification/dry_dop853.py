@@ -320,8 +320,6 @@ class _Motion:
         """Return the force that would give a contact the accelerations of the motion."""
         return self.speed * self.equations.omega / abs(float(self.equations.row(index) @ self.equations.push(index)))
 
-    # ---- integration
-
     def advance(self, end: float) -> None:
         """Integrate to an angle."""
         equations, repeated, count, last = self.equations, 0, 0, -1.0
@@ -437,9 +435,7 @@ class _Motion:
             else:
                 high = share
             step = -value / slope if slope else math.inf
-            better = share + step
-            if not low <= better <= high:
-                better = 0.5 * (low + high)
+            better = share + step if low <= share + step <= high else 0.5 * (low + high)
             if abs(better - share) <= 4e-16 * (1.0 + self.theta) or high - low <= 1e-16:
                 return better
             share = better
@@ -475,12 +471,20 @@ class _Motion:
             np.maximum(self.largest, seen, out=self.largest)
             np.minimum(self.smallest, seen, out=self.smallest)
 
+    def _width(self, key: tuple[str, int]) -> float:
+        """Return the change of a guard for a change of a state by the size of the motion, velocities as lengths."""
+        unit, n = np.ones(len(self.states[0])), self.equations.size
+        unit[n : 2 * n] = self.equations.omega
+        states = np.real(self.states[:1]) + 1j * _STEP * np.diag(unit)
+        found = self.guards(np.full(len(unit), self.theta, complex), states)[key]
+        return self.length * (float(np.abs(np.imag(found)).max() / _STEP) or 1.0)
+
     def _pass(self, key: tuple[str, int]) -> None:
         """Pass an event with all neighbours, each at its own time."""
         before, everyone = self._rates(self.theta, self.states), np.full(len(self.states), self.theta)
         slips, closed, held = dict(self.modes.slip), self.modes.closed.copy(), set(self.modes.held)
         slope = self._slope(key, self.theta, np.real(self.states[:1]))[1]
-        values = self.guards(everyone, self.states)[key]
+        values, width = self.guards(everyone, self.states)[key], self._width(key)
         delays = -np.imag(values) / slope if slope else np.zeros(len(values))
         self.states = self.states + 1j * delays[:, None] * np.real(before)
         self.angles = everyone + 1j * delays
@@ -488,10 +492,9 @@ class _Motion:
         self._change(key)
         after = self._rates(self.theta, self.states)
         self.states = self.states - 1j * delays[:, None] * np.real(after)
-        kind, index = key
-        if kind == "contact":
-            mode = index not in held if index in self.equations.rigid else not closed[index]
-            self.changes.append(Change(kind, index, int(mode), self.theta, slope))
+        if key[0] == "contact":
+            mode = key[1] not in held if key[1] in self.equations.rigid else not closed[key[1]]
+            self.changes.append(Change(*key, int(mode), self.theta, slope / width))
         for other, slip in self.modes.slip.items():
             if slip != slips[other]:
-                self.changes.append(Change("slip", other, slip, self.theta, slope))
+                self.changes.append(Change("slip", other, slip, self.theta, slope / width))

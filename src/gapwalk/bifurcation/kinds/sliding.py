@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
-from gapwalk.bifurcation.friction_changes import Change, changes_between, find_changes, located_again
+from gapwalk.bifurcation.friction_changes import (
+    Change,
+    Located,
+    changes_between,
+    find_changes,
+    located_again,
+    never_slips,
+)
 from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
@@ -45,7 +52,8 @@ class Sliding(Kind):
         """Return all points of this kind in a step; see `find_changes`."""
         known = search.memo.get(Sliding)
         if known is None:
-            known = search.memo[Sliding] = find_changes(search.interval, search.before, search.first, search.last)
+            found = find_changes(search.interval, search.before, search.first, search.last)
+            known = search.memo[Sliding] = _new(search, found)
         return [
             Zero(
                 self,
@@ -98,6 +106,27 @@ class Sliding(Kind):
     def no_locus(self) -> str:
         """Empty string, since it has a locus: the margin is zero along it."""
         return ""
+
+
+def _new(search: Search, found: list[Located]) -> list[Located]:
+    """Return located changes without those where a force reaches its bound again, without slip in the meantime.
+
+    Once it has reached it, the motion is at the edge of a continuum, and steps may lead a little into it and back. The
+    memory of the walk has the contacts whose forces have, numbered from 1, with the sign of the direction.
+    """
+    reached = search.recent(Kind.SLIP_ONSET)
+    for key in {*reached}:
+        if not never_slips(search.first.orbit, int(abs(key)) - 1):
+            reached.remove(key)
+    kept = []
+    for each in found:
+        key = float((each.change.contact + 1) * each.change.side)
+        if each.change.alone and key in reached:
+            continue
+        if each.change.alone and never_slips(search.last.orbit, each.change.contact):
+            reached.append(key)
+        kept.append(each)
+    return kept
 
 
 class CrossingSliding(Sliding):

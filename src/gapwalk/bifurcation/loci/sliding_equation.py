@@ -24,6 +24,7 @@ from gapwalk.orbit.orbit_equation import Evaluation
 _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
 _LEAD = 0.3  # largest angle before the instant, in radians, from which on friction keeps its mode
+_REFINEMENTS, _FARTHEST = 4, 0.05  # of the angle of the start, and the largest change in each
 _AT = 1e-3  # radians within which the beginning of a phase is the instant itself
 _MARGIN = 1e-11  # distance from the change, on the side without the phase; as for grazing
 
@@ -134,7 +135,13 @@ class SlidingEquation(LocusEquation):
 
     def unknowns(self, orbit: Orbit) -> Array:
         """Return the unknowns of an orbit, with the angle of the margin that is nearest to zero."""
-        theta = nearest_margin(orbit, self.instant).theta
+        theta, values = nearest_margin(orbit, self.instant).theta, [orbit.system[name] for name in self.plane.names]
+        if self.instant.what != "stop":
+            place = self.plane.place(self.plane.unknowns(orbit), *values)
+            for _ in range(_REFINEMENTS):
+                found, derivatives = self._conditions(place, theta)
+                shift = -found[1] / derivatives[1, -3]
+                theta += max(-_FARTHEST, min(_FARTHEST, float(shift)))
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
 

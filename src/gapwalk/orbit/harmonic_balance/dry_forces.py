@@ -396,7 +396,7 @@ class Memory:
         """Return multipliers with 1 for each element that never slips, in place of 0, largest first."""
         found, kept = multipliers.copy(), len(self.stuck)
         found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
-        found = np.append(found[: len(found) - kept], np.ones(kept))
+        found = np.append(found[: len(found) - kept], np.ones(kept, complex))
         return found[np.argsort(-np.abs(found), kind="stable")]
 
 

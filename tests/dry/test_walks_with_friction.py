@@ -1,0 +1,94 @@
+"""Branches of systems with friction and impacts, against numbers of other programs and closed forms."""
+
+from __future__ import annotations
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.continuation.walk import EndReason
+from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.model.loads import Harmonic
+from gapwalk.model.system import System
+from tests.dry import closed_forms
+
+# folds and flips of period 1 with friction .005, located by single shooting on another integrator (ten digits)
+CLUTCH = {
+    "flip": [1.3319237942, 1.2315204596, 0.7956394074, 0.6527108634, 0.4215829155, 0.3910381111],
+    "fold": [0.6188807084, 0.6392503634, 0.4267694361, 0.4352821092, 0.3249850323, 0.3264588832],
+}
+
+
+def clutch(limit: float, *, stiffness: float | None = None, phase: float = 0.0) -> System:
+    """The clutch of figure 13, with friction on the rate of q1."""
+    stage = Contact(
+        "stage2",
+        {"q1": 1.0},
+        [Stage(1.0, 1.0)],
+        force={"q1": 0.9, "q3": -0.54},
+        law="hunt-crossley",
+        impact_damping=0.05,
+    )
+    lining = friction("lining", {"q1": 1.0}, limit, stiffness=stiffness, force={"q1": 1.0, "q3": -0.6})
+    return System(
+        ("q1", "q3"),
+        [[0.1, -0.6], [-0.06, 1.1]],
+        [[0.04, -0.04], [-0.04, 0.06]],
+        mean={"q1": 0.25, "q3": 0.25},
+        contacts=[stage, lining],
+        harmonics=[Harmonic(0.25, {"q1": 1.0}, phase=phase)],
+        frequency=2.0,
+    )
+
+
+def impacts(amplitude: float) -> System:
+    """The impact oscillator of COCO's demo "impact"."""
+    wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)
+    load = Harmonic(amplitude, {"x": 1.0}, name="load")
+    return System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[load], frequency=1.0)
+
+
+def places(branch: Branch, kind: str) -> list[float]:
+    return [each.value for each in branch.special_points if str(each.kind) == kind]
+
+
+def test_the_clutch_with_friction_has_the_points_of_another_program() -> None:
+    branch = gw.follow(gw.find_orbit(clutch(0.005)), "frequency", 0.15)
+    assert branch.points[-1].value == pytest.approx(0.15)
+    for kind, expected in CLUTCH.items():
+        assert sorted(places(branch, kind)) == pytest.approx(sorted(expected), abs=1e-9)
+    assert not places(branch, "neimark-sacker")
+
+
+@pytest.mark.parametrize("phase", [1.0, 2.5])
+def test_the_points_do_not_depend_on_where_the_section_is(phase: float) -> None:
+    """At the first phase a corner of grazing-sliding ends the steps; at the second the section falls into stick."""
+    branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase)), "frequency", 0.3)
+    folds, flips = places(branch, "fold"), places(branch, "flip")
+    assert branch.points[-1].value == pytest.approx(0.3)
+    assert folds == pytest.approx([0.6180155557, 0.6381430507, 0.4268292830, 0.4375494545], abs=1e-9)
+    assert flips[:4] == pytest.approx([1.3319012039, 1.2421425130, 0.7844917143, 0.6491234235], abs=1e-9)
+    assert places(branch, "grazing-sliding")[0] == pytest.approx(0.4325314254, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [None, 10.0])
+def test_the_diagram_of_the_clutch_with_friction_is_closed(stiffness: float | None) -> None:
+    start = gw.find_orbit(clutch(0.02, stiffness=stiffness))
+    diagram = gw.diagram(start.system, "frequency", (2.0, 0.15), start=start)
+    for each in diagram.branches:
+        assert EndReason.STEP not in [end.reason for end in each.ends], each
+
+
+@pytest.mark.parametrize("amplitudes", [(0.05, 0.11), (0.11, 0.05)])
+def test_a_walk_passes_the_graze_of_a_rigid_stop(amplitudes: tuple[float, float]) -> None:
+    first, last = amplitudes
+    branch = gw.follow(gw.find_orbit(impacts(first)), "load.amplitude", last)
+    assert branch.points[-1].value == pytest.approx(last)
+    assert places(branch, "grazing") == pytest.approx([0.1], abs=1e-11)
+    assert places(branch, "fold") == pytest.approx([closed_forms.one_impact_fold()], abs=1e-11)
+
+
+def test_the_velocity_after_an_impact_is_that_of_another_program() -> None:
+    (event,) = gw.find_orbit(impacts(1.0)).events
+    assert -0.8 * event.velocity == pytest.approx(-1.3565863500759, abs=1e-12)
