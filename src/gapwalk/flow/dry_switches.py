@@ -247,7 +247,14 @@ class DrySwitches(DryState):
             if other != place and memory is not None and self._stops_too(other, now, theta):
                 self._at_memory(other, False, -self.slips[other], theta, now)
         if self.memory_of[place] is not None:
+            hidden = [
+                other
+                for other, memory in enumerate(self.memory_of)
+                if memory is None and self._stops_too(other, now, theta)
+            ]
             self._at_memory(place, bool(second), direction, theta, now)
+            if hidden:  # it lets the others stop with it
+                self._stop(hidden[0], theta, now)
         elif self.sticks[place]:
             if direction <= 0:  # otherwise its force returns within the bound
                 self._release(place, -1 if second else 1, theta, now)

@@ -237,7 +237,7 @@ class SweepWork(Work):
             if place != self._place(segment):
                 raise ValueError("a segment is stored in the place of another one")
             count = len(places_of(self.lanes[lane].way, self.asked.steps, number))
-            shape = (count, self.asked.points, 2 * self.system.size)
+            shape = (count, self.asked.points, self.system.state_size)
             if not segment.sections.shape == shape or not (
                 len(segment.regimes) == len(segment.transients) == len(segment.settled) == count
             ):

@@ -1,0 +1,94 @@
+"""Studies with friction and rigid stops that are killed, stopped, or done by two at once come to the same results."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.errors import Interrupted
+from gapwalk.parallel.workers import local_workers
+from tests.dry.dry_jobs import STUDIES, study_of
+from tests.interruption import until_ctrl_c
+from tests.studies.killing import killed_after
+from tests.studies.same import assert_same_branch, assert_same_result
+
+SAFE = {"response": 12, "settle": 1, "sweep": 1}
+"""Lines after which a study is killed."""
+
+
+@cache
+def undisturbed(kind: str) -> gw.Result:
+    return gw.run(study_of(kind))
+
+
+def program(kind: str, path: Path) -> str:
+    return f"from tests.dry.dry_jobs import main; main({kind!r}, {str(path)!r})"
+
+
+@pytest.mark.parametrize("kind", STUDIES)
+def test_a_study_that_is_killed_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.gapwalk"
+    lines = killed_after(SAFE[kind], program(kind, path), longest_wait=0.1)
+    if kind != "settle":  # its only line is its last
+        assert "complete" not in lines
+        assert not gw.load(path).complete
+    gw.run(study_of(kind), path, resume=path.exists())
+    assert_same_result(gw.load(path), undisturbed(kind))
+
+
+@pytest.mark.parametrize("kind", ["response", "sweep"])
+def test_a_study_that_is_stopped_by_ctrl_c_keeps_what_it_has_and_goes_on(kind: str, tmp_path: Path) -> None:
+    path, calls = tmp_path / "a.gapwalk", []
+
+    def report(*news: object) -> None:
+        calls.append(news)
+        if len(calls) == SAFE[kind]:
+            signal.raise_signal(signal.SIGINT)
+
+    found = until_ctrl_c(gw.run, study_of(kind), path, report=report)
+    assert not found.complete
+    assert not gw.load(path).complete
+    gw.run(study_of(kind), path, resume=True)
+    assert_same_result(gw.load(path), undisturbed(kind))
+
+
+def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:
+    orbit = undisturbed("response").branches[0].points[0].orbit
+
+    def report(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted):
+        gw.follow(orbit, "frequency", 0.61, report=report)
+    state = gw.find_orbit(orbit.system, start=orbit.state).state
+    np.testing.assert_allclose(state, orbit.state, rtol=0.0, atol=1e-12)
+
+
+def test_two_processes_find_the_same_as_one() -> None:
+    alone = undisturbed("sweep").finding
+    assert alone is not None
+    options = gw.SweepOptions(steps=25, points=13, ways="up and down")
+    sweeps = []
+    for count in (1, 2):
+        with local_workers(count) as workers:
+            sweeps.append(
+                gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), options=options, workers=workers)
+            )
+    for found in sweeps:
+        np.testing.assert_array_equal(found.sections, sweeps[0].sections)
+        np.testing.assert_array_equal(found.sections[0], alone.record.sections[0])
+
+
+def test_two_threads_find_the_same_as_one() -> None:
+    orbit = undisturbed("response").branches[0].points[0].orbit
+    alone = gw.follow(orbit, "frequency", 0.615)
+    with ThreadPoolExecutor(2) as threads:
+        found = list(threads.map(lambda _: gw.follow(orbit, "frequency", 0.615), range(2)))
+    for branch in found:
+        assert_same_branch(branch, alone)
