@@ -36,7 +36,7 @@ SAME = 1e-6
 """Distance of two states, relative to their size, within which they count as equal."""
 
 
-_SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are told from its end
+_SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are distinguished from its end
 
 
 @dataclass(frozen=True, eq=False)
