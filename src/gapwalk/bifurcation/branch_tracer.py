@@ -388,6 +388,13 @@ class BranchTracer(Iterator[Step]):
         end = self.walk.end
         if self._ends_at_parent(before, last) or end is None:
             return
+        full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
+        at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < _BEGINNING)
+        if any(each.switch in rigid for each in at_start):
+            advice = "there the state jumps: begin the period elsewhere, with another phase of the loads"
+            detail = f"{end.detail}; an impact comes to the start of the period, and {advice}"
+            self.walk.finish(last, End(end.reason, end.value, detail))
+            return
         for each in margins_of(last) if last.orbit.is_exact else []:
             if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
                 name = last.orbit.system.structure.contacts[each.contact].name

@@ -22,7 +22,6 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.friction_phases import text_of
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.sticking import collapses
 
 _PROBES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)  # distances beyond the corner at which the derivatives are evaluated
 _STEPS = (1e-6, 1e-5, 1e-7, 1e-4)  # lengths of the step over the corner
@@ -41,9 +40,10 @@ class Passage(NamedTuple):
 
 def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     """Return the step over a corner from a point just before it; None if there is none near."""
-    if not collapses(point.orbit.system):
+    here = sequence(point.orbit)
+    if not point.orbit.slips or not any(_differs(corrector, point, probe) for probe in _PROBES):
         return None
-    here, corner = sequence(point.orbit), _corner(corrector, point)
+    corner = _corner(corrector, point)
     for guess, tangent, length in _guesses(corrector, corner):
         correction = corrector.correct(guess, tangent, near=1e-3 * length)
         if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
@@ -52,6 +52,15 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
         if sequence(beyond.orbit) != here:
             return Passage(beyond, _special(corrector, corner, beyond), length)
     return None
+
+
+def _differs(corrector: Corrector, point: BranchPoint, probe: float) -> bool:
+    """Return True if the motion a little ahead of a point, which need not be periodic, has another sequence."""
+    try:
+        ahead = corrector.uncorrected(point.x + probe * point.tangent, point.tangent, point.arclength)
+    except NumericalError:
+        return False
+    return sequence(ahead.orbit) != sequence(point.orbit)
 
 
 def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
@@ -74,9 +83,9 @@ def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
 
 
 def sequence(orbit: Orbit) -> tuple[object, ...]:
-    """Return the sequences of slip and stick of all friction in one period, its modes at the start, and the closings."""
+    """Return the sequences of slip and stick of all friction in one period, and its modes at the start."""
     start = tuple(event.slip for event in orbit.slips if not event.theta)
-    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), start, orbit.closings
+    return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), start
 
 
 def _guesses(corrector: Corrector, corner: BranchPoint):

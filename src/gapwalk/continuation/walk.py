@@ -233,8 +233,10 @@ class Walk(Iterator[BranchPoint]):
 
     def bent_step(self, step: float) -> BranchPoint | None:
         """Return the point a short step ahead if the branch may have a sharp bend before it; None if there is none."""
-        self.step = step
-        return self._try_step(_BEND, math.tan(_BEND))[1]
+        kept, self.step = self.step, step
+        point = self._try_step(_BEND, math.tan(_BEND))[1]
+        self.step = kept
+        return point
 
     def _try_step(self, turn: float | None = None, far: float = _FAR) -> tuple[Correction | None, BranchPoint | None]:
         """Return the correction from the best guess that leads to an acceptable point, and the point."""

@@ -92,7 +92,8 @@ class Held(NamedTuple):
 def touches(orbit: Orbit) -> list[Touch]:
     """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
 
-    For a crossing, the depth is computed from the velocity there. Rigid stops are left out: nothing is deep in them.
+    For a crossing, the depth is computed from the velocity there. In a rigid stop nothing is deep; an impact has the
+    depth that the motion would reach without it.
     """
     places: list[tuple[float, int, float | None]] = [
         (theta, switch, depth)
@@ -100,8 +101,8 @@ def touches(orbit: Orbit) -> list[Touch]:
         for theta, depth in zip(*turns, strict=True)
     ]
     places += [(event.theta, event.switch, None) for event in orbit.events]
+    places = sorted((each for each in places if each[0] > 0.0), key=lambda each: each[:2])
     rigid = {switch for _, switch in orbit.system.structure.reactions}
-    places = sorted((each for each in places if each[0] > 0.0 and each[1] not in rigid), key=lambda each: each[:2])
     if not places:
         return []
     thetas = sorted({theta for theta, _, _ in places})
@@ -114,7 +115,7 @@ def touches(orbit: Orbit) -> list[Touch]:
         if depth is None:
             if speed * acceleration < 0.0:
                 found.append(Touch(switch, theta, -0.5 * speed**2 / acceleration, acceleration))
-        elif depth * acceleration > 0.0:
+        elif depth * acceleration >= 0.0 or (switch in rigid and acceleration < 0.0):
             found.append(Touch(switch, theta, depth, acceleration))
     return sorted(found, key=lambda touch: abs(touch.depth))
 
