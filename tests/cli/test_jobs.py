@@ -17,7 +17,7 @@ from gapwalk.cli.progress import ProgressLine, progress_of
 from tests.studies.jobs import MODELS
 
 ENDINGS = {
-    "settle": ("section", "lines", "sides", "contacts", "signals"),
+    "settle": ("section", "lines", "sides", "contacts", "signals", "work", "losses"),
     "sweep": ("points", "regimes"),
     "basins": ("cells", "attractors"),
     "regimes": ("cells",),

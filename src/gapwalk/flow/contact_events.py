@@ -124,7 +124,7 @@ class Switchboard:
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks, *moving))
         self._orders = np.array(layout.orders, dtype=float)
         self.modes, self.dry = ModeSwitches(equations), DrySwitches(equations)
-        self._impacts = Impacts(self.dry, self._refresh_modes)
+        self._impacts = Impacts(self.dry, self.modes)
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
@@ -189,9 +189,13 @@ class Switchboard:
         if not self.dry.count:
             return
 
+        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
+
         def change(coefficients: NDArray[np.float64]) -> None:
-            self._coefficients = self.modes.coefficients = coefficients
-            self._of_motion.clear()
+            switches = mine()
+            assert switches is not None
+            switches._coefficients = switches.modes.coefficients = coefficients
+            switches._of_motion.clear()
 
         self.dry.closed = self._closed()
         self.dry.start(self._system, self._directions(), theta, self._unit, change)

@@ -7,7 +7,7 @@ friction, so what sticks may slip from there on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.event_rule import pass_event
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.mode_switches import ModeSwitches
 
 _TAIL = 1e-6  # radians that further impacts may last together for the contact to be held at once
 _INTO = 1e-13  # share of the size of the velocities above which a stop that is held is struck too
@@ -29,12 +30,12 @@ class Impacts:
     ----------
     dry
         Its modes of friction and stops.
-    refresh
-        Function that sets the modes of laws for the rates after an impact: those of ``abs(v)`` jump with them.
+    modes
+        The modes of its laws, which are set for the rates after an impact: those of ``abs(v)`` jump with them.
     """
 
-    def __init__(self, dry: DrySwitches, refresh: Callable[[float], None]) -> None:
-        self._dry, self._layout, self._refresh = dry, dry.layout, refresh
+    def __init__(self, dry: DrySwitches, modes: ModeSwitches) -> None:
+        self._dry, self._layout, self._modes = dry, dry.layout, modes
 
     def strike(self, switch: int, theta: float) -> list[int]:
         """Reset the state at an impact on the stop of a switch, and transform its derivatives.
@@ -52,7 +53,8 @@ class Impacts:
         reset = partial(self._reset, struck, False)
         while True:
             dry.state[: dry.size] = after = reset(before, dry.base, theta)
-            self._refresh(theta)
+            if self._modes.mode_count:
+                self._modes.refresh(theta, dry.closed)
             into = self._struck_too(struck[-1], theta)
             if into is None or len(struck) > len(dry.sign_of) ** 2:
                 break

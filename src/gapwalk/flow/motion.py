@@ -22,7 +22,7 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, friction_of, is_dry, modes_along, modes_at
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.forces import contact_deflections
+from gapwalk.flow.forces import Angles, contact_deflections
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.displacement import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -123,6 +123,18 @@ class Motion:
         if self.holds:
             return modes_along(self.system.structure, self.theta, self.slips, self.holds)
         return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
+
+    @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
+        structure, layout, numbers = self.system.structure, layout_of(self.system.structure), self._coefficients
+        extending, friction = np.zeros_like(self.z), [*friction_of(structure)]
+        for place, contact in enumerate(structure.memories):
+            slots = layout.contacts[contact]
+            rate = self.v @ numbers[slots.deflection] - numbers[slots.numbers["speed"]]
+            rate = rate + Angles(layout, numbers, self.theta).sway(slots, 0, 1)
+            extending[:, place] = rate * (self.slip[:, friction.index(contact)] == 0.0)
+        return np.hstack((self.v, self.a, extending))
 
     @property
     def slip(self) -> NDArray[np.float64]:

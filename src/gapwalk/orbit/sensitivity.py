@@ -99,8 +99,7 @@ class Sensitivity:
             through_state = signal.slope(motion, states[:, :, k])
             by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
             sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
-        rate = np.hstack((motion.v, motion.a)) / system.frequency
-        by_angle = signal.slope(motion, rate, theta=1.0)
+        by_angle = signal.slope(motion, motion.rates / system.frequency, theta=1.0)
         return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
 
     @cached_property

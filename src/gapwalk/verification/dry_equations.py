@@ -25,7 +25,7 @@ _ALL = slice(None)
 _STEP = 1e-150  # of the complex step
 
 
-@dataclass
+@dataclass(eq=False)
 class Modes:
     """The modes of a motion.
 

@@ -7,6 +7,8 @@ const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash",
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
   "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9],
+  "crossing-sliding": ["x-thin-open", "--pair", 8], "switching-sliding": ["y-down-open", "--pair", 9], "grazing-sliding": ["line-ew-open", "--pair", 9],
+  "adding-sliding": ["cross-thin-open", "--pair", 8], "slip-onset": ["hexagon", "--pair", 8],
 };
 // points of codimension two, in the symbols of the pictures for print
 const CODIM2 = {
