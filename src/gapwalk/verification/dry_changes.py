@@ -19,7 +19,7 @@ class Change(NamedTuple):
     """
 
     kind: str
-    index: int
+    number: int
     mode: int
     theta: float
     slope: float
@@ -36,8 +36,8 @@ def mismatch(orbit: Orbit, changes: Sequence[Change]) -> float:
     stored = [Change("contact", each.switch, int(each.enters), each.theta, 1.0) for each in orbit.events]
     stored += [Change("slip", each.contact, each.slip, each.theta, 1.0) for each in orbit.slips]
     worst = 0.0
-    for key in sorted({(each.kind, each.index) for each in (*stored, *changes)}):
-        theirs, ours = ([each for each in those if (each.kind, each.index) == key] for those in (stored, changes))
+    for key in sorted({(each.kind, each.number) for each in (*stored, *changes)}):
+        theirs, ours = ([each for each in those if (each.kind, each.number) == key] for those in (stored, changes))
         if key[0] == "contact" and key[1] in rigid:
             worst = max(worst, _of_impacts(theirs, ours, end))
         else:

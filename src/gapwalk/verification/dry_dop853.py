@@ -371,7 +371,7 @@ class _Motion:
                 h *= max(0.2, ratio)
         longer = max(self._step, h) if h == most else h
         self._step = min(longer * min(4.0, max(ratio, 0.2)), 0.5)
-        found = self._first_event(h, new, rates, hops)
+        found, key = self._first_event(h, new, rates, hops), None
         if found is not None:
             h, key = found
             new, rates = (self._stepped(h, rates[0])) if h > 0.0 else (self.states.copy(), rates[:1])
@@ -379,7 +379,7 @@ class _Motion:
             self.error += error
             self._watch(h, new, rates)
         self.states, self.theta = new, self.theta + h if found is not None or h < stop - self.theta else stop
-        return None if found is None else key
+        return key
 
     def _hops(self) -> dict[tuple[str, int], float]:
         """Return the angles until rigid stops are hit that are near, by parabolas."""

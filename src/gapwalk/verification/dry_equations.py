@@ -7,6 +7,7 @@ their imaginary parts, if small, are then changes of the motion.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -121,8 +122,8 @@ class DryEquations(Equations):
         stuck = [index for index in self.dry if index not in self.memories and not modes.slip[index]]
         return [*stuck, *(int(self.contact_of[switch]) for switch in sorted(modes.held))]
 
-    def _named(self, prefix: str, numbers: dict[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
-        return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else numbers
+    def _named(self, prefix: str, numbers: Mapping[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
+        return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else dict(numbers)
 
     def loading(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Loading:
         """Compute accelerations, forces and limits.
