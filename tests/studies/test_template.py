@@ -67,7 +67,8 @@ def test_what_the_comments_of_the_template_offer_is_right() -> None:
 def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     text = template()
     offered = text[text.index("# second = ") : text.index('# A study kind = "locus"')]
-    lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
+    # a list goes on in a line that is indented
+    lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line or line.startswith("#  ")]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "map"', *lines]))))
     assert isinstance(study.options, MapStudyOptions)
     assert study.options.limits == MapOptions()
