@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,9 @@ from gapwalk.bifurcation.friction_margins import may_change
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.flow.friction_gauge import Course, FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
 from gapwalk.orbit.measures import apart
@@ -35,8 +36,10 @@ from gapwalk.orbit.orbit import Orbit
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
 _SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
-_SAMPLES = 16  # per radian: samples of a phase, before refinement
-_ZOOMS, _ZOOM = 2, 16  # refinements of the samples about the least one, and their number
+_SAMPLES, _ZOOM = 16, 16  # samples of a phase per radian, before refinement, and the least number of them
+_TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
+_SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
+_AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
@@ -114,10 +117,10 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
 
 def _bound(orbit: Orbit, change: Change) -> float:
     """Return the force at which slip begins, at the angle of a change."""
-    gauge, state = FrictionGauge(layout_of(orbit.system.structure), change.contact), _state(orbit, change.theta)
-    modes = gauge.sticking(_modes(orbit, change.theta, True))
-    sides = [gauge.reserve(coefficients_of(orbit.system), change.theta, state, modes, side) for side in (1, -1)]
-    return 0.5 * float(sides[0] + sides[1])
+    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), _instant(orbit, change.theta)
+    return float(
+        gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))[0]
+    )
 
 
 def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) -> list[Change] | None:
@@ -302,6 +305,7 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         If the motion has nothing of the kind there.
     """
     full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
+    coefficients = coefficients_of(orbit.system)
     if change.reverses:
         phases = orbit.friction.get(change.contact, [])
         theta = min(
@@ -315,45 +319,72 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         )
         if not apart(theta, near, full) < _SAME:
             raise LookupError
-        modes = gauge.sticking(_modes(orbit, theta, True))
-        return theta, float(
-            gauge.reserve(coefficients_of(orbit.system), theta, _state(orbit, theta), modes, -change.side)
-        )
-    function = gauge.rate if change.before else gauge.reserve
+        now = _instant(orbit, theta)
+        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
+        return theta, float(reserve)
+    quantity = _Quantity(orbit, gauge, change)
     own = _own_phase(orbit, change, near)
     if own is not None:
-        modes = _kept(gauge, change, _modes(orbit, own.start, True))
-        now = coefficients_of(orbit.system), own.start, _state(orbit, own.start), modes, change.side
-        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
-        return own.start, -(slope**2) / (2.0 * abs(bend)) if bend else 0.0
-    return _least(orbit, gauge, function, change, near)
+        course = quantity.course(_instant(orbit, own.start))
+        # the angle is that of the vertex, which the least value has on the other side of the change
+        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
+    return _least(orbit, quantity, change, near)
 
 
-def _kept(gauge: FrictionGauge, change: Change, modes: Modes) -> Modes:
-    """Return the modes with the friction as it is before the phase of a change."""
-    return gauge.slipping(modes, change.before) if change.before else gauge.sticking(modes)
+class _Instant(NamedTuple):
+    """One instant of an orbit: its angle, its state, and the modes just before it."""
+
+    theta: float
+    state: NDArray[np.float64]
+    modes: DryModes
 
 
-def _modes(orbit: Orbit, theta: float, before: bool) -> Modes:
-    return modes_at(orbit.system.structure, orbit.slips, orbit.events, theta % (PERIOD * orbit.period), before)
+def _instant(orbit: Orbit, theta: float) -> _Instant:
+    return _instants(orbit, [theta])[0]
 
 
-def _state(orbit: Orbit, theta: float) -> NDArray[np.float64]:
-    return states_at(orbit, [theta])[0]
+def _instants(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> list[_Instant]:
+    """Return the states of an orbit, and its modes, at angles, which may lie beyond its period."""
+    full = PERIOD * orbit.period
+    # the modes before the start of the period are those at its end
+    angles = [angle if (angle := theta % full) > _AT_START else angle + full for theta in map(float, thetas)]
+    grid, places = np.unique([0.0, *angles], return_inverse=True)
+    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)
+    modes = modes_along(orbit.system.structure, grid, found.slips, found.holds, before=True)
+    return [_Instant(float(grid[place]), found.states[place], modes.at(place)) for place in places[1:].tolist()]
 
 
-def states_at(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the states of an orbit at angles, which may lie beyond its period; shape (angles, state_size)."""
-    angles = np.asarray(thetas, dtype=float) % (PERIOD * orbit.period)
-    grid, places = np.unique(np.append(0.0, angles), return_inverse=True)
-    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid).states[places[1:]]
+class _Quantity:
+    """Slip rate or reserve of one orbit, whose least value is the margin of a change."""
+
+    def __init__(self, orbit: Orbit, gauge: FrictionGauge, change: Change) -> None:
+        self._gauge, self._change, self._coefficients = gauge, change, coefficients_of(orbit.system)
+        self._function = gauge.rate if change.before else gauge.reserve
+
+    def _modes(self, now: _Instant) -> DryModes:
+        """Return the modes with the friction as it is before the phase of the change."""
+        before = self._change.before
+        return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
+
+    def values(self, instants: list[_Instant]) -> NDArray[np.float64]:
+        """Return it at some instants between which no modes of other friction change."""
+        thetas, states = (np.array([each[place] for each in instants]) for place in (0, 1))
+        modes = self._modes(instants[len(instants) // 2])
+        return self._function(self._coefficients, thetas, states, modes, self._change.side)
+
+    def course(self, now: _Instant) -> Course:
+        """Return it at an instant, with its derivatives."""
+        at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
+        return self._gauge.course(self._function, *at)
+
+    def turned(self, course: Course) -> float:
+        """Return the angle from an instant to the vertex of the parabola there."""
+        return course.vertex / float(self._coefficients[0])
 
 
-def _least(
-    orbit: Orbit, gauge: FrictionGauge, function: Callable[..., Any], change: Change, near: float
-) -> tuple[float, float]:
-    """Return the angle and the value of the minimum of a function within a phase, the nearest to another angle."""
-    full, coefficients = PERIOD * orbit.period, coefficients_of(orbit.system)
+def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
+    """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
+    full = PERIOD * orbit.period
     hosts = [
         phase
         for phase in orbit.friction.get(change.contact, [])
@@ -362,37 +393,39 @@ def _least(
     if not hosts:
         raise LookupError
     host = max(hosts, key=lambda phase: phase.length)
-    whole = host.length >= full
-    modes = _kept(gauge, change, _modes(orbit, host.start + 0.5 * host.length, True))
-
-    def values(thetas: NDArray[np.float64]) -> NDArray[np.float64]:
-        return function(coefficients, thetas, states_at(orbit, thetas), modes, change.side)
-
+    if host.contains(near, full):
+        found = _vertex(orbit, quantity, near, _TRACKED)
+        if found is not None:
+            return found
     count = max(_ZOOM, math.ceil(_SAMPLES * host.length))
     thetas = np.linspace(host.start, host.stop, count + 1)
-    found = values(thetas)
-    lowest = (found[1:-1] <= found[:-2]) & (found[1:-1] <= found[2:])
+    values = quantity.values(_instants(orbit, thetas))
+    lowest = (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
     places = 1 + np.flatnonzero(lowest)
-    if whole and found[0] <= min(found[1], found[-2]):
+    if host.length >= full and values[0] <= min(values[1], values[-2]):
         places = np.append(places, 0)
     near_ones = [place for place in places if apart(float(thetas[place]), near, full) < _SAME]
     if not near_ones:
         raise LookupError
-    best, width = thetas[min(near_ones, key=lambda place: found[place])], thetas[1] - thetas[0]
-    for _ in range(_ZOOMS):
-        fine = np.linspace(best - width, best + width, 2 * _ZOOM + 1)
-        best, width = fine[int(np.argmin(values(fine)))], width / _ZOOM
-    theta, value = float(best), math.nan
-    for _ in range(2):
-        state = _state(orbit, theta)
-        now = coefficients, theta, state, modes, change.side
-        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
-        if not bend > 0.0:
-            raise LookupError
-        shift = max(-width, min(width, -slope / bend / float(coefficients[0])))
-        value = float(function(*now)) - slope**2 / (2.0 * bend)
+    best = min(near_ones, key=lambda place: values[place])
+    found = _vertex(orbit, quantity, float(thetas[best]), 2.0 * float(thetas[1] - thetas[0]))
+    if found is None:
+        raise LookupError
+    return found
+
+
+def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:
+    """Return angle and value of the minimum of a quantity near an angle, by Newton's method; None if it is far off."""
+    start = theta
+    for _ in range(_REFINEMENTS):
+        course = quantity.course(_instant(orbit, theta))
+        shift = quantity.turned(course)
+        if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
+            return None
         theta += shift
-    return theta % full, value
+        if abs(shift) < _SETTLED:
+            return theta % (PERIOD * orbit.period), course.value - course.depth
+    return None
 
 
 def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], int]) -> list[str]:

@@ -14,19 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.flow.dry_motion import DryModes
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.friction_phases import FrictionPhase
 from gapwalk.orbit.measures import apart
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, survey_of
 
-_SAMPLES = 96  # per forcing period
 _SAME = 0.5  # radians by which a margin may move between two points
 _DOUBT = 0.5  # share of its bend by which a margin may have moved between two points; 1/8 for a parabola
 _NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
 _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
+
+Array = NDArray[np.float64]
 
 
 class Margin(NamedTuple):
@@ -63,51 +65,83 @@ def margins_of(point: BranchPoint) -> list[Margin]:
 
 
 def margins_of_orbit(orbit: Orbit) -> list[Margin]:
-    """Return all margins of an orbit."""
-    full, coefficients, found = PERIOD * orbit.period, coefficients_of(orbit.system), []
-    starts = sorted({phase.start % full for phases in orbit.friction.values() for phase in phases})
-    grid = np.unique(np.concatenate((np.linspace(0.0, full, _SAMPLES * orbit.period + 1), starts)))
-    states = flow_of(orbit.system).sample(coefficients, orbit.state, grid).states
-    for contact, phases in orbit.friction.items():
-        gauge = FrictionGauge(layout_of(orbit.system.structure), contact)
-        for place, phase in enumerate(phases):
-            past = phases[place - 1].mode
-            inside = np.flatnonzero([phase.contains(theta, full) for theta in grid[:-1]])
-            inside = inside[np.argsort((grid[inside] - phase.start) % full, kind="stable")]
-            if len(inside) > 2:
-                modes = _modes(orbit, phase.start + 0.5 * phase.length)
-                for side in (phase.mode,) if phase.mode else (1, -1):
-                    function = gauge.rate if phase.mode else gauge.reserve
-                    values = function(coefficients, grid[inside], states[inside], modes, side)
-                    found += _least(contact, phase, side, grid[inside], values, phase.length >= full)
-            if past and past != phase.mode and gauge.memory is None:
-                start = int(np.searchsorted(grid, phase.start % full))
-                modes = gauge.sticking(modes_at(orbit.system.structure, orbit.slips, orbit.events, grid[start], True))
-                now = coefficients, grid[start], states[start], modes
-                own, other = (float(gauge.reserve(*now, side)) for side in (-past, past))
-                found.append(Margin(contact, "stop", past, float(grid[start]), own, own + other))
-    return found
+    """Return all margins of an orbit, from the samples of its survey."""
+    return [each for contact in orbit.friction for each in _Margins(orbit, contact).all()]
 
 
-def _modes(orbit: Orbit, theta: float) -> Modes:
-    return modes_at(orbit.system.structure, orbit.slips, orbit.events, theta % (PERIOD * orbit.period), True)
+class _Margins:
+    """Margins of one contact that is friction, from the samples of an orbit's survey."""
 
+    def __init__(self, orbit: Orbit, contact: int) -> None:
+        self._contact, self._phases, self._full = contact, orbit.friction[contact], PERIOD * orbit.period
+        self._survey, self._coefficients = survey_of(orbit), coefficients_of(orbit.system)
+        self._gauge = FrictionGauge(layout_of(orbit.system.structure), contact)
 
-def _least(
-    contact: int, phase: FrictionPhase, side: int, thetas: NDArray[np.float64], values: NDArray[np.float64], whole: bool
-) -> list[Margin]:
-    """Return the least values of a quantity within a phase, by parabolas."""
-    if whole:
-        thetas, values = np.append(thetas, thetas[:2] + PERIOD), np.append(values, values[:2])
-    found, what = [], "rate" if phase.mode else "reserve"
-    for place in 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])):
-        slope, bend = 0.5 * (values[place + 1] - values[place - 1]), values[place - 1 : place + 2] @ (1.0, -2.0, 1.0)
-        value = float(values[place] - (0.5 * slope**2 / bend if bend > 0.0 else 0.0))
-        # the samples are even but for those at events
-        width = (thetas[place] - thetas[place - 1]) % PERIOD
-        shift = -width * slope / bend if bend > 0.0 else 0.0
-        found.append(Margin(contact, what, side, float(thetas[place] + shift), value, float(values.max())))
-    return found
+    def all(self) -> list[Margin]:
+        """Return all margins."""
+        thetas, found = self._survey.thetas, []
+        rates = self._gauge.rate(self._coefficients, thetas, self._survey.states, None, 1)
+        inside = [self._inside(phase) for phase in self._phases]
+        sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
+        ends = [
+            place for place, phase in enumerate(self._phases) if self._phases[place - 1].mode not in (0, phase.mode)
+        ]
+        starts = [int(np.searchsorted(thetas, self._phases[place].start % self._full)) for place in ends]
+        asked = [(inside[place], int(inside[place][len(inside[place]) // 2])) for place in sticks]
+        if self._gauge.memory is None:
+            asked += [(np.array([start]), start) for start in starts]
+        bounds = self._bounds(asked)
+        for place, (own, phase) in enumerate(zip(inside, self._phases, strict=True)):
+            if phase.mode and len(own) > 2:
+                found += self._least(phase, phase.mode, own, phase.mode * rates[own])
+            elif place in sticks:
+                bound, force = bounds[sticks.index(place)]
+                for side in (1, -1):
+                    found += self._least(phase, side, own, bound - side * force)
+        for place, start, (bound, force) in zip(ends, starts, bounds[len(sticks) :], strict=False):
+            side = self._phases[place - 1].mode
+            own, other = float(bound[0] + side * force[0]), float(bound[0] - side * force[0])
+            found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
+        return found
+
+    def _inside(self, phase: FrictionPhase) -> NDArray[np.intp]:
+        """Return the samples within a phase, in the order of time."""
+        after = (self._survey.thetas[:-1] - phase.start) % self._full
+        inside = np.flatnonzero(after <= phase.length)
+        return inside[np.argsort(after[inside], kind="stable")]
+
+    def _bounds(self, asked: list[tuple[NDArray[np.intp], int]]) -> list[tuple[Array, Array]]:
+        """Return the force at which slip begins, and that in stick, at sets of samples with the modes at one each."""
+        groups: dict[bytes, tuple[DryModes, list[int]]] = {}
+        for number, (_, at) in enumerate(asked):
+            modes = self._gauge.sticking(self._survey.modes.at(at))
+            groups.setdefault(modes.slips.tobytes() + modes.held.tobytes(), (modes, []))[1].append(number)
+        found: dict[int, tuple[Array, Array]] = {}
+        for modes, numbers in groups.values():
+            samples = np.concatenate([asked[number][0] for number in numbers])
+            states, thetas = self._survey.states[samples], self._survey.thetas[samples]
+            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
+            cuts = np.cumsum([len(asked[number][0]) for number in numbers])[:-1]
+            parts = zip(np.split(np.broadcast_to(bound, force.shape), cuts), np.split(force, cuts), strict=True)
+            found |= dict(zip(numbers, parts, strict=True))
+        return [found[number] for number in range(len(asked))]
+
+    def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
+        """Return the least values of a quantity within a phase, by parabolas."""
+        thetas = self._survey.thetas[samples]
+        if phase.length >= self._full:
+            thetas, values = np.append(thetas, thetas[:2] + PERIOD), np.append(values, values[:2])
+        lowest = (values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])
+        found, what, largest = [], "rate" if phase.mode else "reserve", float(values.max())
+        for place in np.flatnonzero(lowest).tolist():
+            before, here, after = values[place : place + 3].tolist()
+            slope, bend = 0.5 * (after - before), before - 2.0 * here + after
+            value = here - (0.5 * slope**2 / bend if bend > 0.0 else 0.0)
+            # the samples are even but for those at events
+            at, width = float(thetas[place + 1]), float(thetas[place + 1] - thetas[place]) % PERIOD
+            shift = -width * slope / bend if bend > 0.0 else 0.0
+            found.append(Margin(self._contact, what, side, at + shift, value, largest))
+        return found
 
 
 def may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:

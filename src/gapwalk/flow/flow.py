@@ -51,6 +51,7 @@ if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
 hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
 _compiling = Lock()
+_NONE = np.zeros((0, 0, 0))  # derivatives of a motion that was sampled without them
 
 
 class Arc(NamedTuple):
@@ -228,13 +229,14 @@ class Flow:
         return self._lend(lambda each: each.vary(coefficients, state, thetas, direction))
 
     def survey(
-        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
-    ) -> tuple[NDArray[np.float64], list[Turn]]:
-        """Return the integrals of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], list[Turn], Variations]:
+        """Return the integrals of positions and squared positions, shape (2, n), all turns, and the sampled motion.
 
-        For a flow compiled for a survey. Errors as in `integrate`.
+        For a flow compiled for a survey. It is sampled at the increasing `thetas`, of which the first is the start, and
+        surveyed up to the last. Errors as in `integrate`.
         """
-        return self._lend(lambda each: each.survey(coefficients, state, stop))
+        return self._lend(lambda each: each.survey(coefficients, state, thetas))
 
     def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
         """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
@@ -345,10 +347,18 @@ class _Integrator:
         jumps = [angle for angle, *_ in modes.jumps_between(0.0, stop)] if modes.cycle_count else []
         return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
 
-    def survey(self, coefficients, state, stop):
-        self.integrate(coefficients, state, 0.0, stop)
+    def survey(self, coefficients, state, thetas):
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), None)
+        rows = self._sampled(np.asarray(thetas, dtype=float))
+        if self._switchboard.is_right():
+            states, last = rows[:, : self.size] * self._unit, rows[-1]
+            found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)
+        else:
+            found = self._vary_piecewise(coefficients, state, thetas, None)
+            self.integrate(coefficients, state, float(thetas[0]), float(thetas[-1]))
+            last = self._state
         units = np.array([[self._unit], [self._unit**2]])
-        return self._state[self.size :].reshape(2, -1) * units, self._turns.found()
+        return last[self.size :].reshape(2, -1) * units, self._turns.found(), found
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.

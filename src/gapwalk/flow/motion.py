@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, friction_of, is_dry, modes_along, modes_at
+from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, is_dry, modes_along, modes_at
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
@@ -113,7 +113,7 @@ class Motion:
             modes = self.modes
         elif is_dry(structure):  # extensions alone determine the forces
             count = len(self.theta)
-            modes = DryModes(np.zeros((count, len(friction_of(structure))), np.int8), np.zeros((count, 0), bool))
+            modes = DryModes(np.zeros((count, len(structure.friction)), np.int8), np.zeros((count, 0), bool))
         moved = self.theta, self.q, self.v, self.z
         return forces_and_accelerations(layout_of(structure), self._coefficients, *moved, modes)
 
@@ -128,7 +128,7 @@ class Motion:
     def rates(self) -> NDArray[np.float64]:
         """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
         structure, layout, numbers = self.system.structure, layout_of(self.system.structure), self._coefficients
-        extending, friction = np.zeros_like(self.z), [*friction_of(structure)]
+        extending, friction = np.zeros_like(self.z), structure.friction
         for place, contact in enumerate(structure.memories):
             slots = layout.contacts[contact]
             rate = self.v @ numbers[slots.deflection] - numbers[slots.numbers["speed"]]
@@ -178,7 +178,7 @@ class Motion:
         """
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
-        widths["slip"] = len(friction_of(structure))
+        widths["slip"] = len(structure.friction)
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
@@ -305,7 +305,7 @@ def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
     structure, extensions = system.structure, system.state_names[2 * system.size :]
-    modes = [f"{structure.contacts[index].name}.slip" for index in friction_of(structure)]
+    modes = [f"{structure.contacts[index].name}.slip" for index in structure.friction]
     return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *train_signals(structure)]
 
 

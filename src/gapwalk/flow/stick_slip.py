@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import friction_of, is_dry
+from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.motion import Motion
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
@@ -171,7 +171,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
                 phases.append(Phase(name, mode, start, stop))
 
     for contact in range(len(names)):
-        if contact in friction_of(structure):
+        if contact in structure.friction:
             marks = [(each.theta, MODES[each.slip]) for each in sampled.slips if each.contact == contact]
             add(names[contact], _without_idle(sampled, contact, marks))
         own = {number for number, (k, switch) in enumerate(structure.reactions) if k == contact and switch >= 0}

@@ -311,6 +311,11 @@ class Structure:
         return tuple(index for index, contact in enumerate(self.contacts) if contact.law.has_memory)
 
     @cached_property
+    def friction(self) -> tuple[int, ...]:
+        """Numbers of the contacts that are dry friction."""
+        return tuple(index for index, contact in enumerate(self.contacts) if contact.law.is_dry)
+
+    @cached_property
     def state_size(self) -> int:
         """Size of a state: n positions, n velocities, and the state of each contact with a memory."""
         return 2 * len(self.coordinates) + len(self.memories)

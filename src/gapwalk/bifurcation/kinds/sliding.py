@@ -42,7 +42,7 @@ class Sliding(Kind):
     turn = 0
     by_multipliers = False
     what: ClassVar[str]
-    """What vanishes there, as in `gapwalk.bifurcation.friction_margins.Margin`."""
+    """Quantity that vanishes there, as in `gapwalk.bifurcation.friction_margins.Margin`."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""

@@ -15,8 +15,9 @@ from gapwalk.bifurcation.loci.locus_equations import LocusEquation
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ConvergenceError
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class Instant(NamedTuple):
-    """What vanishes at the instant of a point of sliding.
+    """Instant of a point of sliding, by the quantity that vanishes there.
 
     Attributes
     ----------
@@ -109,9 +110,9 @@ class SlidingEquation(LocusEquation):
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
-        modes = modes_at(structure, arc.slips, arc.contacts, angle - lead, True)
+        modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
         slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
-        pairs: dict[str, list[tuple[Callable[..., Any], Modes, int]]] = {
+        pairs: dict[str, list[tuple[Callable[..., Any], DryModes, int]]] = {
             "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
             "rate": [(gauge.rate, slips, side), (gauge.acceleration, slips, side)],
             "reserve": [(gauge.reserve, sticks, side), (_changing(gauge), sticks, side)],
@@ -177,7 +178,7 @@ def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: f
 
 
 def _changing(gauge: FrictionGauge) -> Callable[..., Any]:
-    def changing(coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> float:
+    def changing(coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> float:
         return gauge.change(gauge.reserve, coefficients, theta, y, modes, side)
 
     return changing
