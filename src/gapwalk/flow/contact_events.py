@@ -346,7 +346,8 @@ class Switchboard:
         state = self._state[: 2 * self.n].tolist()
         near = self._are_near(self._depths(state, theta), state, _ON)
         for other in others:
-            if near[other] and theta - self._changed[other] > _REPEATED:
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
+            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
                 self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
