@@ -344,10 +344,15 @@ class Switchboard:
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
-        near = self._are_near(self._depths(state, theta), state, _ON)
+        depths = self._depths(state, theta)
+        near = self._are_near(depths, state, _ON)
         for other in others:
             # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
             if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
+                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
+                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
+                    if reach < -depths[other]:
+                        continue
                 self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
