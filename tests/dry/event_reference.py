@@ -20,6 +20,7 @@ from gapwalk.model.system import System
 
 _OPTIONS = {"rtol": 1e-13, "atol": 1e-14}
 _FIRES = 1e-11  # a guard as far below zero has changed its sign
+_STRIKES = 2e-14  # the same of a gap that may close slowly, at a rate of the order of its square root
 _REST = 1e-11  # rate within which friction may stick
 _HOP = 1e-3  # time of a flight that is located from its parabola
 _HELD = 1e-7  # time of a flight that is not made: an error of the order of its square
@@ -424,7 +425,8 @@ class Reference:
                 known = before[key]
                 if key in hops or known is None:
                     continue
-                if value < -_FIRES and self.guards(t, at(t), modes)[key] < -0.1 * _FIRES:
+                fires = _STRIKES if key[0] == "contact" and key[1] not in modes.held else _FIRES
+                if value < -fires and self.guards(t, at(t), modes)[key] < -0.1 * fires:
                     below, above = known[0], t
                     if self.guards(below, at(below), modes)[key] <= 0.0:
                         fired.append((t0, key))
@@ -432,7 +434,7 @@ class Reference:
                         root = brentq(lambda s, key=key: self.guards(s, at(s), modes)[key], below, above, xtol=1e-15)
                         fired.append((root, key))
                     before[key] = None
-                elif value > _FIRES:
+                elif value > fires:
                     before[key] = (t, value)
             if fired:
                 break

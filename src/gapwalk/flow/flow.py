@@ -15,6 +15,7 @@ from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
 from typing import NamedTuple, NoReturn, TypeVar
+from weakref import WeakMethod
 
 import heyoka as hy
 import numpy as np
@@ -285,6 +286,7 @@ class _Integrator:
         self._turns = TurningPoints(self.equations, taylor, self._switchboard)
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
+            self._switchboard.listener = WeakMethod(self._turns.at_stop)
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
