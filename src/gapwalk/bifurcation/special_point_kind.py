@@ -117,6 +117,7 @@ class Kind(str):
     NEIMARK_SACKER: ClassVar[Kind]
     BRANCH_POINT: ClassVar[Kind]
     GRAZING: ClassVar[Kind]
+    HELD_STOP: ClassVar[Kind]
     CROSSING_SLIDING: ClassVar[Kind]
     SWITCHING_SLIDING: ClassVar[Kind]
     GRAZING_SLIDING: ClassVar[Kind]

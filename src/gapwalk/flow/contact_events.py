@@ -295,7 +295,7 @@ class Switchboard:
         velocity, before = self._rate(switch, theta), self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
-            if reported and inside is before and theta - self._changed[switch] > _REPEATED:
+            if reported and inside is before and not self._repeats(switch, velocity, theta):
                 self.missed += 1
         else:
             inside = self._after_touch(switch, velocity, theta)
@@ -323,6 +323,18 @@ class Switchboard:
             self.dry.closed = self._closed()
         self._refresh_modes(theta)
         return True
+
+    def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
+        """Return True if an event repeats the last change of its switch, within time or distance that is rounding.
+
+        Another event may have set the switch where a motion turns within rounding of the breakpoint: its own follows.
+        """
+        passed = theta - self._changed[switch]
+        if passed <= _REPEATED:
+            return True
+        state = self._state[: 2 * self.n].tolist()
+        near = 4.0 * _ON * (self._scales[switch] + self._size(state))
+        return abs(velocity) * passed * float(self._coefficients[0]) <= near
 
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:

@@ -6,7 +6,7 @@ import { Lines, PALE } from "./lines.js";
 const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
-  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9],
+  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9], "held-stop": ["y-up-open", "--stop", 9],
   "crossing-sliding": ["x-thin-open", "--pair", 8], "switching-sliding": ["y-down-open", "--pair", 9], "grazing-sliding": ["line-ew-open", "--pair", 9],
   "adding-sliding": ["cross-thin-open", "--pair", 8], "slip-onset": ["hexagon", "--pair", 8],
 };
