@@ -144,7 +144,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
     Raises
     ------
     ModelError
-        If the system has no dry friction and no rigid stops, or the motion is of harmonic balance, which has no log.
+        If the system has no dry friction and no rigid stops, or the motion was sampled without its log.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
     structure, end = sampled.system.structure, float(sampled.theta[-1])
     if not is_dry(structure):
         raise ModelError("the system has no dry friction and no rigid stops, so nothing sticks or is held")
-    if not sampled.holds:
+    if not (sampled.holds or sampled.slips):  # harmonic balance logs slip and stick alone, and nothing is held
         raise ModelError("the motion has no log of its friction; integrate it, as orbit.motion() and gw.integrate do")
     names, phases = [form.name for form in structure.contacts], list[Phase]()
 
