@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -120,6 +121,8 @@ def or_rigid() -> WrapValidator:
             raise ValueError(
                 f'is {given(value)}; it must be a stiffness, or "rigid" for a rigid stop with a restitution'
             )
+        if value == math.inf:
+            raise ValueError('is inf; write stiffness = "rigid" with a restitution for a rigid stop')
         return value if value == RIGID else handler(value)
 
     return WrapValidator(check)
@@ -140,7 +143,10 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
         return value
     parameter = next((each for each in law.stage_parameters if each.name == name), None)
     if name == "stiffness" and isinstance(law, Rigid) and value is not None:
-        raise ValueError(f'is {given(value)}, but the contact is rigid; write stiffness = "rigid", or another law')
+        raise ValueError(
+            f'is {given(value)}, but restitution belongs to a rigid stop; write stiffness = "rigid", or leave '
+            "restitution out and write impact_damping"
+        )
     if parameter is None and value is not None:
         raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")
     if parameter is not None and value is None and parameter.default is None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor_catalogue import (
+    IMPOSSIBLE,
     UNRESOLVED,
     AttractorSignature,
     Catalogue,
@@ -20,6 +21,7 @@ from gapwalk.attractors.attractor_catalogue import (
 from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
 from gapwalk.attractors.many_motions import ExactMotions, motions_of
+from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
@@ -100,6 +102,8 @@ class BasinChunk:
 class BasinWork(CellWork):
     """Computation of the attractors to which many states lead.
 
+    States beyond a rigid stop are left out: `states`, `neighbours` and `labels` are those of the others.
+
     Parameters
     ----------
     system
@@ -125,12 +129,25 @@ class BasinWork(CellWork):
         options: BasinOptions,
     ) -> None:
         super().__init__(resolution)
-        self.system, self.states, self.neighbours, self.options = system, states, neighbours, options
+        self._possible = possible = within_stops(system, states)
+        if not possible.any():
+            raise ModelError("all states are beyond rigid stops; begin where the deflections are within the clearances")
+        own, number = np.arange(possible.sum())[:, None], np.cumsum(possible) - 1
+        beside = neighbours[possible]
+        self.system, self.states, self.options = system, states[possible], options
+        self.neighbours = np.where(possible[beside], number[beside], own)  # beyond a stop is as beyond an edge
         self.catalogue = Catalogue(system)
-        self.labels = np.full(len(states), UNRESOLVED)
-        self.checked = BasinCheck(len(states))
+        self.labels = np.full(len(self.states), UNRESOLVED)
+        self.checked = BasinCheck(len(self.states))
         self.is_begun = False
-        self._ends = states.copy()  # where the motions have come to
+        self._ends = self.states.copy()  # where the motions have come to
+
+    @property
+    def all_labels(self) -> NDArray[np.int_]:
+        """The labels of all states, with those beyond rigid stops."""
+        labels = np.full(len(self._possible), IMPOSSIBLE)
+        labels[self._possible] = self.labels
+        return labels
 
     @property
     def total(self) -> int:
@@ -296,7 +313,7 @@ def basin_shares(
         A range or a fixed value for components of the state at theta = 0: ``{"q1": (-4, 4), "q1'": (-4, 4), "q3": 1}``;
         those that are not named are 0.
     starts
-        Number of random starts, evenly distributed over the box.
+        Number of random starts, evenly distributed over the part of the box within all rigid stops.
     confidence
         Probability with which the limits of a share hold.
     options
@@ -322,7 +339,7 @@ def basin_shares(
         raise ModelError(f"starts is {starts!r}; it must be an integer >= 1")
     if not 0.0 < confidence < 1.0:
         raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
-    states = room.draw(starts, options.seed)
+    states = room.draw(starts, options.seed, lambda states: within_stops(system, states))
 
     class Shares(BasinWork):
         whole_part = Part("shares", BasinShares)
