@@ -46,7 +46,7 @@ def clutch(limit):
 
 @pytest.fixture(scope="module")
 def walked():
-    """Return the branch of the clutch with friction over the frequencies of its points of sliding."""
+    """Walk the branch of the clutch with friction over the frequencies of its points of sliding."""
     start = gw.follow(gw.find_orbit(clutch(0.02)), "frequency", 0.6).points[-1].orbit
     return gw.follow(start, "frequency", 0.2)
 
@@ -174,8 +174,7 @@ def test_on_both_sides_of_a_point_the_sequences_differ_by_its_phase(walked):
         assert len(texts[0]) != len(texts[1]), special
 
 
-def test_the_walk_does_not_depend_on_where_the_section_is_taken(walked):
-    """The same motions with another phase of the load begin their period elsewhere."""
+def test_a_walk_with_shorter_steps_has_the_same_points_of_sliding(walked):
     values = [each.value for each in sliding(walked)]
     finer = gw.follow(walked.points[0].orbit, "frequency", 0.2, walk=gw.WalkOptions(largest_step=0.01))
     assert [each.value for each in sliding(finer)] == pytest.approx(values, abs=1e-9)
