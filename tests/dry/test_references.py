@@ -10,9 +10,9 @@ import pytest
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
-from gapwalk.paper import case
 from tests.dry import closed_forms
 from tests.dry.event_reference import Reference
+from tests.flow.dry_systems import clutch
 
 TURN = 2.0 * math.pi
 
@@ -194,22 +194,6 @@ def test_the_work_of_loads_is_dissipated() -> None:
     assert balance == pytest.approx(0.0, abs=1e-11)
 
 
-def clutch(frequency: float) -> System:
-    plain = case("13")
-    contact = Contact(
-        "stage2", {"q1": 1.0}, [Stage(1.0, 1.0)], {"q1": 0.9, "q3": -0.54}, "hunt-crossley", impact_damping=0.05
-    )
-    return System(
-        plain.coordinates,
-        plain.matrix("stiffness"),
-        plain.matrix("damping"),
-        contacts=[contact, friction("dry", {"q1": 1.0}, 0.005, force={"q1": 1.0, "q3": -0.6})],
-        mean={"q1": plain["mean.q1"], "q3": plain["mean.q3"]},
-        harmonics=[Harmonic(plain["harmonic1.amplitude"], {"q1": 1.0})],
-        frequency=frequency,
-    )
-
-
 @pytest.mark.parametrize(
     ("frequency", "guess"),
     [
@@ -219,5 +203,5 @@ def clutch(frequency: float) -> System:
 )
 def test_flips_of_the_clutch_with_friction(frequency: float, guess: list[float]) -> None:
     """Check two flips that a throw-away script found on another integrator, with Coulomb friction in figure 13."""
-    _, slopes = periodic(Reference(clutch(frequency)), guess)
+    _, slopes = periodic(Reference(clutch(0.005).at(frequency=frequency)), guess)
     assert np.abs(np.linalg.eigvals(slopes) + 1.0).min() < 1e-6

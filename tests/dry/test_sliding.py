@@ -10,8 +10,9 @@ import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
-from gapwalk.model.contact import Contact, Stage, friction
+from gapwalk.model.contact import friction
 from gapwalk.orbit.friction_phases import text_of
+from tests.flow.dry_systems import clutch
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
 
@@ -21,27 +22,6 @@ def oscillator(*, amplitude=0.1, damping=C, mean=0.0, **options):
     loads = [gw.Harmonic(amplitude, {"x": 1.0})]
     matrices = {"damping": [[damping]], "mean": {"x": mean}}
     return gw.System(("x",), [[K]], **matrices, contacts=[pad], harmonics=loads, frequency=W)
-
-
-def clutch(limit):
-    stage = Contact(
-        "stage2",
-        {"q1": 1.0},
-        [Stage(1.0, 1.0)],
-        force={"q1": 0.9, "q3": -0.54},
-        law="hunt-crossley",
-        impact_damping=0.05,
-    )
-    lining = friction("lining", {"q1": 1.0}, limit, force={"q1": 1.0, "q3": -0.6})
-    return gw.System(
-        ("q1", "q3"),
-        [[0.1, -0.6], [-0.06, 1.1]],
-        damping=[[0.04, -0.04], [-0.04, 0.06]],
-        mean={"q1": 0.25, "q3": 0.25},
-        contacts=[stage, lining],
-        harmonics=[gw.Harmonic(0.25, {"q1": 1.0})],
-        frequency=2.0,
-    )
 
 
 @pytest.fixture(scope="module")
