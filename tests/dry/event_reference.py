@@ -25,7 +25,8 @@ _REST = 1e-11  # rate within which friction may stick
 _HOP = 1e-3  # time of a flight that is located from its parabola
 _HELD = 1e-7  # time of a flight that is not made: an error of the order of its square
 _AT_ONCE = 60  # events at one instant
-_SAMPLES = np.concatenate((0.5 ** np.arange(30.0, 3.0, -1.0), np.arange(1, 17) / 16.0))
+_SAMPLES = (np.arange(1, 17) / 16.0).tolist()  # shares of a step at which guards are looked at
+_AFTER = (0.5 ** np.arange(30.0, 3.0, -1.0)).tolist()  # and of a step after an event, where guards begin at 0
 
 
 class Event(NamedTuple):
@@ -364,11 +365,12 @@ class Reference:
         log: list[Event] = []
         modes = modes or self.start(t, y, log)
         log += [Event("slip", start, index, modes.slip[index]) for index in self.dry]
-        last, repeated, step = t, 0, 1e-3
+        last, repeated, step, samples = t, 0, 1e-3, _AFTER + _SAMPLES
         while t < end:
-            t_new, y_new, key, step = self._piece(t, y, end, modes, step)
-            t, y = t_new, y_new
+            t, y, key, step = self._piece(t, y, end, modes, step, samples)
+            samples = _SAMPLES
             if key is not None:
+                samples = _AFTER + _SAMPLES
                 self.change(key, t, y, modes, log, lost)
                 repeated = repeated + 1 if t - last <= 1e-14 * (1.0 + abs(t)) else 0
                 last = t
@@ -390,7 +392,7 @@ class Reference:
                         hops["contact", switch] = t0 + root
         return hops
 
-    def _piece(self, t0, y0, end, modes, step):
+    def _piece(self, t0, y0, end, modes, step, samples):
         """Take one step of DOP853, to the first event in it; return time, state, event, and the next step."""
 
         def rates(t, y):
@@ -418,7 +420,7 @@ class Reference:
             if guess <= t1:
                 found.append((guess, key))
         before: dict = {key: (t0, value) for key, value in self.guards(t0, y0, modes).items()}
-        for share in _SAMPLES:
+        for share in samples:
             t = t0 + share * (t1 - t0)
             new = self.guards(t, dense(t) if share < 1.0 else y1, modes)
             for key, value in new.items():

@@ -18,7 +18,7 @@ PARTS = [friction("joint", {"x": 1.0}, 0.2, stiffness=3.0), friction("brake", {"
 
 
 @pytest.mark.parametrize("contacts", [PARTS, PARTS[::-1]], ids=["spring first", "rigid first"])
-def test_both_turn_round_whichever_event_is_told(contacts) -> None:
+def test_both_turn_round_whichever_event_comes_first(contacts) -> None:
     load = gw.Harmonic(1.0, {"x": 1.0})
     system = gw.System(["x"], [[1.0]], [[0.05]], contacts=contacts, harmonics=[load], frequency=0.7)
     flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
@@ -26,7 +26,7 @@ def test_both_turn_round_whichever_event_is_told(contacts) -> None:
     for _ in range(6):
         state = np.array([*numbers.normal(size=2), 0.0])
         expected = reference.integrate(state, 0.0, TURN).state
-        for _ in range(20):  # rounding decides which event is told
+        for _ in range(20):  # rounding decides which comes first
             near = state * (1.0 + 1e-15 * numbers.normal(size=3))
             found = flow.integrate(coefficients, near, 0.0, TURN).state
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10)

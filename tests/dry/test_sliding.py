@@ -10,8 +10,9 @@ import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
-from gapwalk.model.contact import Contact, Stage, friction
+from gapwalk.model.contact import friction
 from gapwalk.orbit.friction_phases import text_of
+from tests.flow.dry_systems import clutch
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
 
@@ -23,30 +24,9 @@ def oscillator(*, amplitude=0.1, damping=C, mean=0.0, **options):
     return gw.System(("x",), [[K]], **matrices, contacts=[pad], harmonics=loads, frequency=W)
 
 
-def clutch(limit):
-    stage = Contact(
-        "stage2",
-        {"q1": 1.0},
-        [Stage(1.0, 1.0)],
-        force={"q1": 0.9, "q3": -0.54},
-        law="hunt-crossley",
-        impact_damping=0.05,
-    )
-    lining = friction("lining", {"q1": 1.0}, limit, force={"q1": 1.0, "q3": -0.6})
-    return gw.System(
-        ("q1", "q3"),
-        [[0.1, -0.6], [-0.06, 1.1]],
-        damping=[[0.04, -0.04], [-0.04, 0.06]],
-        mean={"q1": 0.25, "q3": 0.25},
-        contacts=[stage, lining],
-        harmonics=[gw.Harmonic(0.25, {"q1": 1.0})],
-        frequency=2.0,
-    )
-
-
 @pytest.fixture(scope="module")
 def walked():
-    """Return the branch of the clutch with friction over the frequencies of its points of sliding."""
+    """Walk the branch of the clutch with friction over the frequencies of its points of sliding."""
     start = gw.follow(gw.find_orbit(clutch(0.02)), "frequency", 0.6).points[-1].orbit
     return gw.follow(start, "frequency", 0.2)
 
@@ -174,8 +154,7 @@ def test_on_both_sides_of_a_point_the_sequences_differ_by_its_phase(walked):
         assert len(texts[0]) != len(texts[1]), special
 
 
-def test_the_walk_does_not_depend_on_where_the_section_is_taken(walked):
-    """The same motions with another phase of the load begin their period elsewhere."""
+def test_a_walk_with_shorter_steps_has_the_same_points_of_sliding(walked):
     values = [each.value for each in sliding(walked)]
     finer = gw.follow(walked.points[0].orbit, "frequency", 0.2, walk=gw.WalkOptions(largest_step=0.01))
     assert [each.value for each in sliding(finer)] == pytest.approx(values, abs=1e-9)

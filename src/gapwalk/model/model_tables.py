@@ -41,13 +41,13 @@ from gapwalk.model.schema import (
     Names,
     NonNegative,
     Number,
+    OwnName,
     Part,
     Positive,
     RegularMatrix,
     Text,
     Vector,
     by_shape,
-    claim,
     number_of,
     one_of,
     tagged,
@@ -277,7 +277,7 @@ def is_no_law(damping: object) -> object:
 class ContactBase(LawTable):
     """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
 
-    name: Name = Field(description="its parameters begin with it, as in stage2.clearance")
+    name: OwnName = Field(description="its parameters begin with it, as in stage2.clearance")
     deflection: Direction = Field(description="write by which coordinates it deflects, as in { q1 = 1.0 }")
     force: Vector | None = None
 
@@ -290,12 +290,6 @@ class ContactBase(LawTable):
             return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
         return f"a contact has the damping of its force law; write {' or '.join(names)}"
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
-        claim(name, info)
-        return name
 
     @model_validator(mode="after")
     def _makes_a_contact(self, info: ValidationInfo[Names]) -> ContactBase:
