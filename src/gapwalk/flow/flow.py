@@ -454,7 +454,7 @@ class _Integrator:
         return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
 
 
-def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
+def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool = False, survey: bool = False) -> Flow:
     """Return the compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters
@@ -462,7 +462,7 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     system
         The system.
     *parameters
-        Names of the parameters for which sensitivities are needed.
+        Names of the parameters for which sensitivities are needed; several names for a direction that serves each.
     transition
         True to integrate the state transition matrix too.
     survey

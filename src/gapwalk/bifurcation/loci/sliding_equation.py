@@ -20,7 +20,6 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import layout_of
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation
 
 _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
@@ -82,23 +81,23 @@ class SlidingEquation(LocusEquation):
     units: tuple[float, float]
     tolerance: float
 
-    def place(self, unknowns: Array, value: float) -> Place:
+    def place(self, unknowns: Array, *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
         keeps = self.instant.contact if self.lead >= PERIOD * self.period else None
         plane = cast("ShotPlane", self.plane)
-        return plane.place(unknowns[: -self.others], float(unknowns[-1]), value, keeps)
+        return plane.place(unknowns[: -self.others], float(unknowns[-1]), *others, keeps=keeps)
 
-    def evaluate(self, unknowns: Array, value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
-        place, size = self.place(unknowns, value), len(unknowns) - 2
-        jacobian = np.zeros((size + 2, size + 3))
+    def linearised(self, unknowns: Array, *others: float) -> tuple[Array, Array, Place]:
+        """See `LocusEquation.linearised`."""
+        place, size = self.place(unknowns, *others), len(unknowns) - 2
+        jacobian = np.zeros((size + 2, size + 2 + len(others)))
         jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
         found, jacobian[size:] = self._conditions(place, float(unknowns[-2]))
         residual = np.concatenate((place.residual, found / self.units))
         jacobian[size:] /= np.array(self.units)[:, None]
         if self.instant.what != "stop":
             residual[size] -= _MARGIN
-        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+        return residual, jacobian, place
 
     def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
         """Return both conditions, and their derivatives by unknowns, angle and parameters."""
@@ -118,7 +117,7 @@ class SlidingEquation(LocusEquation):
             "reserve": [(gauge.reserve, sticks, side), (_changing(gauge), sticks, side)],
         }
         own = slips if what != "reserve" else sticks
-        values, derivatives = np.empty(2), np.empty((2, size + 3))
+        values, derivatives = np.empty(2), np.empty((2, size + 1 + len(plane.names)))
         rates = gauge.motion(place.coefficients, angle, there, own)
         for row, (function, modes_of, towards) in enumerate(pairs[what]):
 
@@ -141,7 +140,7 @@ class SlidingEquation(LocusEquation):
             place = self.plane.place(self.plane.unknowns(orbit), *values)
             for _ in range(_REFINEMENTS):
                 found, derivatives = self._conditions(place, theta)
-                shift = -found[1] / derivatives[1, -3]
+                shift = -found[1] / derivatives[1, len(place.unknowns)]
                 theta += max(-_FARTHEST, min(_FARTHEST, float(shift)))
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
