@@ -51,7 +51,8 @@ def test_turning_points_beside_an_event_that_changes_nothing(phase: float) -> No
     )
     settled = np.conj(1.0 / (1.0 - 2.0 * 0.9**2 + 0.1j * 0.9)) * np.exp(-1j * phase)  # two masses are one
     state = np.array([settled.real, settled.real, 0.9 * settled.imag, 0.9 * settled.imag, 0.0])
-    _, turns = flow_of(system, survey=True).survey(coefficients_of(system), state, TURN)
+    grid = np.array([0.0, TURN])
+    _, turns, _ = flow_of(system, survey=True).survey(coefficients_of(system), state, grid)
     for coordinate in (0, 1):
         own = [turn.positions[coordinate] for turn in turns if turn.event == coordinate]
         np.testing.assert_allclose([max(own), min(own)], [abs(settled), -abs(settled)], rtol=1e-13)

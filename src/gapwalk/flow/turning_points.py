@@ -54,13 +54,12 @@ class TurningPoints:
         self._turns.append(Turn(event, theta, positions.tolist()))
 
     def at_stop(self, theta: float) -> None:
-        """Note an event that stops the integrator: of events at the same time, it may report no other."""
-        switches, layout, n = self._switches, self._equations.layout, self._equations.layout.structure.size
+        """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""
+        dry, n = self._switches.dry, self._equations.layout.structure.size
+        if not dry.count:
+            return
         q, v = self._taylor.state[:n].copy(), self._taylor.state[n : 2 * n].copy()
-        if (dry := switches.dry).count:
-            a = dry.read(theta).accelerations
-        else:
-            a = accelerations(layout, self._coefficients, theta, q, v, unit=self._unit)
+        a = dry.read(theta).accelerations
         still = [event for event in range(len(self._equations.turning)) if dry.keeps_still(self._vector(event))]
         self._stops.append((Kink(theta, q, (v, v), (a, a)), still))
 
