@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settling_judge import judge_returns
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -29,6 +31,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
 _BEYOND = 0.02  # share of a step beyond a loss of stability at which the transient begins
+_FIRST, _LONGEST = 48, 8  # forcing periods before the first look at a transient, and longest period of a sample
 _KEPT = 4  # states of a sampled motion that are stored
 _STUCK = 8  # walks in succession that may fail to leave their first point
 
@@ -238,7 +241,12 @@ class _SlowSweep:
     """A sweep that is being computed."""
 
     def __init__(
-        self, system: System, parameter: str, within: tuple[float, float], direction: Direction, options: SlowSweepOptions
+        self,
+        system: System,
+        parameter: str,
+        within: tuple[float, float],
+        direction: Direction,
+        options: SlowSweepOptions,
     ) -> None:
         self.system, self.parameter, self.within, self.options = system, parameter, within, options
         self.direction = direction
@@ -248,7 +256,6 @@ class _SlowSweep:
         self.stretches: list[Stretch] = []
         self.samples: list[Sample] = []
         self.notes: list[str] = []
-        self._settling = SettleOptions(max_periods=options.patience, max_period=max(8, options.longest))
 
     def run(self, start: str | tuple[float, ...]) -> None:
         """Follow the motion from one end of the range to the other."""
@@ -269,11 +276,32 @@ class _SlowSweep:
                 return
             value = ahead
             try:
-                settled = settle(self.system, state, self._settling, at={self.parameter: value})
+                settled = self._settled(self.system.at({self.parameter: value}), state)
             except FlowError as error:
                 self.notes.append(f"{self.parameter} = {value:.8g}: {error}")
                 return
             state = settled.state
+
+    def _settled(self, system: System, state: NDArray[np.float64]) -> Settled:
+        """Follow a transient until its returns shrink towards an orbit, which is then found, or to the end of patience.
+
+        Newton's method is called only where returns shrink: in chaos it would be called at every chance return.
+        """
+        strobe, scales, longest = Strobe(system), system.state_scales(), max(_LONGEST, self.options.longest)
+        states, length = state[None, :], max(_FIRST, 3 * longest + 1)
+        while True:
+            states = np.vstack((states, strobe.run(states[-1], length - (len(states) - 1))))
+            tail = states[-min(len(states), length // 2 + 3 * longest) :] / scales
+            size = max(float(np.abs(tail).max()), np.finfo(float).tiny)
+            period = int(judge_returns(tail[:, None] / size, longest).periods[0])
+            if period:
+                settled = settle(system, states[-1], SettleOptions(max_periods=8 * _FIRST, max_period=max(period, 1)))
+                if settled.orbit is not None:
+                    return replace(settled, periods=settled.periods + length)
+            if length >= self.options.patience:
+                why = f"it did not become periodic within {length} forcing periods"
+                return Settled(system, states, length, False, None, float("inf"), (why,))
+            length = min(length + length // 2, self.options.patience)
 
     def _is_past(self, value: float) -> bool:
         return (value - self.end) * self.sign >= 0.0
@@ -300,4 +328,3 @@ class _SlowSweep:
             self.notes.append(f"{self.parameter} = {stretch.end:.8g}: {stretch.why}")
         self.stretches.append(stretch)
         return stretch.end, state
-
