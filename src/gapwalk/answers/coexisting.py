@@ -74,7 +74,7 @@ def other_motions(
                 motion = settle(here, state, SettleOptions(max_periods=options.patience, max_period=8))
                 orbit = motion.orbit
                 if orbit is None or orbit.period > options.longest:
-                    continue  # the sweeps sample such motions wherever they meet them
+                    continue
                 if any(_passes(sweep, orbit, value) for sweep in (*sweeps, *found)):
                     continue
                 for direction in Direction:
@@ -92,13 +92,17 @@ def other_motions(
 def _settled(
     system: System, gaps: Sequence[str], starts: int, seed: int, options: SlowSweepOptions
 ) -> Iterator[np.ndarray]:
-    """Yield a state of each motion on which random starts settle, told apart by period, states of gaps and forces."""
+    """Yield a state of each periodic motion on which random starts settle, told apart by period, gaps and forces.
+
+    Motions without period, or of a long one, are left to the samples of the sweeps.
+    """
     states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
     scales = np.tile(system.state_scales(), (len(states), 1))
     places = [contact_place(system, gap) for gap in gaps]
     found = judge_gaps(motions_of(system, states), states, scales, places, options.patience)
     known: list[tuple[int, tuple[int, ...], np.ndarray]] = []
-    for index in np.flatnonzero(finite_rows(found.states)).tolist():
+    is_short = (found.periods > 0) & (found.periods <= options.longest)
+    for index in np.flatnonzero(finite_rows(found.states) & is_short).tolist():
         own = int(found.periods[index]), tuple(found.codes[index].tolist()), found.peaks[index]
         if any(own[:2] == each[:2] and np.allclose(own[2], each[2], rtol=_ALIKE, atol=0.0) for each in known):
             continue

@@ -30,10 +30,10 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
 
-_APART = 1 / 60  # of the range: the least distance of two motions of a stretch whose severity is computed
+_APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
 _WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
 _QUIET = 5.0  # factor on that distance where nothing rattles
-_NEXT = 3  # motions on either side of the worst one that are examined too
+_NEXT = 2  # motions on either side of the worst one that are examined too
 _TRANSIENT = 200  # forcing periods after which the motions of many starts are compared
 _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
 _SHOWN = 3  # movers of an end in the summary
