@@ -5,9 +5,9 @@ Classes: `AttractorKind`, `Band`, `BandEnd`, `BasinCheck`, `BasinShares`, `Basis
 `ContactRest`, `DiagramBranch`, `Direction`, `DryModes`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`,
 `FoundOrbit`, `FrictionPhase`, `GapSpan`, `GapState`, `Hold`, `Instability`, `Kink`, `Lane`, `LocusEnd`,
 `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `Mover`, `OrbitCheck`, `Origin`,
-`Passage`, `Place`, `RattleBand`, `RegimeCheck`, `Rest`, `Rotation`, `Sample`, `SearchResult`, `SettledSweep`,
-`Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`, `SpecialPointPath`, `Spot`, `Stretch`, `Summary`,
-`SummaryText`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`, `Worst`.
+`Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Sample`, `SearchResult`,
+`SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`, `SpecialPointPath`, `Spot`,
+`Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `Tree`, `Turns`, `Unexplained`, `Window`, `Worst`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -41,7 +41,7 @@ def other_motions(
     system, sweeps
         The system, and the sweeps.
     gaps
-        Names of contacts; motions are told apart by what these do.
+        Names of contacts; motions are distinguished by what these do.
     values
         Number of values of the parameter, spread evenly within its range.
     starts, seed

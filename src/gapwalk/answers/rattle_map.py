@@ -34,7 +34,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
 
 _FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
-_LONGEST = 8  # longest period that is told from motions without period
+_LONGEST = 8  # longest period that is distinguished from motions without period
 _WATCHED = 16  # forcing periods over which gaps are watched; a multiple of most periods
 _BEYOND = 60  # points of a walk after the first change of all gaps
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
