@@ -92,7 +92,7 @@ def other_motions(
 def _settled(
     system: System, gaps: Sequence[str], starts: int, seed: int, options: SlowSweepOptions
 ) -> Iterator[np.ndarray]:
-    """Yield a state of each periodic motion on which random starts settle, told apart by period, gaps and forces.
+    """Yield a state of each periodic motion on which random starts settle, distinguished by period, gaps and force.
 
     Motions without period, or of a long one, are left to the samples of the sweeps.
     """
