@@ -20,6 +20,7 @@ from gapwalk.flow.dry_derivatives import (
     depth_changes,
     extension_changes,
     margin_changes,
+    margin_growth,
     project,
     rate_changes,
 )
@@ -112,7 +113,7 @@ class DrySwitches(DryState):
         still = _STILL * self.speed()
         now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
-            rate = float(now.friction[place, 0])
+            rate = now.friction[place][0]
             if number is None:
                 continue
             if abs(rate) <= still:
@@ -130,7 +131,7 @@ class DrySwitches(DryState):
         """Decide whether a Jenkins element sticks from its extension and slip rate; it is never beyond its limit."""
         self.slips[place], self.sticks[place] = 0, False
         self.apply()
-        rate, limit, _ = self.read(theta).friction[place].tolist()
+        rate, limit, _ = self.read(theta).friction[place]
         force = self.stiffness(place) * float(self.state[memory])
         tiny = _ON * self.stiffness(place) * float(np.abs(self.state[: self.n]).max())
         begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
@@ -158,7 +159,7 @@ class DrySwitches(DryState):
         self.slips[place], self.sticks[place] = side, False
         self.apply()
         now = self.read(theta)
-        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
         if abs(change) <= _NEAR * float(np.abs(now.accelerations).max()):
@@ -186,7 +187,7 @@ class DrySwitches(DryState):
         assert memory is not None
         if self.columns:
             self.rows()[:, memory] = side * extension_changes(self, place, theta) if side else 0.0
-        self.state[memory] = side * float(self.read(theta).friction[place, 1]) / self.stiffness(place) if side else 0.0
+        self.state[memory] = side * self.read(theta).friction[place][1] / self.stiffness(place) if side else 0.0
         self._forgotten[memory] = False
 
     def _hold(self, theta: float, candidates: Iterable[int]) -> Readings | None:
@@ -211,7 +212,7 @@ class DrySwitches(DryState):
                 if place is None:
                     over = np.inf if self.sign_of[number] * reaction < 0.0 else 0.0
                 else:
-                    bound = float(now.friction[place, 2])
+                    bound = now.friction[place][2]
                     over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
                     self._over[number] = over
                 if over > excess:
@@ -290,7 +291,7 @@ class DrySwitches(DryState):
         if self.columns:
             add_delay(self, before, theta, shifts, acceleration, after=after)
         else:
-            self.kink(before, theta)
+            self.kink(before, theta, after)
         self._report(modes, theta)
 
     def _settle_briefly(self, place: int, theta: float) -> Readings | None:
@@ -306,8 +307,8 @@ class DrySwitches(DryState):
             self.held = tuple(sorted([*others, number], key=lambda each: (each in self.friction_of, each)))
             self.apply()
         now = self.read(theta)
-        reaction, bound = float(now.reactions[number]), float(now.friction[place, 2])
-        beyond, growth = abs(reaction) - bound, margin_changes(self, place, now, theta)[1] * float(self.base[0])
+        reaction, bound = float(now.reactions[number]), now.friction[place][2]
+        beyond, growth = abs(reaction) - bound, margin_growth(self, place, now, theta) * float(self.base[0])
         if sticks:
             lasts = -beyond / growth if growth > 0.0 else np.inf
         else:  # a slip back that begins with the rate 0 lasts twice as long as the force exceeds its bound
@@ -317,9 +318,9 @@ class DrySwitches(DryState):
         self._slip(place, 1 if reaction > 0.0 else -1, theta)
         return self._hold(theta, others)
 
-    def kink(self, before: Readings, theta: float) -> None:
+    def kink(self, before: Readings, theta: float, after: Readings | None = None) -> None:
         """Record an instant at which velocities or accelerations jump."""
-        after = self.read(theta)
+        after = after or self.read(theta)
         velocities, turning = (before.velocities, after.velocities), (before.accelerations, after.accelerations)
         self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
 
@@ -327,7 +328,7 @@ class DrySwitches(DryState):
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
         if not self.slips[place] or theta - self._begun[place] <= _SETTLING:
             return False
-        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
 
     def _release(self, place: int, side: int, theta: float, before: Readings) -> None:
@@ -336,11 +337,12 @@ class DrySwitches(DryState):
         static = float(self.base[self.slots[place].numbers["static"]])
         # otherwise no force jumps, and nothing else may let go
         jumps = self.columns and (static != 1.0 or len(self.held) > 1)
-        gradient = margin_changes(self, place, before, theta) if jumps else None
+        shifts = margin_changes(self, place, before, theta) if jumps else None
+        growth = margin_growth(self, place, before, theta) if jumps else 0.0
         self._slip(place, side, theta)
         after = self._hold(theta, [each for each in self.held if each != number])
-        if gradient is not None:
-            add_delay(self, before, theta, *gradient, after=after)
+        if shifts is not None:
+            add_delay(self, before, theta, shifts, growth, after=after)
         self._let_memories_slip(theta)
         self._report(modes, theta)
 
@@ -352,7 +354,7 @@ class DrySwitches(DryState):
         for place, memory in enumerate(self.memory_of):
             if memory is None or not self.sticks[place]:
                 continue
-            force, limit = self.stiffness(place) * float(self.state[memory]), float(self.read(theta).friction[place, 1])
+            force, limit = self.stiffness(place) * float(self.state[memory]), self.read(theta).friction[place][1]
             if abs(force) < limit * (1.0 - _NEAR):
                 continue
             side = 1 if force > 0.0 else -1
@@ -413,7 +415,7 @@ class DrySwitches(DryState):
         candidates = [number for number in self._touching(theta, still) if number in {*self.held, *stops}]
         now = self.read(theta)
         for place, number in enumerate(self.reaction_of):
-            rate = float(now.friction[place, 0])
+            rate = now.friction[place][0]
             if number is None:
                 continue
             if abs(rate) <= still and self.sticks[place]:
@@ -422,7 +424,7 @@ class DrySwitches(DryState):
                 self._slip(place, 1 if rate > 0.0 else -1, theta - 2.0 * _SETTLING)
         self._hold(theta, candidates)
         for place, memory in enumerate(self.memory_of):
-            if memory is not None and self.slips[place] * float(now.friction[place, 0]) < 0.0:
+            if memory is not None and self.slips[place] * now.friction[place][0] < 0.0:
                 self._stick(place, theta)
         self.apply()
         self._let_memories_slip(theta)
@@ -455,7 +457,7 @@ class DrySwitches(DryState):
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
         now, velocity = self.read(theta), self.speed()
-        for place, (rate, _, bound) in enumerate(now.friction.tolist()):
+        for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:
                 if self.slips[place] * rate < -_NEAR * velocity:
                     return False
