@@ -5,7 +5,7 @@ While contacts are held, the motion is that of a system with other coefficients 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -123,6 +123,9 @@ class CompiledReadings:
         self._equations = equations
         variables = [*equations.positions, *equations.velocities, *equations.extensions]
         self.readings = hy.cfunc(equations.readings, vars=variables)
+        memories = equations.layout.structure.memories
+        self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
+        """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
 
     def used(self, parameters: Array) -> Array:
         """Return the run-time parameters on which the readings depend (a live view)."""
@@ -228,6 +231,12 @@ class DryState:
         self.column_signs = np.ones(self._columns_end)
         self.column_signs[: 2 * self.n + len(layout.contacts)] = -1.0
         self._friction_end = self._columns_end + 3 * len(self.slots)
+        self._rigid_columns = [
+            (place, 2 * self.n + contact)
+            for place, contact in enumerate(equations.dry)
+            if self.memory_of[place] is None
+        ]
+        self._springs = [equations.dry.index(contact) for contact in structure.memories]
         self._width = self._friction_end + len(structure.memories)
         # the dry contacts and those of stops, with the slots of their deflection, its displacement, and their speed
         self._contacts: dict[int, list[int]] = {}
@@ -246,6 +255,7 @@ class DryState:
         self.columns = columns
         if compiled is not None:
             self._compiled, self._read, self._read_from = compiled, compiled.readings, compiled.used(self._parameters)
+            self._follows = compiled.follows
 
     def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -264,9 +274,10 @@ class DryState:
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
         self.slips, self.sticks, self.held = [0] * len(self.slots), [False] * len(self.slots), ()
-        self.entry = self._entry_of(())
+        self.entry = self._applied = self._entry_of(())
         self.coefficients = self.entry.coefficients
         changed(self.coefficients)
+        self._applied_modes: list[Any] = []
         self.apply()
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
@@ -283,29 +294,50 @@ class DryState:
         self._known[held] = found = _Held(coefficients, directions, constraint, table)
         return found
 
+    def hold(self, held: Iterable[int]) -> None:
+        """Hold some contacts, by the numbers of their reactions; the integrator does not know before `apply`."""
+        self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
+        self.entry = self._entry_of(self.held)
+
     def apply(self) -> None:
         """Give the integrator the present modes, and the coefficients of what is held."""
-        equations, entry, count = self.equations, self._entry_of(self.held), len(self.slots)
-        if self.entry is not entry:
-            self.entry, self.coefficients = entry, entry.coefficients
+        entry, modes = self.entry, [*self.slips, *self.sticks, *(number in self.held for number in self.sign_of)]
+        if modes != self._applied_modes:
+            self._applied_modes = modes
+            self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
+        if self._applied is not entry:
+            equations, self._applied, self.coefficients = self.equations, entry, entry.coefficients
             self._parameters[self._first_coefficient :] = entry.coefficients[equations.active]
             if len(entry.directions):
                 self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
-        held = [number in self.held for number in self.sign_of]
-        first = self._first_slip
-        self._parameters[first : first + 2 * count + len(held)] = [*self.slips, *self.sticks, *held]
 
-    def read(self, theta: float) -> Readings:
-        """Return the values at the present state under the present modes."""
+    def read(self, theta: float, known: Readings | None = None) -> Readings:
+        """Return the values at the present state under the present modes.
+
+        `known` are those at the same state under other modes. They differ by the forces of friction that slips only,
+        which are its limits, so no law need be evaluated again.
+        """
         n, columns, last = self.n, self._columns_end, self._friction_end
+        if known is not None and not self._follows:
+            return self._changed_modes(known)
+        self.apply()
         found = np.empty(self._width)
         found[: 2 * n] = self.state[: 2 * n]
         self._read(self._own, outputs=found[2 * n :], pars=self._read_from, time=theta)
-        values = self.entry.table.dot(found[:columns])
-        friction = found[columns:last].reshape(-1, 3).tolist()
+        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
         return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+
+    def _changed_modes(self, known: Readings) -> Readings:
+        columns, extending = known.columns.copy(), known.extending
+        for place, column in self._rigid_columns:
+            columns[column] = self.slips[place] * known.friction[place][1]
+        if self._springs:
+            rates = [known.friction[place][0] if self.sticks[place] else 0.0 for place in self._springs]
+            extending = np.array(rates)
+        values = self.entry.table.dot(columns)
+        return Readings(known.velocities, values[: self.n], extending, values[self.n :], known.friction, columns)
 
     def tangents(self, theta: float, rows: Array, along: Array, turn: float = 0.0) -> tuple[Array, Array]:
         """Return the derivatives of the columns of the accelerations, and of the limits, along some changes.

@@ -125,13 +125,13 @@ class Equations(RunTimeParameters):
         contact = self.dry[place]
         law = self.layout.contacts[contact].form.law
         rate = self._base_rate(contact)
-        return rate - hy.par[self.first_slip + place] * self._creep(contact) if law.has_memory else rate
+        return rate - hy.par[self.first_slip + place] * self.creep(contact) if law.has_memory else rate
 
     def _base_rate(self, contact: int) -> hy.expression:
         slots = self.layout.contacts[contact]
         return self._deflection_rate(slots) - self._coefficient(slots.numbers["speed"])
 
-    def _creep(self, contact: int) -> hy.expression:
+    def creep(self, contact: int) -> hy.expression:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
         limit = self._contact_laws[contact].limits[0]
         known, parts = dict(zip(map(str, [*self.positions, *self.velocities]), self._motion, strict=True)), []
@@ -229,7 +229,7 @@ class Equations(RunTimeParameters):
         for contact in self.layout.structure.memories:
             place = self.dry.index(contact)
             slip, stick = hy.par[self.first_slip + place], hy.par[self.first_stick + place]
-            found.append(stick * self._base_rate(contact) + slip * self._creep(contact))
+            found.append(stick * self._base_rate(contact) + slip * self.creep(contact))
         return found
 
     def fundamental(self) -> list:
