@@ -140,7 +140,7 @@ class Switchboard:
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
 
-        `readings` are those of `DrySwitches.compile`.
+        `readings` are those of friction and rigid stops, if there are any.
         """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable, reachable_changes
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import DryState, Hold, Kink, SlipEvent
+from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
@@ -170,7 +170,7 @@ class Flow:
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
-        self.readings = DryState(equations).compile()
+        self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
 
