@@ -63,6 +63,8 @@ class Change(NamedTuple):
         The angle at which it begins.
     alone
         True if friction never slips without it.
+    others
+        Number of the other phases of the same mode between phases of the same modes.
     """
 
     contact: int
@@ -71,6 +73,7 @@ class Change(NamedTuple):
     after: int
     theta: float
     alone: bool
+    others: int = 0
 
     @property
     def side(self) -> int:
@@ -90,7 +93,8 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
     found: list[Change] = []
     for contact in sorted({*first.friction, *last.friction}):
         poor, rich = sorted((each.friction.get(contact, []) for each in (first, last)), key=len)
-        removed = _removed(contact, rich, text_of(poor), _MOST)
+        tries = (_removed(contact, rich, text_of(poor), most) for most in range(_MOST + 1))
+        removed = next((each for each in tries if each is not None), None)  # with the fewest phases
         if removed is None:
             return None
         found += removed or _reached(contact, first, last)
@@ -138,8 +142,15 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
             rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
-            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, text == "0"), *others]
+            around = past.mode, phase.mode, following.mode
+            return [Change(contact, *around, phase.start, text == "0", _around(rest).count(around)), *others]
     return None
+
+
+def _around(phases: Sequence[FrictionPhase]) -> list[tuple[int, int, int]]:
+    """Return the modes before, in and after each phase of a period."""
+    modes = [phase.mode for phase in phases]
+    return list(zip([*modes[-1:], *modes[:-1]], modes, [*modes[1:], *modes[:1]], strict=True))
 
 
 class Located(NamedTuple):
@@ -288,12 +299,12 @@ def _has(orbit: Orbit, change: Change) -> bool:
 def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
     """Return the phase of a change nearest to an angle, if an orbit has it."""
     phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    found = []
-    for place, phase in enumerate(phases):
-        around = phases[place - 1].mode, phase.mode, phases[(place + 1) % len(phases)].mode
-        if around == (change.before, change.mode, change.after) and apart(phase.start, near, full) < _SAME:
-            found.append(phase)
-    return min(found, key=lambda phase: apart(phase.start, near, full), default=None)
+    own = (change.before, change.mode, change.after)
+    alike = [phase for phase, around in zip(phases, _around(phases), strict=True) if around == own]
+    if len(alike) <= change.others:
+        return None
+    found = [(phase.away(near, full), phase) for phase in alike]
+    return min((pair for pair in found if pair[0] < _SAME), key=lambda pair: pair[0], default=(0.0, None))[1]
 
 
 def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:

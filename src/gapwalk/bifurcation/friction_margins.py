@@ -83,9 +83,8 @@ class _Margins:
         rates = self._gauge.rate(self._coefficients, thetas, self._survey.states, None, 1)
         inside = [self._inside(phase) for phase in self._phases]
         sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
-        ends = [
-            place for place, phase in enumerate(self._phases) if self._phases[place - 1].mode not in (0, phase.mode)
-        ]
+        past = [phase.mode for phase in (self._phases[-1], *self._phases[:-1])]
+        ends = [place for place, phase in enumerate(self._phases) if past[place] not in (0, phase.mode)]
         starts = [int(np.searchsorted(thetas, self._phases[place].start % self._full)) for place in ends]
         asked = [(inside[place], int(inside[place][len(inside[place]) // 2])) for place in sticks]
         if self._gauge.memory is None:
@@ -99,7 +98,7 @@ class _Margins:
                 for side in (1, -1):
                     found += self._least(phase, side, own, bound - side * force)
         for place, start, (bound, force) in zip(ends, starts, bounds[len(sticks) :], strict=False):
-            side = self._phases[place - 1].mode
+            side = past[place]
             own, other = float(bound[0] + side * force[0]), float(bound[0] - side * force[0])
             found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
         return found

@@ -29,6 +29,11 @@ class FrictionPhase(NamedTuple):
         """Return True if an angle lies within it, on a circle of circumference `full`."""
         return (theta - self.start + margin) % full <= self.length + 2.0 * margin
 
+    def away(self, theta: float, full: float) -> float:
+        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it."""
+        after = (theta - self.start) % full
+        return 0.0 if after <= self.length else min(after - self.length, full - after)
+
 
 def friction_phases(slips: Sequence[SlipEvent], contact: int, full: float) -> list[FrictionPhase]:
     """Return the phases of one contact in one period, in order; one that lasts all the period begins at 0.
