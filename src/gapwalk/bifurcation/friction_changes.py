@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margins import may_change
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
@@ -29,15 +28,15 @@ from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.friction_gauge import Course, FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, text_of
 from gapwalk.orbit.measures import apart
 from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
 _SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
-_SAMPLES, _ZOOM = 16, 16  # samples of a phase per radian, before refinement, and the least number of them
 _TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
+_ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
 _SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
 _AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
@@ -47,6 +46,11 @@ _APPROACHES = 60
 _RESERVE = 1e-8  # share of its bound by which a force must fall short of it not to have reached it
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
+_MOVED = 0.5  # radians by which a margin may move between two points
+_DOUBT = 0.5  # share of its bend by which a margin may have moved between two points; 1/8 for a parabola
+_NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
+_FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
+_BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -63,6 +67,8 @@ class Change(NamedTuple):
         The angle at which it begins.
     alone
         True if friction never slips without it.
+    others
+        Number of the other phases of the same mode between phases of the same modes.
     """
 
     contact: int
@@ -71,6 +77,7 @@ class Change(NamedTuple):
     after: int
     theta: float
     alone: bool
+    others: int = 0
 
     @property
     def side(self) -> int:
@@ -90,7 +97,8 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
     found: list[Change] = []
     for contact in sorted({*first.friction, *last.friction}):
         poor, rich = sorted((each.friction.get(contact, []) for each in (first, last)), key=len)
-        removed = _removed(contact, rich, text_of(poor), _MOST)
+        tries = (_removed(contact, rich, text_of(poor), most) for most in range(_MOST + 1))
+        removed = next((each for each in tries if each is not None), None)  # with the fewest phases
         if removed is None:
             return None
         found += removed or _reached(contact, first, last)
@@ -138,8 +146,15 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
             rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
-            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, text == "0"), *others]
+            around = past.mode, phase.mode, following.mode
+            return [Change(contact, *around, phase.start, text == "0", _around(rest).count(around)), *others]
     return None
+
+
+def _around(phases: Sequence[FrictionPhase]) -> list[tuple[int, int, int]]:
+    """Return the modes before, in and after each phase of a period."""
+    modes = [phase.mode for phase in phases]
+    return list(zip([*modes[-1:], *modes[:-1]], modes, [*modes[1:], *modes[:1]], strict=True))
 
 
 class Located(NamedTuple):
@@ -163,7 +178,7 @@ def find_changes(
         If an orbit between the two points cannot be found.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
-    if changes == [] and not (length > interval.finest and may_change(before, first, last)):
+    if changes == [] and not (length > interval.finest and _may_change(before, first, last)):
         return []
     if changes:
         found = [_locate(interval, first, last, change) for change in changes]
@@ -175,6 +190,42 @@ def find_changes(
         return [Located(last, change, length) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+
+
+def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
+    if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
+        return False
+    full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
+    now, then = first.orbit.margins, last.orbit.margins
+    past = None if before is None or first.arclength <= before.arclength else before.orbit.margins
+    ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
+    for own in now:
+        following = _become(own, then, full)
+        if following is None:
+            continue
+        preceding = None if past is None else _become(own, past, full)
+        if preceding is not None:
+            bend = abs((following.value - own.value) - ratio * (own.value - preceding.value))
+            if min(abs(own.value), abs(following.value)) < _DOUBT * bend:
+                return True
+    if length <= _BIRTH:
+        return False
+    lonely = [each for each in now if _become(each, then, full) is None]
+    lonely += [each for each in then if _become(each, now, full) is None]
+    near = _NEAR if length <= _LONG else _FAR
+    return any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely)
+
+
+def _become(own: Margin, others: Sequence[Margin], full: float) -> Margin | None:
+    """Return the margin among others that one has become."""
+    alike = [
+        each
+        for each in others
+        if (each.contact, each.what, each.side) == (own.contact, own.what, own.side)
+        and apart(each.theta, own.theta, full) < _MOVED
+    ]
+    return min(alike, key=lambda each: apart(each.theta, own.theta, full), default=None)
 
 
 def _refined(
@@ -288,12 +339,12 @@ def _has(orbit: Orbit, change: Change) -> bool:
 def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
     """Return the phase of a change nearest to an angle, if an orbit has it."""
     phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    found = []
-    for place, phase in enumerate(phases):
-        around = phases[place - 1].mode, phase.mode, phases[(place + 1) % len(phases)].mode
-        if around == (change.before, change.mode, change.after) and apart(phase.start, near, full) < _SAME:
-            found.append(phase)
-    return min(found, key=lambda phase: apart(phase.start, near, full), default=None)
+    own = (change.before, change.mode, change.after)
+    alike = [phase for phase, around in zip(phases, _around(phases), strict=True) if around == own]
+    if len(alike) <= change.others:
+        return None
+    found = [(phase.away(near, full), phase) for phase in alike]
+    return min((pair for pair in found if pair[0] < _SAME), key=lambda pair: pair[0], default=(0.0, None))[1]
 
 
 def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
@@ -366,12 +417,6 @@ class _Quantity:
         before = self._change.before
         return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
 
-    def values(self, instants: list[_Instant]) -> NDArray[np.float64]:
-        """Return it at some instants between which no modes of other friction change."""
-        thetas, states = (np.array([each[place] for each in instants]) for place in (0, 1))
-        modes = self._modes(instants[len(instants) // 2])
-        return self._function(self._coefficients, thetas, states, modes, self._change.side)
-
     def course(self, now: _Instant) -> Course:
         """Return it at an instant, with its derivatives."""
         at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
@@ -384,34 +429,26 @@ class _Quantity:
 
 def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
     """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
-    full = PERIOD * orbit.period
-    hosts = [
-        phase
-        for phase in orbit.friction.get(change.contact, [])
-        if phase.mode == change.before and phase.contains(near, full, _SAME)
-    ]
-    if not hosts:
-        raise LookupError
-    host = max(hosts, key=lambda phase: phase.length)
-    if host.contains(near, full):
-        found = _vertex(orbit, quantity, near, _TRACKED)
-        if found is not None:
-            return found
-    count = max(_ZOOM, math.ceil(_SAMPLES * host.length))
-    thetas = np.linspace(host.start, host.stop, count + 1)
-    values = quantity.values(_instants(orbit, thetas))
-    lowest = (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
-    places = 1 + np.flatnonzero(lowest)
-    if host.length >= full and values[0] <= min(values[1], values[-2]):
-        places = np.append(places, 0)
-    near_ones = [place for place in places if apart(float(thetas[place]), near, full) < _SAME]
-    if not near_ones:
-        raise LookupError
-    best = min(near_ones, key=lambda place: values[place])
-    found = _vertex(orbit, quantity, float(thetas[best]), 2.0 * float(thetas[1] - thetas[0]))
+    full, what = PERIOD * orbit.period, "rate" if change.before else "reserve"
+    found = _vertex(orbit, quantity, near, _TRACKED) if _is_within(orbit, change, near) else None
+    if found is None:
+        own = [
+            each
+            for each in orbit.margins
+            if (each.contact, each.what, each.side) == (change.contact, what, change.side)
+        ]
+        own = [each for each in own if apart(each.theta, near, full) < _SAME]
+        if own:
+            found = _vertex(orbit, quantity, min(own, key=lambda each: each.value).theta, _ROUGH)
     if found is None:
         raise LookupError
     return found
+
+
+def _is_within(orbit: Orbit, change: Change, theta: float) -> bool:
+    """Return True if an angle is within a phase like that before a change."""
+    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
+    return any(phase.mode == change.before and phase.contains(theta, full) for phase in phases)
 
 
 def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
+from gapwalk.orbit.friction_phases import Margin, margins_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
@@ -98,20 +99,14 @@ class Survey(NamedTuple):
         Positions at the start, and at the turning points of coordinates and deflections.
     means : shape (2, n)
         Mean of each coordinate, and of its square.
-    thetas : shape (samples,)
-        Angles at which it was sampled: evenly, and where phases of friction begin. Without friction, its ends.
-    states : shape (samples, state_size)
-        The states there.
-    modes
-        The modes of friction and of rigid stops just before each of them.
+    margins
+        Distances of friction from changes of its sequence of slip and stick.
     """
 
     turns: tuple[Turns, ...]
     visited: list[list[float]]
     means: NDArray[np.float64]
-    thetas: NDArray[np.float64]
-    states: NDArray[np.float64]
-    modes: DryModes
+    margins: list[Margin]
 
 
 def survey(orbit: Orbit) -> Survey:
@@ -137,8 +132,10 @@ def survey(orbit: Orbit) -> Survey:
             values = (np.array(values) + angles.sway(contact)).tolist()
         contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
-    modes = modes_along(structure, thetas, found.slips, found.holds, before=True)
-    return Survey(tuple(contacts), visited, integrals / length, thetas, found.states, modes)
+    margins = []
+    if structure.friction and orbit.is_exact:
+        margins = margins_of(Motion.of(orbit.system, thetas, found.states, *found.logs), orbit.friction)
+    return Survey(tuple(contacts), visited, integrals / length, margins)
 
 
 def apart(a: float, b: float, full: float) -> float:
