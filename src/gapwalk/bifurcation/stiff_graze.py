@@ -145,8 +145,11 @@ class _Corner:
             raise ConvergenceError("the graze is behind the walk, and far enough away")
         label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
+            try:
+                self._at(label + self._growth(label))
+            except NumericalError:  # where the acceleration is about to vanish, a deflection does not turn any more
+                break
             label += self._growth(label)
-        self._at(label)
         if length_of(self._at(label).x - self._first.x) < _LITTLE:
             raise ConvergenceError("the graze is passed, but the walk does not advance")
         special = list(self._special(begin, label))

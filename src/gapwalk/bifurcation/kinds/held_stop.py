@@ -7,9 +7,9 @@ other side, infinitely many impacts graze one after the other as the point is ap
 arclengths that shrink geometrically. So no orbits are sought there that come ever closer, and the point is located from
 the side on which the stop is held.
 
-Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering, Nonlinear
-Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans. R. Soc. A
-347, 365-389.
+Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering,
+Nonlinear Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans.
+R. Soc. A 347, 365-389.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class HeldStop(Kind):
 
 
 class HeldChange(NamedTuple):
-    """Located change: the last point before it on the side with more phases, the switch, and the bracket's arclength."""
+    """Located change: the last point before it on the side with more phases, the switch, and the arclength of doubt."""
 
     point: BranchPoint
     switch: int
