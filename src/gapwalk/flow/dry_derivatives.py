@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_state import DryState, Readings
+from gapwalk.flow.dry_state import DryState, Readings, largest
 from gapwalk.flow.forces import Angles
 
 _NOTHING = 1e-13  # share of the accelerations below which their jump is rounding
@@ -153,7 +153,7 @@ def add_delay(
         The values after the event, if they are known.
     """
     n, now = state.n, after or state.read(theta)
-    size = max(float(np.abs(each.accelerations).max()) for each in (before, now))
+    size = max(largest(before.accelerations), largest(now.accelerations))
     jump, constraint = np.zeros(state.size), state.entry.constraint
     jump[n : 2 * n] = now.accelerations - before.accelerations
     if constraint.contacts:  # R_y F- + R_theta
@@ -164,8 +164,8 @@ def add_delay(
         for place, follows in forgotten.items():
             kept[place - 2 * n] = now.extending[place - 2 * n] if follows else 0.0
         jump[2 * n :] = now.extending - kept
-        size = max(size, float(np.abs(kept).max()), float(np.abs(now.extending).max()))
+        size = max(size, largest(kept), largest(now.extending))
     jump[np.abs(jump) <= _NOTHING * size] = 0.0
-    if speed and jump.any():
+    if speed and any(jump.tolist()):
         rows = state.rows()
         rows += (shifts / speed)[:, None] * jump

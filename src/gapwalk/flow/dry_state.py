@@ -98,6 +98,11 @@ class Readings(NamedTuple):
     columns: Array
 
 
+def largest(values: Array) -> float:
+    """Return the largest absolute value of a few numbers."""
+    return max(map(abs, values.tolist()))
+
+
 class _Held(NamedTuple):
     """Coefficients of the system while some contacts are held, and their derivatives along the directions.
 
@@ -219,6 +224,7 @@ class DryState:
             for number, (contact, switch) in enumerate(structure.reactions)
             if switch >= 0
         }
+        self._order = [*self.sign_of, *sorted(self.friction_of)]  # of what is held: stops before friction
         self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.held: tuple[int, ...] = ()
@@ -278,7 +284,6 @@ class DryState:
         self.coefficients = self.entry.coefficients
         changed(self.coefficients)
         self._applied_modes: list[Any] = []
-        self.apply()
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
@@ -296,7 +301,7 @@ class DryState:
 
     def hold(self, held: Iterable[int]) -> None:
         """Hold some contacts, by the numbers of their reactions; the integrator does not know before `apply`."""
-        self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
+        self.held = tuple(sorted(held, key=self._order.index))
         self.entry = self._entry_of(self.held)
 
     def apply(self) -> None:

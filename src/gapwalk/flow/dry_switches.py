@@ -24,7 +24,7 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -88,7 +88,7 @@ class DrySwitches(DryState):
             depth, _, scale = self.gap(number, theta)
             if sign * depth <= 0.0:
                 continue
-            if sign * depth > _BEYOND * (scale + float(np.abs(self.state[: self.n]).max())):
+            if sign * depth > _BEYOND * (scale + largest(self.state[: self.n])):
                 name = self.layout.contacts[self.layout.structure.reactions[number][0]].form.name
                 raise FlowError(
                     f"the motion begins {sign * depth * unit:.3g} beyond the rigid stop {name!r}; begin it where the "
@@ -101,7 +101,7 @@ class DrySwitches(DryState):
 
     def _touching(self, theta: float, still: float) -> list[int]:
         """Return the reactions of those stops on which the motion is, at rest."""
-        found, size = [], float(np.abs(self.state[: self.n]).max())
+        found, size = [], largest(self.state[: self.n])
         for number in self.sign_of:
             depth, rate, scale = self.gap(number, theta)
             if abs(depth) <= _STILL * (scale + size) and abs(rate) <= still:
@@ -139,7 +139,7 @@ class DrySwitches(DryState):
         now = self.read(theta, known)
         rate, limit, _ = now.friction[place]
         force = self.stiffness(place) * float(self.state[memory])
-        tiny = _ON * self.stiffness(place) * float(np.abs(self.state[: self.n]).max())
+        tiny = _ON * self.stiffness(place) * largest(self.state[: self.n])
         begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
         if limit > 0.0 and abs(force) < limit * (1.0 - _ON) and not begins:
             self.sticks[place] = True
@@ -166,7 +166,7 @@ class DrySwitches(DryState):
         rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
-        if abs(change) <= _NEAR * float(np.abs(now.accelerations).max()):
+        if abs(change) <= _NEAR * largest(now.accelerations):
             kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
             self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
             later = self.read(theta + _LATER)
@@ -237,7 +237,7 @@ class DrySwitches(DryState):
         place = self.friction_of.get(number)
         side = -self.sign_of[number] if place is None else self.slips[place]
         acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
-        return side * acceleration < -_NEAR * float(np.abs(now.accelerations).max())
+        return side * acceleration < -_NEAR * largest(now.accelerations)
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
