@@ -18,6 +18,7 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
+from gapwalk.bifurcation.discontinuity import discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
@@ -148,6 +149,8 @@ class BranchTracer(Iterator[Step]):
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return step
+                if stuck and self._jumps(first):
+                    raise
                 if stuck and self.walk.persist():
                     continue
                 if stuck:
@@ -380,6 +383,14 @@ class BranchTracer(Iterator[Step]):
         if before is None or not self._is_doubled(last) or not is_close(last):
             return False
         self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))
+        return True
+
+    def _jumps(self, last: BranchPoint) -> bool:
+        """End the walk if the motion jumps just ahead; return whether it does."""
+        ahead = discontinuity_ahead(self.beginning.corrector, last) if last.orbit.slips else None
+        if ahead is None:
+            return False
+        self.walk.finish(last, End(EndReason.JUMPS, ahead.value, ahead.words))
         return True
 
     def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:

@@ -43,6 +43,7 @@ class EndReason(Enum):
     JOINED = "the branch joined the branch from which it had branched off"
     FLOATING = "a part floats freely within its clearance"
     GIVES_WAY = "friction that never slipped slips to one side, so that no motion remains at its position"
+    JUMPS = "the motion jumps, so that the branch ends"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
