@@ -21,6 +21,7 @@ from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.kinds.held_stop import held_changes
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -83,7 +84,7 @@ class Detector:
         found = [zero for kind in self.kinds for zero in kind.points_in(search)]
         found.sort(key=lambda zero: zero.point.arclength)
         marks = [first.arclength, *(zero.point.arclength for zero in found), last.arclength]
-        special = []
+        special, parameter = [], self.corrector.equation.parameter or ""
         for index, zero in enumerate(found, start=1):
             sides = search.sides(marks, index)
             nature = zero.kind.nature(*sides)
@@ -94,7 +95,8 @@ class Detector:
             except NumericalError:
                 error = math.inf
             counts = _instabilities(zero.kind, *sides)
-            special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature))
+            made = SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature, parameter=parameter)
+            special.append(made)
         return special
 
     @cached_property
@@ -171,6 +173,7 @@ def unexplained(
                 else (f"{found} points of the kind {kind} lie between, but the test function does not change its sign")
             )
     yield from _contacts(a, b, special)
+    yield from _stops(a, b, special)
     yield from _friction(a, b, special)
 
 
@@ -223,6 +226,15 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         if abs(change) > grazes or (grazes - change) % 2:
             times = f"{now} times per period before this step, {then} times after it"
             yield f"{name} closes {times}, and grazes {grazes} times in it"
+
+
+def _stops(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """Yield the rigid stops that are held otherwise, where no point between tells it."""
+    for switch in held_changes(a, b):
+        name = describe_switch(a.orbit, switch)
+        if not any(each.kind is Kind.HELD_STOP and each.contact == name for each in special):
+            held = a.orbit.held[switch][0], b.orbit.held[switch][0]
+            yield f"{name} is held {held[0]} times per period before this step, {held[1]} times after it"
 
 
 def _friction(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:

@@ -12,7 +12,7 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 from weakref import ref
 
@@ -135,6 +135,7 @@ class Switchboard:
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
+        self.listener: Callable[[], Callable[[float], None] | None] = lambda: None  # (weak) of every event
 
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
@@ -282,8 +283,7 @@ class Switchboard:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
             self.modes.set_simultaneous(self._closed(), dry=self.dry.present)
-        self.event_limit -= 1
-        return self.event_limit > 0
+        return self._go_on(theta)
 
     def _settle(self, switch: int, theta: float, reported: bool = True) -> bool:
         """Set one switch for a motion on its breakpoint; return whether that changes it.
@@ -295,7 +295,7 @@ class Switchboard:
         velocity, before = self._rate(switch, theta), self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
-            if reported and inside is before and theta - self._changed[switch] > _REPEATED:
+            if reported and inside is before and not self._repeats(switch, velocity, theta):
                 self.missed += 1
         else:
             inside = self._after_touch(switch, velocity, theta)
@@ -324,6 +324,18 @@ class Switchboard:
         self._refresh_modes(theta)
         return True
 
+    def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
+        """Return True if an event repeats the last change of its switch, within time or distance that is rounding.
+
+        Another event may have set the switch where a motion turns within rounding of the breakpoint: its own follows.
+        """
+        passed = theta - self._changed[switch]
+        if passed <= _REPEATED:
+            return True
+        state = self._state[: 2 * self.n].tolist()
+        near = 4.0 * _ON * (self._scales[switch] + self._size(state))
+        return abs(velocity) * passed * float(self._coefficients[0]) <= near
+
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
             self.modes.refresh(theta, self._closed())
@@ -344,9 +356,15 @@ class Switchboard:
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
-        near = self._are_near(self._depths(state, theta), state, _ON)
+        depths = self._depths(state, theta)
+        near = self._are_near(depths, state, _ON)
         for other in others:
-            if near[other] and theta - self._changed[other] > _REPEATED:
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
+            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
+                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
+                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
+                    if reach < -depths[other]:
+                        continue
                 self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
@@ -434,8 +452,7 @@ class Switchboard:
             self.modes.set_simultaneous(self._closed() if self.count else None, dry=self.dry.present)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
-        self.event_limit -= 1
-        return self.event_limit > 0
+        return self._go_on(self._integrator.time)
 
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
@@ -446,6 +463,12 @@ class Switchboard:
             self.dry.stop_simultaneous(self._integrator.time)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
+        return self._go_on(self._integrator.time)
+
+    def _go_on(self, theta: float) -> bool:
+        """Return whether the integrator continues after an event."""
+        if (listener := self.listener()) is not None:
+            listener(theta)
         self.event_limit -= 1
         return self.event_limit > 0
 

@@ -166,12 +166,15 @@ class DrySwitches(DryState):
         rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
-        if abs(change) <= _NEAR * largest(now.accelerations):
+        near = abs(change) <= _NEAR * largest(now.accelerations)
+        if near or self.sign_of:
             kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
             self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
-            later = self.read(theta + _LATER)
-            change = self.slip_acceleration(place, later, theta + _LATER)
+            later = self.slip_acceleration(place, self.read(theta + _LATER), theta + _LATER)
             self.state[: self.size] = kept
+            # where a stop has just let go, all accelerations are rounding, and only those to come tell their size
+            if near or abs(change) <= _NEAR * abs(later) / _LATER:
+                change = later
         return side * change > 0.0
 
     def _stick(self, place: int, theta: float) -> None:

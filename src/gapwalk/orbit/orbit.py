@@ -25,11 +25,12 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, stick_words
-from gapwalk.orbit.measures import Turns, apart, measure, survey
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, stick_words
+from gapwalk.orbit.measures import Survey, Turns, apart, measure, survey
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import kept_words, without_kept
 
+_AT_STOP = 1e-9  # share of a clearance by which a motion that rests on it may differ from it
 _AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; logs are those of the last step but one
 _SIGNS = {1: "+", -1: "-"}
 SAME = 1e-6
@@ -160,19 +161,35 @@ class Orbit(Shown):
                 found[switch] = sorted(min((begin - theta) % full for begin in begins) for theta in impacts)
         return found
 
+    @cached_property
+    def held(self) -> dict[int, tuple[int, int]]:
+        """Number of phases of a period in which each rigid stop is held, and in which it is not, by switches."""
+        found: dict[int, tuple[int, int]] = {}
+        for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
+            own = [event for event in self.events if event.switch == switch]
+            lets_go = sum(not event.enters for event in own)
+            found[switch] = (lets_go, max(1, lets_go)) if own or not self._rests_on(switch) else (1, 0)
+        return found
+
+    def _rests_on(self, switch: int) -> bool:
+        """Return True if the motion begins at a breakpoint."""
+        contact, side, clearance = self.system.breakpoints[switch]
+        deflection = side * float(self._deflections[contact])
+        return abs(deflection - clearance) <= _AT_STOP * max(abs(deflection), abs(clearance))
+
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, which is near this one.
 
         A stop that is held has infinitely many impacts before. Of these, those are counted that precede a gap between
-        two of them: how many more the log has says nothing. If it is held in one of both motions only, that counts as
-        one.
+        two of them: how many more the log has says nothing. If it is held in one of both motions only, nothing is
+        counted: between the two, infinitely many impacts graze.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
-        for switch in self.chatters.keys() | other.chatters.keys():
-            ours, theirs = self.chatters.get(switch), other.chatters.get(switch)
-            if ours is None or theirs is None:
-                changes[switch] = 1 if ours is None else -1
-            elif changes[switch]:
+        for switch, phases in self.held.items():
+            if other.held[switch] != phases:
+                changes[switch] = 0
+            elif changes[switch] and switch in self.chatters:
+                ours, theirs = self.chatters[switch], other.chatters[switch]
                 within = _widest_gap(ours)
                 changes[switch] = sum(angle > within for angle in theirs) - sum(angle > within for angle in ours)
         return tuple(changes)
@@ -247,20 +264,24 @@ class Orbit(Shown):
         return 1 << (needed - 1).bit_length()
 
     @cached_property
-    def _survey(self) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[np.float64]]:
+    def _survey(self) -> Survey:
         return survey(self)
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:
         """Angles at which the deflection of each contact turns, and its values there."""
-        return self._survey[0]
+        return self._survey.turns
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4); accurate to rounding."""
-        _, positions, (mean, square) = self._survey
-        visited = np.array(positions)
+        visited, (mean, square) = np.array(self._survey.visited), self._survey.means
         return np.column_stack((visited.max(axis=0), visited.min(axis=0), mean, np.sqrt(square)))
+
+    @property
+    def margins(self) -> list[Margin]:
+        """Distances of friction from changes of its sequence of slip and stick; none if the orbit is not exact."""
+        return self._survey.margins
 
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:

@@ -4,6 +4,7 @@ from gapwalk.bifurcation.kinds.branch_point import BranchPointKind
 from gapwalk.bifurcation.kinds.flip import Flip
 from gapwalk.bifurcation.kinds.fold import Fold
 from gapwalk.bifurcation.kinds.grazing import Grazing
+from gapwalk.bifurcation.kinds.held_stop import HeldStop
 from gapwalk.bifurcation.kinds.neimark_sacker import NeimarkSacker
 from gapwalk.bifurcation.kinds.sliding import (
     AddingSliding,
@@ -21,6 +22,7 @@ Kind.FLIP = register(Flip("flip"))
 Kind.NEIMARK_SACKER = register(NeimarkSacker("neimark-sacker"))
 Kind.BRANCH_POINT = register(BranchPointKind("branch-point"))
 Kind.GRAZING = register(Grazing("grazing"))
+Kind.HELD_STOP = register(HeldStop("held-stop"))
 Kind.CROSSING_SLIDING = register(CrossingSliding("crossing-sliding"))
 Kind.SWITCHING_SLIDING = register(SwitchingSliding("switching-sliding"))
 Kind.GRAZING_SLIDING = register(GrazingSliding("grazing-sliding"))

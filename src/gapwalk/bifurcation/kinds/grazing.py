@@ -132,8 +132,8 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
     full = PERIOD * first.orbit.period
     gapless = _gapless(first, last)
     for switch, change in enumerate(changes):
-        if gapless[switch]:
-            continue
+        if gapless[switch] or first.orbit.held.get(switch) != last.orbit.held.get(switch):
+            continue  # where a stop ceases to be held, infinitely many impacts graze
         now, then = (approaches(point.orbit, switch) for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True

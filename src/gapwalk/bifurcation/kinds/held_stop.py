@@ -1,0 +1,146 @@
+"""Held stop: along a branch, a rigid stop begins or ceases to be held, or to be left, for a while in each period.
+
+A stop is held where impacts have come to rest on it, until its force would pull. Along a branch such a phase becomes
+shorter and vanishes: the force changes its sign before the impacts have come to rest. Complete chatter then becomes
+incomplete. On the side on which the stop is held, the motion depends smoothly on the parameter up to that point. On the
+other side, infinitely many impacts graze one after the other as the point is approached, each with a fold, within
+arclengths that shrink geometrically. So no orbits are sought there that come ever closer, and the point is located from
+the side on which the stop is held.
+
+Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering,
+Nonlinear Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans.
+R. Soc. A 347, 365-389.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
+from gapwalk.continuation.corrector import length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.special_point import SpecialPoint
+
+_SMALLEST = 1e-11  # arclength below which two changes count as one
+_EXACT = 1e-12  # arclength to which a change is located
+_BEYOND = 1.5  # longest distance along the tangents at which it is sought, in lengths of the step, which may be bent
+_ASTRAY = 0.5  # distance of an orbit from its guess, as a share of the distance ahead, beyond which it is another one
+
+
+class HeldStop(Kind):
+    """Held stop: a phase in which a rigid stop is held, or is left between two such phases, appears or vanishes."""
+
+    turn = 0
+    by_multipliers = False
+    symbol = Symbol("held stop", "", "2", 7.0, "grey")
+
+    def points_in(self, search: Search) -> list[Zero]:
+        """Return all points of this kind in a step; see `find_held_changes`."""
+        return [
+            Zero(self, each.point, each.spread, _no_function, describe_switch(each.point.orbit, each.switch))
+            for each in find_held_changes(search.interval, search.first, search.last)
+        ]
+
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
+        """Return the width of the bracket, with the difference from another discretisation on the located side."""
+        point, off = zero.point, abs(second.at(zero.point).value - zero.point.value)
+        width = abs(point.x[-1] and point.value / point.x[-1])
+        along = abs(float(point.tangent[-1])) * width * zero.spread
+        return float(along + SAFETY * off + ROUNDING * (abs(point.value) + width))
+
+    def nature(self, before: BranchPoint, after: BranchPoint) -> str:
+        """Return how often each stop whose phases change is held in a period, before and after the point."""
+        found = []
+        for switch in held_changes(before, after):
+            held = before.orbit.held[switch][0], after.orbit.held[switch][0]
+            found.append(f"{describe_switch(before.orbit, switch)} held {held[0]} -> {held[1]} times")
+        return ", ".join(found)
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """See `Kind.examined`: the stop must be held on one side otherwise than on the other."""
+        names = [describe_switch(before.orbit, switch) for switch in held_changes(before, after)]
+        return [] if special.contact in names else [f"{special.contact} is held as often on both sides"], None
+
+    @property
+    def no_locus(self) -> str:
+        """Reason why it has no locus: on one side of it, orbits are not smooth in any parameter."""
+        return "a held-stop has no locus in two parameters: on one side of it infinitely many impacts graze"
+
+
+class HeldChange(NamedTuple):
+    """Located change: the last point before it on the side with more phases, the switch, and the arclength of doubt."""
+
+    point: BranchPoint
+    switch: int
+    spread: float
+
+
+def held_changes(first: BranchPoint, last: BranchPoint) -> list[int]:
+    """Return the switches of rigid stops whose phases are not the same in two neighbouring orbits."""
+    ours, theirs = first.orbit.held, last.orbit.held
+    return [switch for switch, phases in ours.items() if theirs.get(switch) != phases]
+
+
+def find_held_changes(interval: StepInterval, first: BranchPoint, last: BranchPoint) -> list[HeldChange]:
+    """Find all changes between two neighbouring points of a walk, in order; a step with several of them is halved.
+
+    Raises
+    ------
+    NumericalError
+        If an orbit between the two points cannot be found.
+    """
+    changed, length = held_changes(first, last), last.arclength - first.arclength
+    if not changed:
+        return []
+    if length < _SMALLEST:
+        return [HeldChange(last, switch, length) for switch in changed]
+    if len(changed) == 1 and _difference(first, last, changed[0]) <= 1:
+        found = _locate(interval, first, last, changed[0])
+        if found is not None:
+            return [found]
+    middle = interval.middle(first, last)
+    return find_held_changes(interval, first, middle) + find_held_changes(interval, middle, last)
+
+
+def _difference(first: BranchPoint, last: BranchPoint, switch: int) -> int:
+    """Return by how many phases of either sort two motions differ."""
+    return max(abs(a - b) for a, b in zip(first.orbit.held[switch], last.orbit.held[switch], strict=True))
+
+
+def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> HeldChange | None:
+    """Locate a change from the side with more phases; None if they do not vanish within the step.
+
+    On the other side there may be no orbit at a distance, or several, so that nothing is concluded from them but that
+    the phases of the first side are gone.
+    """
+    rich, poor = sorted((first, last), key=lambda point: -sum(point.orbit.held[switch]))
+    corrector, way = interval.corrector, math.copysign(1.0, poor.arclength - rich.arclength)
+    point, near, far = rich, 0.0, _BEYOND * abs(poor.arclength - rich.arclength)
+    longest = far
+    while far - near > _EXACT:
+        ahead = 0.5 * (far - near)
+        guess = point.x + way * ahead * point.tangent
+        correction = corrector.correct(guess, point.tangent)
+        trial = None
+        if correction is not None and length_of(correction.x - guess) <= _ASTRAY * ahead:
+            trial = corrector.point(correction, point.tangent, point.arclength + way * ahead)
+        if trial is not None and trial.orbit.held == rich.orbit.held:
+            point, near = trial, near + ahead
+        else:
+            far = near + ahead
+    if far == longest or not first.arclength <= point.arclength <= last.arclength:
+        return None
+    return HeldChange(point, switch, far - near)
+
+
+def _no_function(point: BranchPoint) -> float:
+    return math.nan
