@@ -234,6 +234,8 @@ class DryState:
         self.held: tuple[int, ...] = ()
         self.hold_log: list[Hold] = []
         self._known: dict[tuple[int, ...], _Held] = {}
+        self._applied: _Held | None = None
+        self._applied_modes: list[Any] = []
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
         self._numbers = (b"", b"")
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
@@ -283,11 +285,13 @@ class DryState:
             self._known = {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
-        self.slips, self.sticks, self.held = [0] * len(self.slots), [False] * len(self.slots), ()
-        self.entry = self._applied = self._entry_of(())
+        was_held, self.held = bool(self.held), ()
+        self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
+        self.entry = self._entry_of(())
+        # a start may be decided twice: then the integrator may still have what the first one held
+        self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
         changed(self.coefficients)
-        self._applied_modes: list[Any] = []
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
