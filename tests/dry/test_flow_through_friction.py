@@ -130,6 +130,30 @@ def test_den_hartogs_amplitudes(ratio: float, amplitude: float) -> None:
     assert [orbit.measure("max.x"), -orbit.measure("min.x")] == pytest.approx([amplitude] * 2, abs=1e-11)
 
 
+@pytest.mark.parametrize(
+    ("limit", "frequency", "stops"),
+    [(0.3, 0.8, 0), (0.5, 0.4, 1), (0.2, 0.2, 1), (0.2, 0.12, 2), (0.25, 0.12, 2)],
+)
+def test_den_hartogs_motions_with_stops(limit: float, frequency: float, stops: int) -> None:
+    """Motions without a stop, with one, and with two stops per half period, and what becomes of their changes."""
+    system = one(friction("f", {"x": 1.0}, limit), damping=0.0, frequency=frequency)
+    orbit, reference = gw.find_orbit(system), Reference(system)
+    assert [event.slip for event in orbit.slips[1:]].count(0) == 2 * stops
+
+    def around(state: np.ndarray) -> np.ndarray:
+        return reference.integrate(state, 0.0, PERIOD).state
+
+    assert around(orbit.state) == pytest.approx(orbit.state, abs=1e-9)
+    for event in orbit.slips[1:]:
+        position = flow_of(system).integrate(coefficients_of(system), orbit.state, 0.0, event.theta).state[0]
+        assert position == pytest.approx(reference.integrate(orbit.state, 0.0, event.theta).state[0], abs=1e-9)
+    h = 1e-5
+    steps = h * np.eye(2)
+    slopes = np.column_stack([(around(orbit.state + step) - around(orbit.state - step)) / (2.0 * h) for step in steps])
+    found, expected = (np.sort_complex(each) for each in (orbit.multipliers, np.linalg.eigvals(slopes)))
+    assert found == pytest.approx(expected, abs=1e-7)
+
+
 @pytest.mark.parametrize("periods", [1, 2])
 def test_one_impact_in_n_periods(periods: int) -> None:
     """Budd and Dux (1994): W = 2n, one impact in n periods; its velocity in closed form, and det M = r^2."""
