@@ -176,3 +176,29 @@ def test_chatter_ends_where_the_geometric_series_does() -> None:
     assert hits[:20] == pytest.approx(times, abs=1e-11)
     assert hits[-1] == pytest.approx(end, abs=1e-6)
     assert arc.state == pytest.approx([0.0, 0.0], abs=1e-15)
+
+
+def test_changes_before_a_stop_that_is_held_move_dampers_on_their_way_to_it() -> None:
+    """A motion that begins h before its stop bounces to it in a time of the order of the root of h."""
+    system = System(
+        ["x", "y"],
+        [[0.8, -0.3], [-0.3, 0.5]],
+        [[0.3, -0.2], [-0.2, 0.25]],
+        mass=np.diag([1.3, 0.7]),
+        contacts=[wall(0.2, 0.6), friction("f", {"y": 1.0}, 0.05)],
+        mean={"x": 1.5},
+        harmonics=[Harmonic(0.4, {"y": 1.0})],
+        frequency=0.5,
+    )
+    start, flow = np.array([0.2, 0.1, 0.0, 0.4]), flow_of(system)
+    found = flow_of(system, transition=True).integrate(coefficients_of(system), start, 0.0, 0.8)
+    assert found.transition is not None
+
+    def slope(h: float) -> np.ndarray:
+        before = start - np.array([h, 0.0, 0.0, 0.0])
+        return (found.state - flow.integrate(coefficients_of(system), before, 0.0, 0.8).state) / h
+
+    # the remainder has the powers 1/2 and 1 of h
+    once = [2.0 * slope(h / 4.0) - slope(h) for h in (1e-6, 2.5e-7)]
+    assert found.transition[:, 0] == pytest.approx((4.0 * once[1] - once[0]) / 3.0, abs=1e-6)
+    assert np.abs(found.transition[:, 0]).max() > 0.1

@@ -117,8 +117,27 @@ def _host(state: DryState, place: int, coefficients: NDArray, angles: Angles, y:
     return Host(stages, slots.form.law.force(moves[0][1], stages, angles.named(slots.numbers, slots.waves)))
 
 
+def _dragged(state: DryState, moved: Array, theta: float) -> Array:
+    """Return the changes of the velocities where a motion comes to its stops from changes of the positions.
+
+    It comes there in no time to leading order, but dampers that it moves on the way give finite impulses.
+    """
+    n, layout, y, found = state.n, state.layout, state.state[: state.size], np.zeros_like(moved)
+    angles, dry = Angles(layout, state.base, theta), Dry(np.array(state.slips, dtype=float), y[2 * n :])
+    for row, change in zip(found, moved, strict=True):
+        if change.any():
+            v = y[n : 2 * n] + 1j * _STEP * change
+            forces = contact_forces(layout, state.base, theta, y[:n], v, state.closed, angles, dry)
+            table = state.entry.coefficients[layout.accelerations]
+            row[:] = np.imag(balance(table, y[:n], v, forces, angles.waves)) / _STEP
+    return found
+
+
 def project(state: DryState, theta: float) -> None:
-    """Project the state and its changes on what is held."""
+    """Project the state and its changes on what is held.
+
+    Changes of positions at a stop that is held are those of motions that begin before it, and come to it.
+    """
     constraint, n, y = state.entry.constraint, state.n, state.state
     if not constraint.independent:
         return
@@ -128,7 +147,12 @@ def project(state: DryState, theta: float) -> None:
         rates = np.array([rate_changes(state, contact, theta) for contact in constraint.contacts])
         if stops:
             depths = np.array([depth_changes(state, constraint.independent[place], theta) for place in stops])
-            rows[:, :n] -= depths.T @ constraint.impulses[:, stops].T
+            moved = -depths.T @ constraint.impulses[:, stops].T
+            rows[:, :n] += moved
+            rows[:, n : 2 * n] += _dragged(state, moved, theta)
+            for slots, memory in zip(state.slots, state.memory_of, strict=True):
+                if memory is not None:
+                    rows[:, memory] += moved @ state.base[slots.deflection]
         rows[:, n : 2 * n] -= rates.T @ constraint.impulses.T
     for place, contact in enumerate(constraint.contacts):
         slots = state.layout.contacts[contact]
