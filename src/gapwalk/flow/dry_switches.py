@@ -355,7 +355,7 @@ class DrySwitches(DryState):
         self._slip(place, side, theta)
         others = [each for each in self.held if each != number]
         after = self._hold(theta, others)
-        if pressed := self._pressed(theta):
+        if self.sign_of and (pressed := self._pressed(theta)):
             after = self._hold(theta, [*others, *pressed], pressed)
         if gradient is not None:
             add_delay(self, before, theta, *gradient, after=after)
