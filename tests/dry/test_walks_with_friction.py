@@ -9,7 +9,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import Flow
-from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from tests.dry import closed_forms

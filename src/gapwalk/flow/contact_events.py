@@ -285,9 +285,10 @@ class Switchboard:
 
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
-        if self.dry.count and self.dry.let_go(switch, theta):
-            self.log.append(ContactEvent(theta, switch, False, 0.0))
-            self._left[switch] = theta + _LEAVING
+        if self.dry.count and self.dry.holds(switch):
+            if self.dry.let_go(switch, theta):
+                self.log.append(ContactEvent(theta, switch, False, 0.0))
+                self._left[switch] = theta + _LEAVING
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:

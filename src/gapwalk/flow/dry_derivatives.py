@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.dry_state import DryState, Readings, largest
-from gapwalk.flow.forces import Angles
+from gapwalk.flow.forces import Angles, Dry, balance, contact_forces
 
 _NOTHING = 1e-13  # share of the accelerations below which their jump is rounding
 _STEP = 1e-150  # of the complex step
@@ -94,8 +94,27 @@ def margin_growth(state: DryState, place: int, now: Readings, theta: float) -> f
     return side * float(columns[0] @ state.entry.table[state.n + number]) - float(limits[0, place, 1])
 
 
+def _dragged(state: DryState, moved: Array, theta: float) -> Array:
+    """Return the changes of the velocities where a motion comes to its stops from changes of the positions.
+
+    It comes there in no time to leading order, but dampers that it moves on the way give finite impulses.
+    """
+    n, layout, y, found = state.n, state.layout, state.state[: state.size], np.zeros_like(moved)
+    angles, dry = Angles(layout, state.base, theta), Dry(np.array(state.slips, dtype=float), y[2 * n :])
+    for row, change in zip(found, moved, strict=True):
+        if change.any():
+            v = y[n : 2 * n] + 1j * _STEP * change
+            forces = contact_forces(layout, state.base, theta, y[:n], v, state.closed, angles, dry)
+            table = state.entry.coefficients[layout.accelerations]
+            row[:] = np.imag(balance(table, y[:n], v, forces, angles.waves)) / _STEP
+    return found
+
+
 def project(state: DryState, theta: float) -> None:
-    """Project the state and its changes on what is held."""
+    """Project the state and its changes on what is held.
+
+    Changes of positions at a stop that is held are those of motions that begin before it, and come to it.
+    """
     constraint, n, y = state.entry.constraint, state.n, state.state
     if not constraint.independent:
         return
@@ -108,7 +127,12 @@ def project(state: DryState, theta: float) -> None:
                 rates[:, place] = rate_changes(state, contact, theta)
         if stops:
             depths = np.array([depth_changes(state, constraint.independent[place], theta) for place in stops])
-            rows[:, :n] -= depths.T @ constraint.impulses[:, stops].T
+            moved = -depths.T @ constraint.impulses[:, stops].T
+            rows[:, :n] += moved
+            rows[:, part] += _dragged(state, moved, theta)
+            for slots, memory in zip(state.slots, state.memory_of, strict=True):
+                if memory is not None:
+                    rows[:, memory] += moved @ state.base[slots.deflection]
         rows[:, part] -= rates.dot(constraint.impulses.T)
     rates = constraint.vectors.dot(y[n : 2 * n])
     for place, contact in enumerate(constraint.contacts):
