@@ -37,6 +37,8 @@ _PERIOD = 2.0 * math.pi
 _SMALL = 1e-25  # size of the imaginary parts: rounding does not see their squares
 _STEP = 1e-150  # of the complex step
 _EXACT = 2e-11  # error of a step, relative to the motion
+_EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
+_BARELY = 1e-8  # the same where friction would slip for no time, as at points of switching-sliding
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _HOP = 1e-3  # angle of a flight that is located from its parabola
 _HELD = 1e-7  # angle of a flight that is not made any more
@@ -124,6 +126,7 @@ class _Motion:
         self._pieces = sorted(
             {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
         )
+        self._slack = _EQUAL
         self._step, self.angles = 1e-3, np.zeros(size + 1)
         self.levels = equations.levels(np.array([1e-9]))
         self.modes = self._start()
@@ -223,7 +226,7 @@ class _Motion:
         """Return True if friction at rest may stick, or begin to slip in a direction."""
         bound = float(now.breakaways[index][0])
         if not slip:
-            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + 1e-11)
+            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + self._slack)
         turning = self.equations.turning(np.array([self.theta]), now)[0, index]
         return slip * float(turning) > (0.0 if bound else -1e-12 * self.speed * self.equations.omega)
 
@@ -334,7 +337,9 @@ class _Motion:
                 if repeated > _AT_ONCE or count > _MOST:
                     raise NumericalError("events repeat")
                 last = self.theta
+                self._slack = _BARELY if repeated else _EQUAL
                 self._pass(key)
+        self._slack = _EQUAL
         self.angles = np.full(len(self.states), self.theta)
         equations.set_extensions(self.angles, self.states, self.modes, self.levels)
 
