@@ -36,6 +36,7 @@ ORDER = (
     "reduction",
     "attractors",
     "measurement",
+    "answers",
     "results",
     "parallel",
     "studies",

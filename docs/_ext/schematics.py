@@ -297,6 +297,19 @@ def driveline() -> Sketch:
     return s
 
 
+def held(s: Sketch, wall: float, body: float, spring: float, damper: float) -> None:
+    """Draw a spring and a damper at two heights, from a wall at one x to a body at another."""
+    s.wall((wall, spring - 28), (wall, damper + 28), side=-1)
+    s.spring(wall, spring, body, spring)
+    s.damper(wall, damper, body, damper)
+
+
+def coordinate(s: Sketch, x: float, y: float) -> None:
+    """Draw the arrow of the coordinate x."""
+    s.arrow(x, y, x + 45, y, color=INK)
+    s.text(x + 55, y + 5, "x", math=True)
+
+
 def rubbing(s: Sketch, x: float, y: float, width: float) -> None:
     """Draw a rough surface under a body whose lower edge is at `y`, with the arrow of the friction."""
     s.wall((x + width / 2, y + 5), (x - width / 2, y + 5), side=1)
@@ -317,20 +330,16 @@ def dry_friction() -> Sketch:
     s.text(240, 144, "friction: at most f", color=ORANGE)
     s.arrow(282, 80, 340, 80)
     s.text(350, 86, "cos Ωt", math=True, color=BLUE, anchor="start")
-    s.arrow(240, 38, 285, 38, color=INK)
-    s.text(295, 43, "x", math=True)
+    coordinate(s, 240, 38)
     return s
 
 
 def rigid_stop() -> Sketch:
     """Draw a mass on a spring and a damper, next to a soft and a rigid stop."""
     s = Sketch(600, 190, "A mass on a spring and a damper, next to a stop that is a spring or rigid")
-    s.wall((50, 40), (50, 140), side=-1)
-    s.spring(50, 70, 160, 70)
-    s.damper(50, 115, 160, 115)
+    held(s, 50, 160, 70, 115)
     s.box(195, 92, 70, 80)
-    s.arrow(195, 38, 240, 38, color=INK)
-    s.text(250, 43, "x", math=True)
+    coordinate(s, 195, 38)
     s.line((280, 62), (280, 122), width=2.4)
     s.spring(280, 76, 390, 76)
     s.text(335, 60, "k", math=True)
@@ -379,9 +388,7 @@ def hysteresis() -> Sketch:
 def belt() -> Sketch:
     """Draw a mass on a spring, on a moving belt."""
     s = Sketch(480, 200, "A mass on a spring, on a belt that moves")
-    s.wall((60, 30), (60, 115), side=-1)
-    s.spring(60, 58, 195, 58)
-    s.damper(60, 88, 195, 88)
+    held(s, 60, 195, 58, 88)
     s.box(235, 72, 80, 66)
     s.line((130, 108), (370, 108), color=ORANGE, width=2)
     s.line((130, 164), (370, 164), color=ORANGE, width=2)
@@ -399,9 +406,7 @@ def belt() -> Sketch:
 def impact_damper() -> Sketch:
     """Draw an oscillator with a box in which a mass is free."""
     s = Sketch(520, 190, "A mass on a spring, with a box in which a small mass flies back and forth")
-    s.wall((60, 40), (60, 140), side=-1)
-    s.spring(60, 65, 170, 65)
-    s.damper(60, 110, 170, 110)
+    held(s, 60, 170, 65, 110)
     s.box(290, 90, 240, 100)
     s.add("rect", x=210, y=60, width=160, height=50, fill="white", stroke=INK, stroke_width=1.6)
     s.disc(290, 93, 15, fill=ORANGE)
@@ -412,8 +417,7 @@ def impact_damper() -> Sketch:
     s.text(338, 82, "gap", color=BLUE)
     s.arrow(410, 90, 460, 90)
     s.text(468, 96, "F", math=True, color=BLUE, anchor="start")
-    s.arrow(290, 165, 335, 165, color=INK)
-    s.text(345, 170, "x", math=True)
+    coordinate(s, 290, 165)
     return s
 
 

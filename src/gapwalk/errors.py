@@ -15,6 +15,10 @@ class StoreError(ModelError):
     """A result file that cannot be read or written as asked."""
 
 
+class UnfitError(ModelError):
+    """A system that a method cannot include; the message says why, and which method can."""
+
+
 class NumericalError(GapwalkError, ArithmeticError):
     """A computation that could not be completed; the message says how far it came."""
 

@@ -147,7 +147,7 @@ def test_a_chaotic_motion_and_the_table():
 
 
 def test_a_drive_train_with_units_rattles_in_joules_and_degrees() -> None:
-    """The same train in SI units has the same numbers."""
+    """Its numbers are those of the train in SI units."""
     found = gw.analysis.rattle(gw.find_orbit(physical("900 rpm").system()))
     same = gw.analysis.rattle(gw.find_orbit(by_hand(900.0).system()))
     for first, second in zip(found.sides + found.contacts, same.sides + same.contacts, strict=True):

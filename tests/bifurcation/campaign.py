@@ -14,18 +14,18 @@ from gapwalk.errors import GapwalkError
 
 
 class Compared(Protocol):
-    """What came of one comparison: a dataclass that can be made with a name and a note alone."""
+    """Outcome of one comparison: a dataclass that can be made with a name and a note alone."""
 
     __dataclass_fields__: Any
 
     @property
     def agrees(self) -> bool:
-        """Whether the walks found the same."""
+        """True if the walks found the same."""
         ...
 
 
 def arguments(folder: str, about: str | None) -> argparse.ArgumentParser:
-    """What every campaign is told on its command line: the log, and which random systems."""
+    """Return a parser of the command line of a campaign: the log, and which random systems."""
     parser = argparse.ArgumentParser(prog=f"python -m tests.{folder}", description=about)
     parser.add_argument("log", type=Path, help="one line of JSON for each comparison; what it holds is not done again")
     parser.add_argument("--systems", type=int, default=200, metavar="N", help="random systems (default: 200)")

@@ -241,17 +241,17 @@ def test_the_box_holds_known_orbits_and_leaves_out_stops_that_are_never_met():
 
 
 def test_starts_are_spread_evenly_and_belong_to_their_value():
-    box = np.array([1.0, 2.0, 3.0, 4.0])
-    starts = spread_starts(box, 64, seed=1, value=0.3)
+    box, system = np.array([1.0, 2.0, 3.0, 4.0]), clutch(frequency=0.62)
+    starts = spread_starts([system], box, 64, seed=1, value=0.3)
     assert starts.shape == (64, 4)
     assert np.all(np.abs(starts) <= box)
     # a scrambled Sobol sequence has as many points on either side of zero, in every coordinate
     assert np.all((starts > 0.0).sum(axis=0) == 32)
-    assert np.array_equal(starts, spread_starts(box, 64, seed=1, value=0.3))
-    assert not np.array_equal(starts, spread_starts(box, 64, seed=2, value=0.3))
-    assert not np.array_equal(starts, spread_starts(box, 64, seed=1, value=0.4))
-    assert spread_starts(box, 1, seed=0, value=0.0).shape == (1, 4)
-    assert spread_starts(box, 5, seed=0, value=0.0).shape == (5, 4)
+    assert np.array_equal(starts, spread_starts([system], box, 64, seed=1, value=0.3))
+    assert not np.array_equal(starts, spread_starts([system], box, 64, seed=2, value=0.3))
+    assert not np.array_equal(starts, spread_starts([system], box, 64, seed=1, value=0.4))
+    assert spread_starts([system], box, 1, seed=0, value=0.0).shape == (1, 4)
+    assert spread_starts([system], box, 5, seed=0, value=0.0).shape == (5, 4)
 
 
 # Newton's method aside

@@ -20,11 +20,13 @@ from gapwalk.model.system import System
 
 _OPTIONS = {"rtol": 1e-13, "atol": 1e-14}
 _FIRES = 1e-11  # a guard as far below zero has changed its sign
+_STRIKES = 2e-14  # the same of a gap that may close slowly, at a rate of the order of its square root
 _REST = 1e-11  # rate within which friction may stick
 _HOP = 1e-3  # time of a flight that is located from its parabola
 _HELD = 1e-7  # time of a flight that is not made: an error of the order of its square
 _AT_ONCE = 60  # events at one instant
-_SAMPLES = np.concatenate((0.5 ** np.arange(30.0, 3.0, -1.0), np.arange(1, 17) / 16.0))
+_SAMPLES = (np.arange(1, 17) / 16.0).tolist()  # shares of a step at which guards are looked at
+_AFTER = (0.5 ** np.arange(30.0, 3.0, -1.0)).tolist()  # and of a step after an event, where guards begin at 0
 
 
 class Event(NamedTuple):
@@ -363,11 +365,12 @@ class Reference:
         log: list[Event] = []
         modes = modes or self.start(t, y, log)
         log += [Event("slip", start, index, modes.slip[index]) for index in self.dry]
-        last, repeated, step = t, 0, 1e-3
+        last, repeated, step, samples = t, 0, 1e-3, _AFTER + _SAMPLES
         while t < end:
-            t_new, y_new, key, step = self._piece(t, y, end, modes, step)
-            t, y = t_new, y_new
+            t, y, key, step = self._piece(t, y, end, modes, step, samples)
+            samples = _SAMPLES
             if key is not None:
+                samples = _AFTER + _SAMPLES
                 self.change(key, t, y, modes, log, lost)
                 repeated = repeated + 1 if t - last <= 1e-14 * (1.0 + abs(t)) else 0
                 last = t
@@ -389,7 +392,7 @@ class Reference:
                         hops["contact", switch] = t0 + root
         return hops
 
-    def _piece(self, t0, y0, end, modes, step):
+    def _piece(self, t0, y0, end, modes, step, samples):
         """Take one step of DOP853, to the first event in it; return time, state, event, and the next step."""
 
         def rates(t, y):
@@ -417,14 +420,15 @@ class Reference:
             if guess <= t1:
                 found.append((guess, key))
         before: dict = {key: (t0, value) for key, value in self.guards(t0, y0, modes).items()}
-        for share in _SAMPLES:
+        for share in samples:
             t = t0 + share * (t1 - t0)
             new = self.guards(t, dense(t) if share < 1.0 else y1, modes)
             for key, value in new.items():
                 known = before[key]
                 if key in hops or known is None:
                     continue
-                if value < -_FIRES and self.guards(t, at(t), modes)[key] < -0.1 * _FIRES:
+                fires = _STRIKES if key[0] == "contact" and key[1] not in modes.held else _FIRES
+                if value < -fires and self.guards(t, at(t), modes)[key] < -0.1 * fires:
                     below, above = known[0], t
                     if self.guards(below, at(below), modes)[key] <= 0.0:
                         fired.append((t0, key))
@@ -432,7 +436,7 @@ class Reference:
                         root = brentq(lambda s, key=key: self.guards(s, at(s), modes)[key], below, above, xtol=1e-15)
                         fired.append((root, key))
                     before[key] = None
-                elif value > _FIRES:
+                elif value > fires:
                     before[key] = (t, value)
             if fired:
                 break

@@ -96,8 +96,9 @@ def start_of(system: System) -> np.ndarray:
 @each_system
 def test_the_state_is_that_of_another_integrator(name: str) -> None:
     system, _ = SYSTEMS[name]
-    arc = flow_of(system).integrate(coefficients_of(system), start_of(system), 0.0, 2.0 * PERIOD)
-    expected = Reference(system).integrate(start_of(system), 0.0, 2.0 * PERIOD)
+    end = 2.0 * PERIOD if name in ("impacts", "stages") else PERIOD  # others have all kinds of events in one period
+    arc = flow_of(system).integrate(coefficients_of(system), start_of(system), 0.0, end)
+    expected = Reference(system).integrate(start_of(system), 0.0, end)
     assert arc.state == pytest.approx(expected.state, abs=1e-9)
 
 

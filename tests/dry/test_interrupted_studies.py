@@ -17,8 +17,9 @@ from tests.dry.dry_jobs import STUDIES, study_of
 from tests.interruption import until_ctrl_c
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch, assert_same_result
+from tests.tiers import some_of
 
-SAFE = {"response": 12, "settle": 1, "sweep": 1}
+SAFE = {"response": 6, "settle": 1, "sweep": 1}
 """Lines after which a study is killed."""
 
 
@@ -31,7 +32,7 @@ def program(kind: str, path: Path) -> str:
     return f"from tests.dry.dry_jobs import main; main({kind!r}, {str(path)!r})"
 
 
-@pytest.mark.parametrize("kind", STUDIES)
+@pytest.mark.parametrize("kind", some_of(STUDIES, "response", "sweep"))
 def test_a_study_that_is_killed_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "a.gapwalk"
     lines = killed_after(SAFE[kind], program(kind, path), longest_wait=0.1)
@@ -70,25 +71,26 @@ def test_ctrl_c_within_a_walk_leaves_the_flow_usable() -> None:
     np.testing.assert_allclose(state, orbit.state, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_two_processes_find_the_same_as_one() -> None:
-    alone = undisturbed("sweep").finding
-    assert alone is not None
-    options = gw.SweepOptions(steps=25, points=13, ways="up and down")
-    sweeps = []
-    for count in (1, 2):
-        with local_workers(count) as workers:
-            sweeps.append(
-                gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), options=options, workers=workers)
-            )
-    for found in sweeps:
-        np.testing.assert_array_equal(found.sections, sweeps[0].sections)
-        np.testing.assert_array_equal(found.sections[0], alone.record.sections[0])
+    up = undisturbed("sweep").finding
+    assert up is not None
+    options = gw.SweepOptions(steps=25, points=13, ways="up and down", workers=1)
+    alone = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), options=options)
+    with local_workers(2) as workers:
+        found = gw.sweep(study_of("sweep").system, "frequency", (0.6, 0.62), options=options, workers=workers)
+    np.testing.assert_array_equal(found.sections, alone.sections)
+    np.testing.assert_array_equal(found.sections[0], up.record.sections[0])
 
 
 def test_two_threads_find_the_same_as_one() -> None:
     orbit = undisturbed("response").branches[0].points[0].orbit
-    alone = gw.follow(orbit, "frequency", 0.615)
+
+    def walked(_: int) -> gw.Branch:
+        return gw.follow(orbit, "frequency", 0.605, walk=gw.WalkOptions(largest_step=0.05))
+
+    alone = walked(0)
     with ThreadPoolExecutor(2) as threads:
-        found = list(threads.map(lambda _: gw.follow(orbit, "frequency", 0.615), range(2)))
+        found = list(threads.map(walked, range(2)))
     for branch in found:
         assert_same_branch(branch, alone)

@@ -1,4 +1,4 @@
-"""A spring with friction and rigid friction on one deflection turn round at one instant, of which one event is told."""
+"""Events at one instant, of which the integrator tells one: ends of slip, turning points, and stops that are held."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.model.contact import friction
+from gapwalk.model.contact import Contact, Side, Stage, friction
 from tests.dry.event_reference import Reference
 
 TURN = 2.0 * math.pi
@@ -18,7 +18,7 @@ PARTS = [friction("joint", {"x": 1.0}, 0.2, stiffness=3.0), friction("brake", {"
 
 
 @pytest.mark.parametrize("contacts", [PARTS, PARTS[::-1]], ids=["spring first", "rigid first"])
-def test_both_turn_round_whichever_event_is_told(contacts) -> None:
+def test_both_turn_round_whichever_event_comes_first(contacts) -> None:
     load = gw.Harmonic(1.0, {"x": 1.0})
     system = gw.System(["x"], [[1.0]], [[0.05]], contacts=contacts, harmonics=[load], frequency=0.7)
     flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
@@ -26,7 +26,56 @@ def test_both_turn_round_whichever_event_is_told(contacts) -> None:
     for _ in range(6):
         state = np.array([*numbers.normal(size=2), 0.0])
         expected = reference.integrate(state, 0.0, TURN).state
-        for _ in range(20):  # rounding decides which event is told
+        for _ in range(8):  # rounding decides which comes first
             near = state * (1.0 + 1e-15 * numbers.normal(size=3))
             found = flow.integrate(coefficients, near, 0.0, TURN).state
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.0, 6.0, 9))
+def test_turning_points_beside_an_event_that_changes_nothing(phase: float) -> None:
+    """The gap never closes, so friction that it presses has no force, but an event where b and c turn."""
+    contacts = [
+        friction("pair", {"b": 1.0, "c": -1.0}, 10.0),
+        Contact("gap", {"b": 1.0}, [Stage(50.0, 3.0)]),
+        friction("pressed", {"b": 1.0}, coefficient=0.3, normal="gap", stiffness=2.0),
+    ]
+    load = gw.Harmonic(1.0, {"b": 1.0}, phase=phase)
+    system = gw.System(
+        ["b", "c"],
+        [[1.0, 0.0], [0.0, 0.0]],
+        [[0.1, 0.0], [0.0, 0.0]],
+        contacts=contacts,
+        harmonics=[load],
+        frequency=0.9,
+    )
+    settled = np.conj(1.0 / (1.0 - 2.0 * 0.9**2 + 0.1j * 0.9)) * np.exp(-1j * phase)  # two masses are one
+    state = np.array([settled.real, settled.real, 0.9 * settled.imag, 0.9 * settled.imag, 0.0])
+    grid = np.array([0.0, TURN])
+    _, turns, _ = flow_of(system, survey=True).survey(coefficients_of(system), state, grid)
+    for coordinate in (0, 1):
+        own = [turn.positions[coordinate] for turn in turns if turn.event == coordinate]
+        np.testing.assert_allclose([max(own), min(own)], [abs(settled), -abs(settled)], rtol=1e-13)
+
+
+def test_a_stop_stays_held_where_friction_beside_it_turns_round() -> None:
+    contacts = [
+        friction("ground", {"a": 1.0}, 0.2),
+        Contact("stop", {"b": 1.0, "a": -0.7}, [Stage(0.3, side=Side.POSITIVE)], law="rigid", restitution=0.6),
+    ]
+    load = gw.Harmonic(1.3, {"a": 1.0})
+    system = gw.System(
+        ["a", "b"],
+        [[2.0, -1.0], [-1.0, 1.5]],
+        [[0.05, 0.0], [0.0, 0.05]],
+        contacts=contacts,
+        mean={"b": 2.0},
+        harmonics=[load],
+        frequency=0.8,
+    )
+    flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
+    numbers = np.random.default_rng(15)
+    for _ in range(8):
+        state = np.array([*(0.3 * numbers.normal(size=2) - [0.0, 0.5]), *numbers.normal(size=2)])
+        expected = reference.integrate(state, 0.0, 2.0 * TURN).state
+        np.testing.assert_allclose(flow.integrate(coefficients, state, 0.0, 2.0 * TURN).state, expected, atol=1e-10)

@@ -7,38 +7,17 @@ import pytest
 import gapwalk as gw
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.walk import EndReason
-from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from tests.dry import closed_forms
+from tests.flow.dry_systems import clutch
 
 # folds and flips of period 1 with friction .005, located by single shooting on another integrator (ten digits)
 CLUTCH = {
     "flip": [1.3319237942, 1.2315204596, 0.7956394074, 0.6527108634, 0.4215829155, 0.3910381111],
     "fold": [0.6188807084, 0.6392503634, 0.4267694361, 0.4352821092, 0.3249850323, 0.3264588832],
 }
-
-
-def clutch(limit: float, *, stiffness: float | None = None, phase: float = 0.0) -> System:
-    """The clutch of figure 13, with friction on the rate of q1."""
-    stage = Contact(
-        "stage2",
-        {"q1": 1.0},
-        [Stage(1.0, 1.0)],
-        force={"q1": 0.9, "q3": -0.54},
-        law="hunt-crossley",
-        impact_damping=0.05,
-    )
-    lining = friction("lining", {"q1": 1.0}, limit, stiffness=stiffness, force={"q1": 1.0, "q3": -0.6})
-    return System(
-        ("q1", "q3"),
-        [[0.1, -0.6], [-0.06, 1.1]],
-        [[0.04, -0.04], [-0.04, 0.06]],
-        mean={"q1": 0.25, "q3": 0.25},
-        contacts=[stage, lining],
-        harmonics=[Harmonic(0.25, {"q1": 1.0}, phase=phase)],
-        frequency=2.0,
-    )
 
 
 def impacts(amplitude: float) -> System:

@@ -201,7 +201,7 @@ def test_two_stops_that_are_held_together_leave_the_rest_in_balance():
         )
 
 
-def test_what_it_cannot_carry_is_refused_by_name():
+def test_impacts_that_it_cannot_carry_are_refused_by_name():
     system = SYSTEMS["one"]
     with pytest.raises(ModelError, match=r"state 1 is 0.4 beyond the rigid stop 'stop', and 1 of 2 states"):
         batch_flow_of(system).run([[0.0, 1.0], [0.7, 0.0]], 1)

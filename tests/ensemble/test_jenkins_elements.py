@@ -210,7 +210,7 @@ def test_a_run_keeps_the_error_that_was_asked_for_and_surveys_the_force():
     assert run.survey.peak_force == pytest.approx(LIMIT, rel=1e-9)  # all slip
 
 
-def test_what_it_cannot_carry_is_refused_by_name():
+def test_friction_that_it_cannot_carry_is_refused_by_name():
     rigid = oscillator(friction("brake", {"x": 1.0}, 0.3))
     with pytest.raises(ModelError, match=r"cannot include 'brake': it sticks rigidly.*give it a stiffness"):
         batch_flow_of(rigid).run(np.zeros((2, 2)), 1)

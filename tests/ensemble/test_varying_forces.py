@@ -230,7 +230,7 @@ def test_a_formula_that_overflows_ends_its_trajectory_alone():
     assert few.states.tolist() == run.states[[0, 1, 3]].tolist()
 
 
-def test_a_motion_that_leaves_the_range_of_a_formula_in_one_coordinate_is_told():
+def test_a_motion_that_leaves_the_range_of_a_formula_in_one_coordinate_is_marked():
     edge = force("f", {"x": 1.0}, "log(x + 2)")
     system = System(("x", "y"), np.eye(2), 0.2 * np.eye(2), contacts=[edge], harmonics=[Harmonic(0.3, {"y": 1.0})])
     run = batch_flow_of(system, BatchOptions(steps=100)).run(np.array([[0.1, 0.2, 0.0, 0.0], [-5.0, 0.2, 0.0, 0.0]]), 2)

@@ -9,6 +9,7 @@ import pytest
 from starlette.testclient import TestClient
 
 import gapwalk as gw
+from gapwalk.explorer.curve_data import labels
 from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import CLUTCH, ORIGIN, STOP, wait
@@ -125,7 +126,7 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> No
     curve = client.get("/api/curve", params=plane).json()
     x, y = unpacked(curve, "x"), unpacked(curve, "y")
     assert y[[0, -1]] == pytest.approx(0.21, abs=1e-9)  # both sides of the cusp
-    assert {curve["labels"][label] for label in unpacked(curve, "label", "u1")} == {"fold"}
+    assert {labels()[label] for label in unpacked(curve, "label", "u1")} == {"fold"}
     # both folds of a response that is computed at another amplitude lie on it
     other = do(file, do="compute", values={second: 0.1})
     cusp, sides = int(np.argmin(y)), []

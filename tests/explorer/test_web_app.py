@@ -82,8 +82,7 @@ def test_contacts_are_logged_and_drawn(client, do, model) -> None:
     last = result["branches"][0]["points"] - 1
     place = {"file": model, "result": result["key"], "branch": 0, "point": last, "signal": "x", "tab": "a"}
     motion = client.get("/api/motion", params=place).json()
-    assert [(entry["contact"], entry["side"]) for entry in motion["log"]] == [("stop", "+")] * len(motion["log"])
-    assert {entry["closes"] for entry in motion["log"]} == {True, False}
+    assert {(entry["contact"], entry["what"]) for entry in motion["log"]} == {("stop +", "closes"), ("stop +", "opens")}
     (contact,) = motion["contacts"]
     assert contact["stops"] == [1.0]
     closed = np.array(contact["deflection"]) > 1.0

@@ -35,6 +35,28 @@ def system(coordinates, stiffness, contacts, damping=None, mass=None, frequency=
     )
 
 
+def clutch(limit, *, stiffness=None, phase=0.0):
+    """Return the clutch of figure 13 of the paper, with friction on the rate of q1."""
+    stage = Contact(
+        "stage2",
+        {"q1": 1.0},
+        [Stage(1.0, 1.0)],
+        force={"q1": 0.9, "q3": -0.54},
+        law="hunt-crossley",
+        impact_damping=0.05,
+    )
+    lining = friction("lining", {"q1": 1.0}, limit, stiffness=stiffness, force={"q1": 1.0, "q3": -0.6})
+    return gw.System(
+        ("q1", "q3"),
+        [[0.1, -0.6], [-0.06, 1.1]],
+        [[0.04, -0.04], [-0.04, 0.06]],
+        mean={"q1": 0.25, "q3": 0.25},
+        contacts=[stage, lining],
+        harmonics=[gw.Harmonic(0.25, {"q1": 1.0}, phase=phase)],
+        frequency=2.0,
+    )
+
+
 SYSTEMS = {
     "stick": system(ONE, [[1.0]], [friction("f", {"x": 1.0}, 0.75)], [[0.0]]),
     "static": system(ONE, [[1.0]], [friction("f", {"x": 1.0}, 0.5, static=1.4)], [[0.0]]),

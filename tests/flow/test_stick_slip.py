@@ -60,7 +60,7 @@ def test_strikes_are_the_impacts():
         assert kink.velocities[1][0] == pytest.approx(-0.8 * strike.velocity, rel=1e-12)
 
 
-def test_what_cannot_be_told_is_refused():
+def test_a_motion_without_friction_and_unknown_names_are_refused():
     smooth = gw.System(("x",), [[1.0]], [[0.1]], harmonics=[gw.Harmonic(1.0, {"x": 1.0})])
     with pytest.raises(ModelError, match="no dry friction"):
         stick_slip(gw.integrate(smooth, [0.0, 0.0]))

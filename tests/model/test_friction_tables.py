@@ -1,4 +1,4 @@
-"""Friction, hysteresis and rigid stops in model files: what is read, and what each mistake is told."""
+"""Friction, hysteresis and rigid stops in model files: how they are read, and the message of each mistake."""
 
 from pathlib import Path
 
@@ -288,7 +288,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("text", "words"), MISTAKES)
-def test_each_mistake_is_told_by_check(text: str, words: str, tmp_path, capsys) -> None:
+def test_each_mistake_is_reported_by_check(text: str, words: str, tmp_path, capsys) -> None:
     assert main(["check", str(write(tmp_path, text))]) != 0
     told = capsys.readouterr()
     lines = (told.out + told.err).splitlines()
@@ -351,7 +351,7 @@ def varied(amplitude: float, *contacts: gw.Contact, **varies) -> gw.System:
     return gw.System(["x", "y"], [1.0, 2.0], [0.1, 0.1], contacts=contacts, harmonics=[load])
 
 
-def test_what_varies_stays_within_its_bounds() -> None:
+def test_a_number_that_varies_stays_within_its_bounds() -> None:
     brake = gw.friction("brake", {"x": 1.0}, 0.3)
     assert varied(1.0, brake, varies="brake.limit")["brake.limit"] == 0.3
     with pytest.raises(ModelError, match=r"brake.limit varies from -0.03 to 0.63 over the angle; it must be >= 0"):

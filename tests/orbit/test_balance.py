@@ -14,6 +14,7 @@ from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, law
 from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.paper import case
+from tests.orbit.two_masses import two_masses
 
 LAWS = (
     ("elastic", {}),
@@ -30,16 +31,7 @@ def oscillator(law: str = "hunt-crossley", **coefficients: float) -> System:
         Contact("stop", {"q1": 1.0, "q2": -1.0}, stages, law=law, **coefficients),
         Contact("wall", {"q2": 1.0}, (Stage(0.5, 4.0),), force={"q2": 0.7}),
     )
-    return System(
-        coordinates=("q1", "q2"),
-        stiffness=[[0.5, -0.1], [-0.1, 1.0]],
-        damping=[[0.1, -0.02], [-0.02, 0.15]],
-        mass=[[1.0, 0.1], [0.1, 1.5]],
-        contacts=contacts,
-        mean={"q1": 0.2},
-        harmonics=(Harmonic(0.8, {"q1": 1.0}), Harmonic(0.2, {"q2": 1.0}, order=2, phase=0.4)),
-        frequency=1.1,
-    )
+    return two_masses(contacts)
 
 
 @pytest.fixture(scope="module")

@@ -25,6 +25,7 @@ from gapwalk.orbit.harmonic_balance.kernels import real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in, linear_of
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.verification.verify_balanced import imbalance
+from tests.orbit.two_masses import two_masses
 from tests.tiers import in_campaign, some_of
 
 MACHINES = Path(__file__).parents[1] / "machines"
@@ -39,16 +40,7 @@ def oscillator(law: str, loads=(), forces=(), **numbers: float) -> gw.System:
         gw.Contact("wall", {"q2": 1.0}, (gw.Stage(0.5, 4.0),), force={"q2": 0.7}),
         *forces,
     )
-    return gw.System(
-        coordinates=("q1", "q2"),
-        stiffness=[[0.5, -0.1], [-0.1, 1.0]],
-        damping=[[0.1, -0.02], [-0.02, 0.15]],
-        mass=[[1.0, 0.1], [0.1, 1.5]],
-        contacts=contacts,
-        mean={"q1": 0.2},
-        harmonics=(gw.Harmonic(0.8, {"q1": 1.0}), gw.Harmonic(0.2, {"q2": 1.0}, order=2, phase=0.4), *loads),
-        frequency=1.1,
-    )
+    return two_masses(contacts, loads)
 
 
 def wave(amplitude: float, varies, order: int = 1, phase: float = 0.3, name: str = "wave", growth: int = 0):

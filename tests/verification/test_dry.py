@@ -102,7 +102,7 @@ def test_other_impacts_are_found_out() -> None:
 
 def test_a_branch_with_friction_is_verified() -> None:
     orbit, _ = found("slip")
-    confirm(gw.follow(orbit, "frequency", 0.81))
+    confirm(gw.follow(orbit, "frequency", 0.81, walk=gw.WalkOptions(largest_step=0.2)))
 
 
 @pytest.mark.parametrize("depth", [3e-5, 1e-7, 1e-8])

@@ -26,8 +26,8 @@ from gapwalk.orbit.orbit import is_same
 _SPACING = 4.0  # largest distance of a strobe from the sample of its torus or chaos, in spacings of the sample
 _MOST = 0.9  # fraction of the strobes that must be so near
 _CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
-UNRESOLVED, RUNAWAY = -1, -2
-"""Labels of states that lead to no known attractor, and of motions that diverge."""
+UNRESOLVED, RUNAWAY, IMPOSSIBLE = -1, -2, -3
+"""Labels of states that lead to no known attractor, of motions that diverge, and of states beyond a rigid stop."""
 
 _FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
 _WATCHED = 48  # strobes of a motion in no trapping region that are compared with the attractor signatures

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind
-from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLVED
 from gapwalk.attractors.box import Box, Window
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
@@ -95,8 +95,8 @@ class Basins(Shown):
     window
         The part of the plane.
     labels : shape (rows, columns)
-        Label of each cell, from the state at its centre: an index into `attractors`, or -1 (unresolved) or -2 (the
-        motion diverges). The first row is the lowest.
+        Label of each cell, from the state at its centre: an index into `attractors`, or -1 (unresolved), -2 (the
+        motion diverges) or -3 (the state is beyond a rigid stop). The first row is the lowest.
     attractors
         The attractors: periodic ones first, by period, then the others; those of equal kind by size of their basins.
     check
@@ -122,7 +122,7 @@ class Basins(Shown):
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
         labels, count = self.labels, len(self.attractors)
-        if labels.ndim != 2 or not labels.size or labels.min() < RUNAWAY or labels.max() >= count:
+        if labels.ndim != 2 or not labels.size or labels.min() < IMPOSSIBLE or labels.max() >= count:
             raise ValueError(f"its labels are none of {count} attractors")
         if not np.isfinite(self.axes[0]).all():
             raise ValueError("its axes are no numbers")
@@ -159,6 +159,16 @@ class Basins(Shown):
         """Number of cells from which the motion diverges."""
         return int(np.sum(self.labels == RUNAWAY))
 
+    @property
+    def impossible(self) -> int:
+        """Number of cells whose state is beyond a rigid stop; no motion begins there."""
+        return int(np.sum(self.labels == IMPOSSIBLE))
+
+    @property
+    def others(self) -> dict[str, int]:
+        """Number of cells that lead to no attractor, by the reason in words."""
+        return {"diverges": self.runaway, "unresolved": self.unresolved, "beyond a rigid stop": self.impossible}
+
     def plot(self, title: str = "", **options: Any):
         """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes."""
         from gapwalk.plot import draw
@@ -168,7 +178,7 @@ class Basins(Shown):
     def __repr__(self) -> str:
         columns, rows = self.resolution
         parts = [f"{name}: {count}" for name, count in self.cells.items()]
-        parts += [f"{text}: {n}" for text, n in (("diverges", self.runaway), ("unresolved", self.unresolved)) if n]
+        parts += [f"{text}: {n}" for text, n in self.others.items() if n]
         return f"Basins({self.window.across}, {self.window.up}; {columns} x {rows} cells; {', '.join(parts)})"
 
 
@@ -272,9 +282,10 @@ def in_order(
         range(len(attractors)),
         key=lambda k: (_ORDER.index(attractors[k].kind), attractors[k].period, -counts[k]),
     )
-    places = np.empty(len(order) + 2, dtype=int)
+    places = np.empty(len(order) + 3, dtype=int)
     places[order] = np.arange(len(order))
-    places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # these negative labels index the last two entries
+    others = [IMPOSSIBLE, RUNAWAY, UNRESOLVED]
+    places[others] = others  # these negative labels index the last entries
     return tuple(attractors[k] for k in order), places[labels]
 
 

@@ -7,7 +7,7 @@ States in a box are the centres of the cells of a plane, their neighbours, or ra
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from gapwalk.model.system import System
 
 Range = Sequence[float] | float
 """The two ends of a range, or one number for a fixed component."""
+_DRAWS = 1000  # of all states, to find enough of them within rigid stops
 _NEAREST = 4  # as for a cell of a plane
 
 
@@ -64,10 +65,27 @@ class Box:
         """Names of the components that are not fixed."""
         return tuple(name for name, a, b in zip(self.names, self.low, self.high, strict=True) if a < b)
 
-    def draw(self, count: int, seed: int) -> NDArray[np.float64]:
-        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size)."""
-        random = np.random.default_rng(seed)
-        return random.uniform(self.low, self.high, (count, len(self.names)))
+    def draw(
+        self, count: int, seed: int, is_possible: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None
+    ) -> NDArray[np.float64]:
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, state_size).
+
+        Only those that are possible are kept.
+
+        Raises
+        ------
+        ModelError
+            If hardly any of them is.
+        """
+        random, found = np.random.default_rng(seed), np.empty((0, len(self.names)))
+        for _ in range(_DRAWS):
+            drawn = random.uniform(self.low, self.high, (count, len(self.names)))
+            found = np.concatenate((found, drawn if is_possible is None else drawn[is_possible(drawn)]))
+            if len(found) >= count:
+                return found[:count]
+        raise ModelError(
+            f"only {len(found)} of {_DRAWS * count} states in the box are within the rigid stops; give a smaller box"
+        )
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,10 @@ from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
 from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
 from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, batch_flow_of, judge
-from gapwalk.errors import FlowError
+from gapwalk.ensemble.kernel_source import Form, Source
+from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -81,7 +83,7 @@ def motions_of(
     values: Mapping[str, NDArray[np.float64]] | None = None,
     error: float = 1e-4,
 ) -> ManyMotions:
-    """Create the flow of many motions: the batch integrator, or the exact flow where that would be faster.
+    """Create the flow of many motions: the batch integrator, or the exact flow where that is faster or the only one.
 
     Parameters
     ----------
@@ -101,10 +103,19 @@ def motions_of(
     try:
         flow = batch_flow_of(system, BatchOptions(error=error, threads=1))
         steps = flow.run(pilot.states, _PILOT_PERIODS, parameters=parameters).steps
-    except FlowError:
+    except (FlowError, UnfitError):  # too stiff; or friction that sticks rigidly, and other laws without a kernel
         return ExactMotions(system, values)
     block_plan = BlockPlan(batch.linear, batch.pattern, steps)
     return BatchMotions(batch, block_plan, None if block_plan.shared else np.arange(batch.count), [])
+
+
+def has_kernel(system: System) -> bool:
+    """Return True if the batch integrator can include a system."""
+    try:
+        Source(Form(system.structure, (coefficients_of(system) != 0.0).tobytes(), False, True, False))
+    except UnfitError:
+        return False
+    return True
 
 
 class ExactMotions:

@@ -88,7 +88,7 @@ class Rattle:
             _table(("contact", "closed", peak, of("rms force", "N m"), of("power", "W")), loads),
             _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
         )
-        return "\n\n".join(tables)
+        return "\n\n".join(table for table in tables if table)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +184,7 @@ class Impulsiveness:
         Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled motion).
     crest
         Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
+        All four are infinite where a rigid stop gives it impulses.
     kurtosis
         Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
         harmonic motion, 3 for Gaussian noise, more for rattle.
@@ -382,6 +383,9 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     rows = []
     unit = signal_factor(along.motion.system, "''")
     for k, name in enumerate(along.motion.system.coordinates):
+        if len(along.motion.impulses(f"{name}''")[0]):
+            rows.append(Impulsiveness(name, math.inf, math.inf, math.inf, math.inf))
+            continue
         rms = unit * float(np.sqrt(second[k]))
         peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
         crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
@@ -390,8 +394,10 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
-    """Format a text table: first column flush left, numbers flush right."""
-    cells = [head, *((row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows)]
+    """Format a text table: first column flush left, numbers flush right; nothing if it has no rows."""
+    if not rows:
+        return ""
+    cells = [head, *((row[0], *("" if math.isnan(value) else f"{value:.4g}" for value in row[1:])) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = [
         "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])

@@ -20,7 +20,6 @@ from gapwalk.bifurcation.branch_start import (
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
-from gapwalk.bifurcation.friction_margins import margins_of
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
@@ -406,7 +405,7 @@ class BranchTracer(Iterator[Step]):
             detail = f"{end.detail}; an impact comes to the start of the period, and {advice}"
             self.walk.finish(last, End(end.reason, end.value, detail))
             return
-        for each in margins_of(last) if last.orbit.is_exact else []:
+        for each in last.orbit.margins if last.orbit.is_exact else []:
             if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
                 name = last.orbit.system.structure.contacts[each.contact].name
                 advice = "beyond, it slips at once over a finite distance: start there"

@@ -84,7 +84,7 @@ class Detector:
         found = [zero for kind in self.kinds for zero in kind.points_in(search)]
         found.sort(key=lambda zero: zero.point.arclength)
         marks = [first.arclength, *(zero.point.arclength for zero in found), last.arclength]
-        special = []
+        special, parameter = [], self.corrector.equation.parameter or ""
         for index, zero in enumerate(found, start=1):
             sides = search.sides(marks, index)
             nature = zero.kind.nature(*sides)
@@ -95,7 +95,8 @@ class Detector:
             except NumericalError:
                 error = math.inf
             counts = _instabilities(zero.kind, *sides)
-            special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature))
+            made = SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature, parameter=parameter)
+            special.append(made)
         return special
 
     @cached_property

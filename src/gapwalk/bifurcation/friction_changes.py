@@ -16,27 +16,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margins import may_change
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.flow.friction_gauge import Course, FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, text_of
 from gapwalk.orbit.measures import apart
 from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
 _SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
-_SAMPLES = 16  # per radian: samples of a phase, before refinement
-_ZOOMS, _ZOOM = 2, 16  # refinements of the samples about the least one, and their number
+_TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
+_ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
+_SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
+_AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
@@ -44,6 +46,11 @@ _APPROACHES = 60
 _RESERVE = 1e-8  # share of its bound by which a force must fall short of it not to have reached it
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
+_MOVED = 0.5  # radians by which a margin may move between two points
+_DOUBT = 0.5  # share of its bend by which a margin may have moved between two points; 1/8 for a parabola
+_NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
+_FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
+_BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -60,6 +67,8 @@ class Change(NamedTuple):
         The angle at which it begins.
     alone
         True if friction never slips without it.
+    others
+        Number of the other phases of the same mode between phases of the same modes.
     """
 
     contact: int
@@ -68,6 +77,7 @@ class Change(NamedTuple):
     after: int
     theta: float
     alone: bool
+    others: int = 0
 
     @property
     def side(self) -> int:
@@ -87,7 +97,8 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
     found: list[Change] = []
     for contact in sorted({*first.friction, *last.friction}):
         poor, rich = sorted((each.friction.get(contact, []) for each in (first, last)), key=len)
-        removed = _removed(contact, rich, text_of(poor), _MOST)
+        tries = (_removed(contact, rich, text_of(poor), most) for most in range(_MOST + 1))
+        removed = next((each for each in tries if each is not None), None)  # with the fewest phases
         if removed is None:
             return None
         found += removed or _reached(contact, first, last)
@@ -114,10 +125,10 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
 
 def _bound(orbit: Orbit, change: Change) -> float:
     """Return the force at which slip begins, at the angle of a change."""
-    gauge, state = FrictionGauge(layout_of(orbit.system.structure), change.contact), _state(orbit, change.theta)
-    modes = gauge.sticking(_modes(orbit, change.theta, True))
-    sides = [gauge.reserve(coefficients_of(orbit.system), change.theta, state, modes, side) for side in (1, -1)]
-    return 0.5 * float(sides[0] + sides[1])
+    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), _instant(orbit, change.theta)
+    return float(
+        gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))[0]
+    )
 
 
 def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) -> list[Change] | None:
@@ -135,8 +146,15 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
             rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
-            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, text == "0"), *others]
+            around = past.mode, phase.mode, following.mode
+            return [Change(contact, *around, phase.start, text == "0", _around(rest).count(around)), *others]
     return None
+
+
+def _around(phases: Sequence[FrictionPhase]) -> list[tuple[int, int, int]]:
+    """Return the modes before, in and after each phase of a period."""
+    modes = [phase.mode for phase in phases]
+    return list(zip([*modes[-1:], *modes[:-1]], modes, [*modes[1:], *modes[:1]], strict=True))
 
 
 class Located(NamedTuple):
@@ -160,7 +178,7 @@ def find_changes(
         If an orbit between the two points cannot be found.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
-    if changes == [] and not (length > interval.finest and may_change(before, first, last)):
+    if changes == [] and not (length > interval.finest and _may_change(before, first, last)):
         return []
     if changes:
         found = [_locate(interval, first, last, change) for change in changes]
@@ -172,6 +190,42 @@ def find_changes(
         return [Located(last, change, length) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+
+
+def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
+    if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
+        return False
+    full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
+    now, then = first.orbit.margins, last.orbit.margins
+    past = None if before is None or first.arclength <= before.arclength else before.orbit.margins
+    ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
+    for own in now:
+        following = _become(own, then, full)
+        if following is None:
+            continue
+        preceding = None if past is None else _become(own, past, full)
+        if preceding is not None:
+            bend = abs((following.value - own.value) - ratio * (own.value - preceding.value))
+            if min(abs(own.value), abs(following.value)) < _DOUBT * bend:
+                return True
+    if length <= _BIRTH:
+        return False
+    lonely = [each for each in now if _become(each, then, full) is None]
+    lonely += [each for each in then if _become(each, now, full) is None]
+    near = _NEAR if length <= _LONG else _FAR
+    return any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely)
+
+
+def _become(own: Margin, others: Sequence[Margin], full: float) -> Margin | None:
+    """Return the margin among others that one has become."""
+    alike = [
+        each
+        for each in others
+        if (each.contact, each.what, each.side) == (own.contact, own.what, own.side)
+        and apart(each.theta, own.theta, full) < _MOVED
+    ]
+    return min(alike, key=lambda each: apart(each.theta, own.theta, full), default=None)
 
 
 def _refined(
@@ -285,12 +339,12 @@ def _has(orbit: Orbit, change: Change) -> bool:
 def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
     """Return the phase of a change nearest to an angle, if an orbit has it."""
     phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    found = []
-    for place, phase in enumerate(phases):
-        around = phases[place - 1].mode, phase.mode, phases[(place + 1) % len(phases)].mode
-        if around == (change.before, change.mode, change.after) and apart(phase.start, near, full) < _SAME:
-            found.append(phase)
-    return min(found, key=lambda phase: apart(phase.start, near, full), default=None)
+    own = (change.before, change.mode, change.after)
+    alike = [phase for phase, around in zip(phases, _around(phases), strict=True) if around == own]
+    if len(alike) <= change.others:
+        return None
+    found = [(phase.away(near, full), phase) for phase in alike]
+    return min((pair for pair in found if pair[0] < _SAME), key=lambda pair: pair[0], default=(0.0, None))[1]
 
 
 def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
@@ -302,6 +356,7 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         If the motion has nothing of the kind there.
     """
     full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
+    coefficients = coefficients_of(orbit.system)
     if change.reverses:
         phases = orbit.friction.get(change.contact, [])
         theta = min(
@@ -315,84 +370,99 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         )
         if not apart(theta, near, full) < _SAME:
             raise LookupError
-        modes = gauge.sticking(_modes(orbit, theta, True))
-        return theta, float(
-            gauge.reserve(coefficients_of(orbit.system), theta, _state(orbit, theta), modes, -change.side)
-        )
-    function = gauge.rate if change.before else gauge.reserve
+        now = _instant(orbit, theta)
+        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
+        return theta, float(reserve)
+    quantity = _Quantity(orbit, gauge, change)
     own = _own_phase(orbit, change, near)
     if own is not None:
-        modes = _kept(gauge, change, _modes(orbit, own.start, True))
-        now = coefficients_of(orbit.system), own.start, _state(orbit, own.start), modes, change.side
-        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
-        return own.start, -(slope**2) / (2.0 * abs(bend)) if bend else 0.0
-    return _least(orbit, gauge, function, change, near)
+        course = quantity.course(_instant(orbit, own.start))
+        # the angle is that of the vertex, which the least value has on the other side of the change
+        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
+    return _least(orbit, quantity, change, near)
 
 
-def _kept(gauge: FrictionGauge, change: Change, modes: Modes) -> Modes:
-    """Return the modes with the friction as it is before the phase of a change."""
-    return gauge.slipping(modes, change.before) if change.before else gauge.sticking(modes)
+class _Instant(NamedTuple):
+    """One instant of an orbit: its angle, its state, and the modes just before it."""
+
+    theta: float
+    state: NDArray[np.float64]
+    modes: DryModes
 
 
-def _modes(orbit: Orbit, theta: float, before: bool) -> Modes:
-    return modes_at(orbit.system.structure, orbit.slips, orbit.events, theta % (PERIOD * orbit.period), before)
+def _instant(orbit: Orbit, theta: float) -> _Instant:
+    return _instants(orbit, [theta])[0]
 
 
-def _state(orbit: Orbit, theta: float) -> NDArray[np.float64]:
-    return states_at(orbit, [theta])[0]
+def _instants(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> list[_Instant]:
+    """Return the states of an orbit, and its modes, at angles, which may lie beyond its period."""
+    full = PERIOD * orbit.period
+    # the modes before the start of the period are those at its end
+    angles = [angle if (angle := theta % full) > _AT_START else angle + full for theta in map(float, thetas)]
+    grid, places = np.unique([0.0, *angles], return_inverse=True)
+    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)
+    modes = modes_along(orbit.system.structure, grid, found.slips, found.holds, before=True)
+    return [_Instant(float(grid[place]), found.states[place], modes.at(place)) for place in places[1:].tolist()]
 
 
-def states_at(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the states of an orbit at angles, which may lie beyond its period; shape (angles, state_size)."""
-    angles = np.asarray(thetas, dtype=float) % (PERIOD * orbit.period)
-    grid, places = np.unique(np.append(0.0, angles), return_inverse=True)
-    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid).states[places[1:]]
+class _Quantity:
+    """Slip rate or reserve of one orbit, whose least value is the margin of a change."""
+
+    def __init__(self, orbit: Orbit, gauge: FrictionGauge, change: Change) -> None:
+        self._gauge, self._change, self._coefficients = gauge, change, coefficients_of(orbit.system)
+        self._function = gauge.rate if change.before else gauge.reserve
+
+    def _modes(self, now: _Instant) -> DryModes:
+        """Return the modes with the friction as it is before the phase of the change."""
+        before = self._change.before
+        return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
+
+    def course(self, now: _Instant) -> Course:
+        """Return it at an instant, with its derivatives."""
+        at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
+        return self._gauge.course(self._function, *at)
+
+    def turned(self, course: Course) -> float:
+        """Return the angle from an instant to the vertex of the parabola there."""
+        return course.vertex / float(self._coefficients[0])
 
 
-def _least(
-    orbit: Orbit, gauge: FrictionGauge, function: Callable[..., Any], change: Change, near: float
-) -> tuple[float, float]:
-    """Return the angle and the value of the minimum of a function within a phase, the nearest to another angle."""
-    full, coefficients = PERIOD * orbit.period, coefficients_of(orbit.system)
-    hosts = [
-        phase
-        for phase in orbit.friction.get(change.contact, [])
-        if phase.mode == change.before and phase.contains(near, full, _SAME)
-    ]
-    if not hosts:
+def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
+    """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
+    full, what = PERIOD * orbit.period, "rate" if change.before else "reserve"
+    found = _vertex(orbit, quantity, near, _TRACKED) if _is_within(orbit, change, near) else None
+    if found is None:
+        own = [
+            each
+            for each in orbit.margins
+            if (each.contact, each.what, each.side) == (change.contact, what, change.side)
+        ]
+        own = [each for each in own if apart(each.theta, near, full) < _SAME]
+        if own:
+            found = _vertex(orbit, quantity, min(own, key=lambda each: each.value).theta, _ROUGH)
+    if found is None:
         raise LookupError
-    host = max(hosts, key=lambda phase: phase.length)
-    whole = host.length >= full
-    modes = _kept(gauge, change, _modes(orbit, host.start + 0.5 * host.length, True))
+    return found
 
-    def values(thetas: NDArray[np.float64]) -> NDArray[np.float64]:
-        return function(coefficients, thetas, states_at(orbit, thetas), modes, change.side)
 
-    count = max(_ZOOM, math.ceil(_SAMPLES * host.length))
-    thetas = np.linspace(host.start, host.stop, count + 1)
-    found = values(thetas)
-    lowest = (found[1:-1] <= found[:-2]) & (found[1:-1] <= found[2:])
-    places = 1 + np.flatnonzero(lowest)
-    if whole and found[0] <= min(found[1], found[-2]):
-        places = np.append(places, 0)
-    near_ones = [place for place in places if apart(float(thetas[place]), near, full) < _SAME]
-    if not near_ones:
-        raise LookupError
-    best, width = thetas[min(near_ones, key=lambda place: found[place])], thetas[1] - thetas[0]
-    for _ in range(_ZOOMS):
-        fine = np.linspace(best - width, best + width, 2 * _ZOOM + 1)
-        best, width = fine[int(np.argmin(values(fine)))], width / _ZOOM
-    theta, value = float(best), math.nan
-    for _ in range(2):
-        state = _state(orbit, theta)
-        now = coefficients, theta, state, modes, change.side
-        slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
-        if not bend > 0.0:
-            raise LookupError
-        shift = max(-width, min(width, -slope / bend / float(coefficients[0])))
-        value = float(function(*now)) - slope**2 / (2.0 * bend)
+def _is_within(orbit: Orbit, change: Change, theta: float) -> bool:
+    """Return True if an angle is within a phase like that before a change."""
+    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
+    return any(phase.mode == change.before and phase.contains(theta, full) for phase in phases)
+
+
+def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:
+    """Return angle and value of the minimum of a quantity near an angle, by Newton's method; None if it is far off."""
+    start = theta
+    for _ in range(_REFINEMENTS):
+        course = quantity.course(_instant(orbit, theta))
+        shift = quantity.turned(course)
+        if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
+            return None
         theta += shift
-    return theta % full, value
+        if abs(shift) < _SETTLED:
+            return theta % (PERIOD * orbit.period), course.value - course.depth
+    return None
 
 
 def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], int]) -> list[str]:

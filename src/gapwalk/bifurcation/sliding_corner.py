@@ -109,11 +109,11 @@ def _guesses(corrector: Corrector, corner: BranchPoint):
 def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> list[SpecialPoint]:
     """Return the special points at the corner: one for each phase that appears or vanishes."""
     found, counts = [], (corner.orbit.instability, point.orbit.instability)
-    error = 4.0 * _REACHED * float(corrector.scales[-1])
+    error, parameter = 4.0 * _REACHED * float(corrector.scales[-1]), corrector.equation.parameter or ""
     for change in changes_between(corner.orbit, point.orbit) or []:
         for kind in KINDS.values():
             if isinstance(kind, Sliding) and kind.owns(change):
                 words = kind.nature(corner, point)
                 name = describe_friction(corner.orbit, change)
-                found.append(SpecialPoint(kind, corner, *counts, error, name, words))
+                found.append(SpecialPoint(kind, corner, *counts, error, name, words, parameter=parameter))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import SummaryParts, summarizes
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.loci.gradient import Gradient
+    from gapwalk.orbit.method import Method
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
@@ -47,6 +51,8 @@ class SpecialPoint(Shown):
     judged
         Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
+    parameter
+        Name of the parameter along which its branch was followed.
     """
 
     _row: ClassVar = {
@@ -73,6 +79,7 @@ class SpecialPoint(Shown):
     contact: str = ""
     nature: str = ""
     judged: float = 0.0
+    parameter: str = ""
 
     @property
     def value(self) -> float:
@@ -111,6 +118,31 @@ class SpecialPoint(Shown):
         if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
             return f"{multiplier.real:+.6f}"
         return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
+
+    def gradient(self, *names: str, method: Method | None = None) -> Gradient:
+        """Return how far other parameters move the point; see `gapwalk.bifurcation.loci.gradient.gradient`.
+
+        Parameters
+        ----------
+        *names
+            The parameters; by default all that are not zero.
+        method
+            How the orbits are posed; by default the method that found them.
+
+        Raises
+        ------
+        ModelError
+            If the kind of point has no locus, or for an unknown parameter.
+        ConvergenceError
+            If the equations of the point are not satisfied, or its locus is vertical.
+
+        Examples
+        --------
+        >>> print(branch.special_points[0].gradient().summary())
+        """
+        from gapwalk.bifurcation.loci.gradient import gradient
+
+        return gradient(self, names, method)
 
     @summarizes
     def summary(self) -> SummaryParts:

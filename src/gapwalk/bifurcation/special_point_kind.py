@@ -289,7 +289,7 @@ class Kind(str):
 
 _NONE = np.zeros(0)  # unknowns of an orbit that is on no branch
 KINDS: Registry[Kind] = Registry("kind of special point", "kinds of special points")
-_WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point"
+_WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point, or one of sliding"
 
 
 def register(kind: Kind) -> Kind:

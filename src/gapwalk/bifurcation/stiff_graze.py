@@ -167,7 +167,12 @@ class _Corner:
         contact = describe_switch(last.orbit, self._touches[0].switch)
         counts, error = (before.orbit.instability, last.orbit.instability), self._error(Kind.GRAZING, 0.0)
         special = SpecialPoint(
-            Kind.GRAZING, replace(graze, arclength=before.arclength, memo={}), *counts, error, contact
+            Kind.GRAZING,
+            replace(graze, arclength=before.arclength, memo={}),
+            *counts,
+            error,
+            contact,
+            parameter=self._corrector.equation.parameter or "",
         )
         point = replace(
             last,
@@ -230,7 +235,8 @@ class _Corner:
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             counts = (before.instability, after.instability)
             nature = kind.nature(before, after) or ""
-            yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
+            point, error, parameter = self._placed(label), self._error(kind, label), self._corrector.equation.parameter
+            yield SpecialPoint(kind, point, *counts, error, contact, nature, parameter=parameter or "")
 
     def _grazing(self, end: float) -> list[int]:
         """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""

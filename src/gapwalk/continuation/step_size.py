@@ -15,7 +15,8 @@ from gapwalk.continuation.corrector import Correction
 from gapwalk.errors import ModelError
 
 _LONGEST, _SHORTEST = 2.0, 0.4  # limits of the ratio of successive steps
-_GOAL = 0.6  # share of the largest allowed turn that a step aims at
+GOAL = 0.6
+"""Share of the largest allowed turn, or change, that a step aims at."""
 
 # Bounds that the schema of a table knows too: it names a wrong value as it was written.
 _Positive = Annotated[float, Gt(0)]
@@ -86,7 +87,7 @@ def next_step(step: float, correction: Correction, turn: float, options: WalkOpt
     else:
         contraction = (correction.last / correction.distance) ** (1.0 / (2.0 ** (taken - 1) - 1.0))
         by_iterations = math.sqrt(contraction ** (2.0 ** (taken - wanted) - 1.0))
-    by_turn = _GOAL * options.largest_turn / max(turn, 1e-12)
+    by_turn = GOAL * options.largest_turn / max(turn, 1e-12)
     return step * min(_LONGEST, max(_SHORTEST, min(by_iterations, by_turn)))
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.continuation.step_size import WalkOptions, next_step, shorter_step
+from gapwalk.continuation.step_size import GOAL, WalkOptions, next_step, shorter_step
 from gapwalk.continuation.walk_scales import Range
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
@@ -197,7 +197,8 @@ class Walk(Iterator[BranchPoint]):
             longest, change = self._longest(point, self.options.largest_step), self.change(self.point, point)
             if change > 1.0 and self.step > _BRIEF * longest:
                 self.rejected += 1
-                self.step *= max(1.0 / change, 1.0 / 3.0)
+                # aim below the limit: a step that aims at the limit itself approaches it from above, ever more slowly
+                self.step *= max(GOAL / change, 1.0 / 3.0)
                 continue
             turn = max(_angle(self._tangent(self.point), self._tangent(point)), self.options.largest_turn * change)
             self.step = min(next_step(self.step, correction, turn, self.options), longest)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from gapwalk.ensemble.source_text import FUNCTIONS, Sheet, Switch, Term, bump, clipped, greatest, size
-from gapwalk.errors import ModelError
+from gapwalk.errors import UnfitError
 from gapwalk.model.coefficients import ContactSlots
 from gapwalk.model.laws import KINKS, Stages, StageTerms
 
@@ -56,7 +56,7 @@ class FormulaSource:
 
         Raises
         ------
-        ModelError
+        UnfitError
             If the law cannot be evaluated with terms.
         """
         form, law = self._slots.form, self._slots.form.law
@@ -95,7 +95,7 @@ class FormulaSource:
                 jump, none = (law.force(given[0][1], each, numbers) for each in just)
                 force = force - early * (jump - none)
         except TypeError as error:
-            raise ModelError(
+            raise UnfitError(
                 f"the batch integrator cannot include {form.name!r}: the formula of its force law {law.name!r} uses "
                 f"more than + - * / and the functions that it is given ({error})"
             ) from error

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from gapwalk.ensemble.source_text import Sheet, Switch, Term, bump, clipped, either, greatest, least, size
-from gapwalk.errors import ModelError
+from gapwalk.errors import UnfitError
 from gapwalk.model.coefficients import ContactSlots
 from gapwalk.model.laws import Friction, Host, Stages, StageTerms, closed_form_of
 from gapwalk.model.structure import Structure
@@ -208,28 +208,28 @@ def refuse(structure: Structure) -> None:
 
     Raises
     ------
-    ModelError
+    UnfitError
         It names the contact, the reason, and what to write.
     """
     by_name: Mapping[str, Any] = {contact.name: contact.law for contact in structure.contacts}
     for contact in structure.contacts:
         law, cannot = contact.law, f"the batch integrator cannot include {contact.name!r}: "
         if law.is_dry and not law.has_memory:
-            raise ModelError(
+            raise UnfitError(
                 f"{cannot}it sticks rigidly, and the steps are too long for that; give it a stiffness "
                 '(stiffness = "..."), which makes it a Jenkins element, or use the exact flow (gapwalk.integrate)'
             )
         if law.is_dry and law.host and by_name[law.host].rebounds:
-            raise ModelError(
+            raise UnfitError(
                 f"{cannot}the rigid stop {law.host!r} presses, and the batch integrator has no force for it; give the "
                 "stop a stiffness, or use the exact flow (gapwalk.integrate)"
             )
         if law.rebounds and closed_form_of(law, contact.shapes) != ():
-            raise ModelError(f"{cannot}its force law {law.name!r} has a force between impacts, beside its stages")
+            raise UnfitError(f"{cannot}its force law {law.name!r} has a force between impacts, beside its stages")
     for variation in structure.variations:
         contact = structure.contacts[variation.contact]
         if not variation.is_deflection and (contact.law.rebounds or (contact.law.is_dry and variation.name == "speed")):
-            raise ModelError(
+            raise UnfitError(
                 f"the batch integrator cannot include {contact.name!r}: its {variation.name} varies over the angle; "
                 f'let it move instead (varies = "{contact.name}.deflection"), or use the exact flow (gapwalk.integrate)'
             )

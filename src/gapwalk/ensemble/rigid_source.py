@@ -18,7 +18,7 @@ _ITERATIONS = 3  # of Newton's method, from the zero of a parabola
 
 
 class Impact(NamedTuple):
-    """What a stop does in a step, in terms, each times the side on which it does: +1 or -1.
+    """Impact and hold of a stop in a step, in terms, each times the side of the stop: +1 or -1.
 
     Attributes
     ----------

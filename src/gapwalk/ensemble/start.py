@@ -7,7 +7,7 @@ kernel differs from that of the motion until then. `lag` is this difference at t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ from gapwalk.ensemble.excitation import share_at, smooth_step
 from gapwalk.ensemble.scheme import HISTORY, Linear, deflections_of, rigid_stops
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
-from gapwalk.model.coefficients import ContactSlots, CycleSlots
+from gapwalk.model.coefficients import ContactSlots, CycleSlots, coefficients_of, layout_of
 from gapwalk.model.laws import Friction, Host, Stages, StageTerms
+from gapwalk.model.system import System
 
 _STEP = 1e-150  # of the complex step
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop, as in the exact flow
@@ -95,6 +96,27 @@ def check_stops(linear: Linear, states: NDArray[np.float64]) -> None:
     ModelError
         If there is one; a little, as by rounding, is allowed.
     """
+    for slots, beyond, lanes in _beyond_stops(linear, states):
+        if len(lanes):
+            raise ModelError(
+                f"state {lanes[0]} is {beyond[lanes[0]]:.3g} beyond the rigid stop {slots.form.name!r}, and "
+                f"{len(lanes)} of {len(states)} states are beyond it; begin them where the deflection is within "
+                "the clearance"
+            )
+
+
+def within_stops(system: System, states: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mark the states at theta = 0, shape (count, state_size), that are not beyond a rigid stop."""
+    linear, found = Linear(layout_of(system.structure), coefficients_of(system)[None]), np.ones(len(states), dtype=bool)
+    for _, _, lanes in _beyond_stops(linear, states):
+        found[lanes] = False
+    return found
+
+
+def _beyond_stops(
+    linear: Linear, states: NDArray[np.float64]
+) -> Iterator[tuple[ContactSlots, NDArray[np.float64], NDArray[np.intp]]]:
+    """Yield each side of a rigid stop: its contact, how far all states are beyond it, and those that are too far."""
     stops = rigid_stops(linear.layout)
     angles = Angles(linear.layout, linear.coefficients, 0.0)
     moved = _moves(linear, angles, states) if stops else []
@@ -105,12 +127,8 @@ def check_stops(linear: Linear, states: NDArray[np.float64]) -> None:
             clearance = linear.coefficients[:, stage.clearance]
             beyond = stage.sign * moved[index][0][0] - clearance
             lanes = np.flatnonzero(beyond > _BEYOND * (clearance + size))
-            if stage.innermost and len(lanes):
-                raise ModelError(
-                    f"state {lanes[0]} is {beyond[lanes[0]]:.3g} beyond the rigid stop {slots.form.name!r}, and "
-                    f"{len(lanes)} of {len(states)} states are beyond it; begin them where the deflection is within "
-                    "the clearance"
-                )
+            if stage.innermost:
+                yield slots, beyond, lanes
 
 
 def admissible(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,14 +17,34 @@ from gapwalk.model.system import System
 from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.plot.style import CODIM2, symbol_style
+from gapwalk.plot.style import CODIM2, locus_style, symbol_style
 
 _STABILITY = ("stable", "below", "above", "pair")
 
 
 def labels() -> tuple[str, ...]:
-    """Return the kinds of stability (see `Instability.label`), then of loci; the page receives their indices."""
+    """Return the kinds of stability (see `Instability.label`), then of loci; the page receives their indices.
+
+    Their order is that of the lines in ``page/curves.js``, which takes those of loci from `locus_lines`.
+    """
     return (*_STABILITY, *Kind.with_locus())
+
+
+def locus_lines() -> list[dict[str, Any]]:
+    """Describe the lines of loci for the page, in the order of `labels`: kind, legend, colour, dashes and width."""
+    lines = []
+    for kind in Kind.with_locus():
+        dashes = kind.symbol.dashes
+        lines.append(
+            {
+                "kind": kind.value,
+                "text": locus_style(kind).text,
+                "color": kind.symbol.color,
+                "dashes": list(dashes[1]) if isinstance(dashes, tuple) else [],
+                "width": kind.symbol.width,
+            }
+        )
+    return lines
 
 
 MEASURE = "measure:"

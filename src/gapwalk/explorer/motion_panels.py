@@ -1,6 +1,7 @@
 """Panels of one motion: histories, contact loops, contact log, spectrum, section, multipliers, moving bodies.
 
-They are computed in one thread of the server; of several clicks only the last one is answered.
+They are computed in one thread of the server; of several clicks only the last one is answered. What
+friction and rigid stops add to them is in `gapwalk.explorer.friction_panels`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,16 @@ from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import strobe
 from gapwalk.attractors.spectrum import spectrum
 from gapwalk.errors import GapwalkError
+from gapwalk.explorer.friction_panels import (
+    axis_words,
+    element_curve,
+    elements_of,
+    energy_table,
+    is_element,
+    log_of,
+    phases_of,
+    sampled_with_corners,
+)
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, force_of, integrate, signal_names, train_signals
 from gapwalk.flow.signal import contact_to_show
@@ -36,7 +47,7 @@ _STROBES = 400  # of a motion without period
 
 
 def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
-    """Return all panels of a motion except its spectrum and its section (see `details_of`).
+    """Return all panels of a motion except its spectrum, its section and its energy (see `details_of`).
 
     Parameters
     ----------
@@ -49,6 +60,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
     """
     system = motion.system
     sampled = _sampled(motion, most)
+    found = phases_of(sampled)
     names = list(system.coordinates[:_COORDINATES])
     if (base := signal.rstrip("'")) in system.coordinates and base not in names:
         names.append(base)
@@ -65,14 +77,15 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
         "others": {signal: _rounded(sampled.signal(signal))} if signal in train_signals(system.structure) else {},
         **_contacts(sampled, signal),
-        "log": _log(sampled),
+        "elements": None if found is None else elements_of(found),
+        "log": log_of(sampled, found, _LOG),
         "multipliers": [[z.real, z.imag] for z in orbit.multipliers.tolist()] if orbit else [],
         "bodies": _bodies(system, sampled),
     }
 
 
 def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
-    """Return spectrum and section of a motion."""
+    """Return spectrum, section and energy of a motion."""
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     lines = spectrum(orbit or motion, signal)
     base = signal.rstrip("'")
@@ -85,6 +98,7 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
         "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},
+        "energy": energy_table(motion),
     }
 
 
@@ -96,7 +110,7 @@ def check_signal(system: System, name: str) -> str:
 def _sampled(motion: Orbit | Settled, most: int) -> Motion:
     if isinstance(motion, Settled):
         return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit, most)
-    return motion.motion(max(32, min(motion.samples, most // motion.period)))
+    return sampled_with_corners(motion, max(32, min(motion.samples, most // motion.period)))
 
 
 def _text(motion: Orbit | Settled) -> str:
@@ -112,32 +126,26 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
     if not forms:
         return {"contacts": [], "shown": None}
     shown = contact_to_show(system, signal, np.abs(sampled.forces).max(axis=0))
-    places = sorted({*range(len(forms))[:_COORDINATES], shown})
-    found = [
-        {
-            "name": form.name,
-            "signal": force_of(form),
-            "deflection": _rounded(sampled.deflections[:, i]),
-            "force": _rounded(sampled.forces[:, i]),
-            "stops": sorted(side * clearance for contact, side, clearance in system.breakpoints if contact == i),
-        }
-        for i, form in ((place, forms[place]) for place in places)
-    ]
+    elements = [place for place, form in enumerate(forms) if is_element(form)]
+    places = sorted({*range(len(forms))[:_COORDINATES], *elements[:_COORDINATES], shown})
+    found = []
+    for place in places:
+        form, (across, up) = forms[place], axis_words(system, forms[place])
+        stops = sorted(side * clearance for contact, side, clearance in system.breakpoints if contact == place)
+        found.append(
+            {
+                "name": form.name,
+                "signal": force_of(form),
+                "across": across,
+                "up": up,
+                "deflection": _rounded(sampled.deflections[:, place]),
+                "force": _rounded(sampled.forces[:, place]),
+                "stops": stops,
+                "is": "friction" if form.law.is_dry else "stop" if form.law.rebounds else "spring",
+                **{name: _rounded(values) for name, values in element_curve(sampled, place).items()},
+            }
+        )
     return {"contacts": found, "shown": places.index(shown)}
-
-
-def _log(sampled: Motion) -> list[dict[str, Any]]:
-    return [
-        {
-            "periods": event.theta / PERIOD,
-            "time": event.time,
-            "contact": f"{event.contact}.{event.stage}" if event.stage else event.contact,
-            "side": "+" if event.side > 0 else "-",
-            "closes": event.closes,
-            "velocity": event.velocity,
-        }
-        for event in sampled.contacts[:_LOG]
-    ]
 
 
 def _bodies(system: System, sampled: Motion) -> dict[str, Any]:

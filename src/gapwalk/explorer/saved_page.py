@@ -24,6 +24,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import Node, measure_name, nodes_of, quantity, quantity_words, special_words
+from gapwalk.explorer.friction_panels import energy_table
 from gapwalk.explorer.motion_panels import panels_of
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
@@ -280,7 +281,7 @@ def _stored(nodes: Sequence[Node], name: str, blob: Blob) -> dict[str, Any]:
 
 
 def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
-    panels = panels_of(motion, signal, _SAMPLES)
+    panels = panels_of(motion, signal, _SAMPLES) | {"energy": energy_table(motion)}
     return blob.packed({name: value for name, value in panels.items() if name not in _LEFT_OUT})
 
 

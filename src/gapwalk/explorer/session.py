@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import measure_name, quantity_words
+from gapwalk.explorer.curve_data import locus_lines, measure_name, quantity_words
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
 from gapwalk.explorer.motion_panels import Flows
@@ -135,6 +135,7 @@ class Session:
             "y": measure_name(shown, system),
             "range": [options.begin, options.end] if walked else [],
             "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
+            "loci": locus_lines(),
             "studies": [_study(each) for each in exploration.studies],
             "results": exploration_progress(exploration),
         }

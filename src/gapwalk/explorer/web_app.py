@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, labels, quantity
+from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, quantity
 from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
 from gapwalk.explorer.plan import Place, orbit_at
 from gapwalk.explorer.progress_stream import Events
@@ -133,7 +133,7 @@ class _Api:
         wanted = Quantities(line, (x, y), first)
         await self.session.flows.do_behind(wanted.parts())
         found = await asyncio.to_thread(curve_of, wanted)
-        return _Json({**found, "name": line.name, "period": line.period, "labels": labels()})
+        return _Json({**found, "name": line.name, "period": line.period})
 
     async def motion(self, request: Request) -> Response:
         """Return the motion at a place; of several requests of a tab only the last one is answered."""

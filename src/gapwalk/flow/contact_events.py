@@ -12,7 +12,7 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 from weakref import ref
 
@@ -135,11 +135,12 @@ class Switchboard:
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
+        self.listener: Callable[[], Callable[[float], None] | None] = lambda: None  # (weak) of every event
 
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
 
-        `readings` are those of `DrySwitches.compile`.
+        `readings` are those of friction and rigid stops, if there are any.
         """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
@@ -282,8 +283,7 @@ class Switchboard:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
             self.modes.set_simultaneous(self._closed(), dry=self.dry.present)
-        self.event_limit -= 1
-        return self.event_limit > 0
+        return self._go_on(theta)
 
     def _settle(self, switch: int, theta: float, reported: bool = True) -> bool:
         """Set one switch for a motion on its breakpoint; return whether that changes it.
@@ -356,9 +356,15 @@ class Switchboard:
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
-        near = self._are_near(self._depths(state, theta), state, _ON)
+        depths = self._depths(state, theta)
+        near = self._are_near(depths, state, _ON)
         for other in others:
-            if near[other] and theta - self._changed[other] > _REPEATED:
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
+            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
+                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
+                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
+                    if reach < -depths[other]:
+                        continue
                 self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
@@ -446,8 +452,7 @@ class Switchboard:
             self.modes.set_simultaneous(self._closed() if self.count else None, dry=self.dry.present)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
-        self.event_limit -= 1
-        return self.event_limit > 0
+        return self._go_on(self._integrator.time)
 
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
@@ -458,6 +463,12 @@ class Switchboard:
             self.dry.stop_simultaneous(self._integrator.time)
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
+        return self._go_on(self._integrator.time)
+
+    def _go_on(self, theta: float) -> bool:
+        """Return whether the integrator continues after an event."""
+        if (listener := self.listener()) is not None:
+            listener(theta)
         self.event_limit -= 1
         return self.event_limit > 0
 

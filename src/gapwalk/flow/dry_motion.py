@@ -21,21 +21,34 @@ from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.structure import Structure
 
 _MOMENT = 1e-9  # radians over which a motion is begun to learn its modes
+_AT = 1e-9  # radians within which an event is at an instant
 
 
 class DryModes(NamedTuple):
-    """Modes of dry friction and of rigid stops at some instants.
+    """Modes of dry friction and of rigid stops, at one instant or at some.
 
     Attributes
     ----------
-    slips : shape (samples, contacts that are friction)
-        1 or -1 in slip, by its direction; 0 in stick.
-    held : shape (samples, reactions)
+    slips : shape (..., contacts that are friction)
+        1 or -1 in slip, by its direction; 0 in stick. The order is that of `Structure.friction`.
+    held : shape (..., reactions)
         True for each reaction of `Structure.reactions` that is held: rigid friction in stick, and stops.
     """
 
     slips: NDArray[np.int8]
     held: NDArray[np.bool_]
+
+    def at(self, sample: int) -> DryModes:
+        """Return the modes at one of the instants."""
+        return DryModes(self.slips[sample], self.held[sample])
+
+    def order(self, structure: Structure) -> list[int]:
+        """Return the numbers of the reactions held at one instant: stops first.
+
+        Where they depend on each other, friction has no reaction.
+        """
+        reactions = structure.reactions
+        return sorted(np.flatnonzero(self.held).tolist(), key=lambda each: (reactions[each][1] < 0, each))
 
 
 def is_dry(structure: Structure) -> bool:
@@ -43,29 +56,45 @@ def is_dry(structure: Structure) -> bool:
     return bool(structure.memories or structure.reactions)
 
 
-def friction_of(structure: Structure) -> tuple[int, ...]:
-    """Return the numbers of the contacts that are dry friction."""
-    return tuple(index for index, contact in enumerate(structure.contacts) if contact.law.is_dry)
-
-
 def modes_along(
-    structure: Structure, theta: NDArray[np.float64], slips: Sequence[SlipEvent], holds: Sequence[Hold]
+    structure: Structure,
+    theta: NDArray[np.float64],
+    slips: Sequence[SlipEvent],
+    holds: Sequence[Hold],
+    *,
+    before: bool = False,
 ) -> DryModes:
-    """Return the modes at some angles of a motion, from its logs; those from there on, where they change."""
-    friction = friction_of(structure)
-    found = np.zeros((len(theta), len(friction)), dtype=np.int8)
-    for place, contact in enumerate(friction):
+    """Return the modes at some angles of a motion, from its logs.
+
+    Parameters
+    ----------
+    structure
+        The structure.
+    theta
+        The angles.
+    slips, holds
+        The logs, which begin with the modes at the start.
+    before
+        True for the modes just before an angle at which they change, otherwise those from there on. Before the start
+        they are those at the end: the motion is then a period of one that repeats.
+    """
+    edges = theta - _AT if before else np.maximum(theta, min((hold.theta for hold in holds), default=-np.inf))
+    found = np.zeros((len(theta), len(structure.friction)), dtype=np.int8)
+    for place, contact in enumerate(structure.friction):
         own = [event for event in slips if event.contact == contact]
-        found[:, place] = np.array([event.slip for event in own])[_latest([event.theta for event in own], theta)]
+        if own:
+            found[:, place] = np.array([event.slip for event in own])[_latest([event.theta for event in own], edges)]
+    if not structure.reactions:
+        return DryModes(found, np.zeros((len(theta), 0), dtype=bool))
     patterns = np.zeros((len(holds), len(structure.reactions)), dtype=bool)
     for row, hold in zip(patterns, holds, strict=True):
         row[list(hold.reactions)] = True
-    return DryModes(found, patterns[_latest([hold.theta for hold in holds], theta)])
+    return DryModes(found, patterns[_latest([hold.theta for hold in holds], edges)])
 
 
 def _latest(times: Sequence[float], theta: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return for each angle the index of the last of some increasing times that is not after it."""
-    return np.maximum(np.searchsorted(np.array(times), theta, side="right") - 1, 0)
+    """Return for each angle the index of the last of some increasing times that is not after it; -1 before all."""
+    return np.searchsorted(np.array(times), theta, side="right") - 1
 
 
 def modes_at(
@@ -79,7 +108,7 @@ def modes_at(
     for angle, state in zip(theta.tolist(), states, strict=True):
         begun = flow.sample(coefficients, state, np.array([angle, angle + _MOMENT]))
         rows.append(modes_along(structure, np.array([angle]), begun.slips, begun.holds))
-    slips = np.array([row.slips[0] for row in rows]).reshape(len(rows), len(friction_of(structure)))
+    slips = np.array([row.slips[0] for row in rows]).reshape(len(rows), len(structure.friction))
     return DryModes(slips, np.array([row.held[0] for row in rows]).reshape(len(rows), len(structure.reactions)))
 
 
@@ -132,14 +161,11 @@ def forces_and_accelerations(
         return forces, accelerations(layout, coefficients, theta, q, v)
     forces = contact_forces(layout, coefficients, theta, q, v, angles=angles, dry=Dry(modes.slips.astype(float), z))
     turning, total = np.zeros_like(forces, shape=q.shape), forces.copy()
-    reactions = layout.structure.reactions
     patterns, which = np.unique(modes.held, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
         rows = np.flatnonzero(which.ravel() == number)
         moved = q[rows], v[rows], forces[rows], angles.waves[rows]
-        # stops before friction: where they depend on each other, friction has no reaction
-        order = sorted(np.flatnonzero(pattern).tolist(), key=lambda each: (reactions[each][1] < 0, each))
-        constraint = Constraint(layout, coefficients, order)
+        constraint = Constraint(layout, coefficients, DryModes(modes.slips[rows[0]], pattern).order(layout.structure))
         held = constraint.coefficients()
         turning[rows] = balance(held[layout.accelerations], *moved)
         found = balance(held[layout.reactions[constraint.independent]], *moved)

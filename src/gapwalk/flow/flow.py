@@ -15,6 +15,7 @@ from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
 from typing import NamedTuple, NoReturn, TypeVar
+from weakref import WeakMethod
 
 import heyoka as hy
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError
 from gapwalk.flow.constraints import reachable, reachable_changes
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import DryState, Hold, Kink, SlipEvent
+from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
@@ -38,6 +39,7 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TOLERANCE = 1e-15
+_LONGEST_STEPS = (math.inf, PERIOD / 128, PERIOD / 2048)  # tried in turn where an event is missed
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
@@ -51,6 +53,7 @@ if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
 hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
 _compiling = Lock()
+_NONE = np.zeros((0, 0, 0))  # derivatives of a motion that was sampled without them
 
 
 class Arc(NamedTuple):
@@ -168,7 +171,7 @@ class Flow:
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
-        self.readings = DryState(equations).compile()
+        self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
 
@@ -228,13 +231,14 @@ class Flow:
         return self._lend(lambda each: each.vary(coefficients, state, thetas, direction))
 
     def survey(
-        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
-    ) -> tuple[NDArray[np.float64], list[Turn]]:
-        """Return the integrals of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], list[Turn], Variations]:
+        """Return the integrals of positions and squared positions, shape (2, n), all turns, and the sampled motion.
 
-        For a flow compiled for a survey. Errors as in `integrate`.
+        For a flow compiled for a survey. It is sampled at the increasing `thetas`, of which the first is the start, and
+        surveyed up to the last. Errors as in `integrate`.
         """
-        return self._lend(lambda each: each.survey(coefficients, state, stop))
+        return self._lend(lambda each: each.survey(coefficients, state, thetas))
 
     def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
         """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
@@ -283,21 +287,19 @@ class _Integrator:
         self._turns = TurningPoints(self.equations, taylor, self._switchboard)
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
+            self._switchboard.listener = WeakMethod(self._turns.at_stop)
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
     def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
-        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
+        for longest_step in _LONGEST_STEPS:
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps = keeps
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps)
-        raise FlowError(
-            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
-            f"state {_short(state)}; please report this system"
-        )
+        self._refuse_missed(state, start, stop)
 
     def sample(self, coefficients, state, thetas):
         return self.vary(coefficients, state, thetas, None)
@@ -320,7 +322,7 @@ class _Integrator:
         dry = self._switchboard.dry
         return dry.log, dry.hold_log, [kink.scaled(self._unit) for kink in dry.kinks if kink.is_impact]
 
-    def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sampled(self, thetas: NDArray[np.float64], longest_step: float = math.inf) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
         start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
         changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
@@ -329,7 +331,9 @@ class _Integrator:
             own, done = thetas[done:end], end
             grid = np.unique([self._taylor.time, *own, angle])
             try:
-                outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+                outcome, *_, found = self._taylor.propagate_grid(
+                    grid, max_steps=self._max_steps, max_delta_t=longest_step
+                )
             except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
                 self._refuse(hy.taylor_outcome.err_nf_state, start)
             if outcome != hy.taylor_outcome.time_limit:
@@ -345,10 +349,17 @@ class _Integrator:
         jumps = [angle for angle, *_ in modes.jumps_between(0.0, stop)] if modes.cycle_count else []
         return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
 
-    def survey(self, coefficients, state, stop):
-        self.integrate(coefficients, state, 0.0, stop)
-        units = np.array([[self._unit], [self._unit**2]])
-        return self._state[self.size :].reshape(2, -1) * units, self._turns.found()
+    def survey(self, coefficients, state, thetas):
+        start, stop = float(thetas[0]), float(thetas[-1])
+        for longest_step in _LONGEST_STEPS:
+            self._prepare(coefficients, state, start, stop, None)
+            rows = self._sampled(np.asarray(thetas, dtype=float), longest_step)
+            if self._switchboard.is_right():
+                units = np.array([[self._unit], [self._unit**2]])
+                states, integrals = rows[:, : self.size] * self._unit, rows[-1, self.size :].reshape(2, -1) * units
+                found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)
+                return integrals, self._turns.found(), found
+        self._refuse_missed(state, start, stop)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
@@ -413,6 +424,12 @@ class _Integrator:
                 self._switchboard.change_level(angle, *change)
         return total
 
+    def _refuse_missed(self, state, start: float, stop: float) -> NoReturn:
+        raise FlowError(
+            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
+            f"state {_short(state)}; please report this system"
+        )
+
     def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
@@ -442,7 +459,7 @@ class _Integrator:
         return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
 
 
-def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
+def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool = False, survey: bool = False) -> Flow:
     """Return the compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters
@@ -450,7 +467,7 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     system
         The system.
     *parameters
-        Names of the parameters for which sensitivities are needed.
+        Names of the parameters for which sensitivities are needed; several names for a direction that serves each.
     transition
         True to integrate the state transition matrix too.
     survey

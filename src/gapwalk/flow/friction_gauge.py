@@ -7,71 +7,40 @@ kept as they are, beyond the event too. All of them accept complex numbers, for 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.constraints import Constraint
-from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_state import SlipEvent
+from gapwalk.flow.dry_motion import DryModes
 from gapwalk.flow.forces import Angles, Dry, balance, contact_force, contact_forces, stages_of
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.laws import Host
-from gapwalk.model.structure import Structure
 
 _STEP = 1e-150  # of the complex step
 _BESIDE = 1e-5  # radians over which the rate of change of a rate is taken
-_AT = 1e-9  # radians within which an event is at an instant
 _ORIGIN = [(0.0, 0.0)]  # friction itself depends on no deflection
 
 Array = NDArray[np.float64]
 
 
-class Modes(NamedTuple):
-    """The modes at one instant: the slip of each contact that is friction, and the numbers of the reactions held."""
+class Course(NamedTuple):
+    """Value of a quantity at one instant, and its first and second derivative over time."""
 
-    slips: tuple[int, ...]
-    held: tuple[int, ...]
+    value: float
+    slope: float
+    bend: float
 
+    @property
+    def vertex(self) -> float:
+        """Time from the instant to the vertex of its parabola."""
+        return -self.slope / self.bend if self.bend else 0.0
 
-def friction_of(structure: Structure) -> list[int]:
-    """Return the numbers of the contacts that are dry friction."""
-    return [number for number, contact in enumerate(structure.contacts) if contact.law.is_dry]
-
-
-def modes_at(
-    structure: Structure, slips: Sequence[SlipEvent], contacts: Sequence[ContactEvent], theta: float, before: bool
-) -> Modes:
-    """Return the modes of a periodic motion just before or just after an instant, from its logs.
-
-    Parameters
-    ----------
-    structure
-        The structure.
-    slips, contacts
-        The events of friction, and of contacts, of one period, in order.
-    theta
-        The angle.
-    before
-        True for the modes just before it.
-    """
-    edge = theta - _AT if before else theta + _AT
-    found, held = [], []
-    rigid = {contact: number for number, (contact, switch) in enumerate(structure.reactions) if switch < 0}
-    for contact in friction_of(structure):
-        own = [event for event in slips if event.contact == contact]
-        past = [event for event in own if event.theta <= edge] or own
-        found.append(past[-1].slip if past else 0)
-        if not found[-1] and contact in rigid:
-            held.append(rigid[contact])
-    for number, (_, switch) in enumerate(structure.reactions):
-        own = [event for event in contacts if event.switch == switch] if switch >= 0 else []
-        past, coming = [each for each in own if each.theta <= edge], [each for each in own if each.theta > edge]
-        if own and (past or own)[-1].enters and not (coming or own)[0].enters:
-            held.append(number)
-    return Modes(tuple(found), tuple(sorted(held, key=lambda number: structure.reactions[number][1] < 0)))
+    @property
+    def depth(self) -> float:
+        """Difference from the value to that at the vertex, positive if that is lower; 0 without a bend."""
+        return self.slope**2 / (2.0 * self.bend) if self.bend else 0.0
 
 
 class FrictionGauge:
@@ -90,97 +59,114 @@ class FrictionGauge:
         self.layout, self.contact, self.n = layout, contact, structure.size
         self._slots = layout.contacts[contact]
         self._law: Any = structure.contacts[contact].law
-        self.place = friction_of(structure).index(contact)
+        self.place = structure.friction.index(contact)
         self.memory = structure.memories.index(contact) if contact in structure.memories else None
         self.reaction = next(
             (number for number, (own, switch) in enumerate(structure.reactions) if own == contact and switch < 0), None
         )
 
-    def sticking(self, modes: Modes) -> Modes:
-        """Return the modes with this friction in stick."""
-        held = modes.held
-        if self.reaction is not None and self.reaction not in held:
-            held = (*held, self.reaction)
-        return self._with(modes, 0, held)
+    def sticking(self, modes: DryModes) -> DryModes:
+        """Return the modes, at one instant or at some, with this friction in stick."""
+        return self._with(modes, 0)
 
-    def slipping(self, modes: Modes, slip: int) -> Modes:
-        """Return the modes with this friction in slip."""
-        return self._with(modes, slip, tuple(number for number in modes.held if number != self.reaction))
+    def slipping(self, modes: DryModes, slip: int) -> DryModes:
+        """Return the modes, at one instant or at some, with this friction in slip."""
+        return self._with(modes, slip)
 
-    def _with(self, modes: Modes, slip: int, held: tuple[int, ...]) -> Modes:
-        slips = list(modes.slips)
-        slips[self.place] = slip
-        return Modes(tuple(slips), held)
+    def _with(self, modes: DryModes, slip: int) -> DryModes:
+        slips, held = modes.slips.copy(), modes.held.copy()
+        slips[..., self.place] = slip
+        if self.reaction is not None:
+            held[..., self.reaction] = not slip
+        return DryModes(slips, held)
 
-    def rate(self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> NDArray:
+    def rate(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes | None, side: int) -> NDArray:
         """Return the slip rate towards a side, over time, for states of the shape (..., state_size)."""
         moved = y[..., self.n : 2 * self.n] @ coefficients[self._slots.deflection]
-        moved = moved + Angles(self.layout, coefficients, theta).sway(self._slots, 0, 1)
+        if self._slots.sway is not None:
+            moved = moved + Angles(self.layout, coefficients, theta).sway(self._slots, 0, 1)
         return side * (moved - coefficients[self._slots.numbers["speed"]])
 
-    def reserve(self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> NDArray:
+    def reserve(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> NDArray:
         """Return the force at which slip to a side begins, less the force in stick; shape as `rate`."""
-        angles = Angles(self.layout, coefficients, theta)
+        bound, force = self.bound_and_force(coefficients, theta, y, modes)
+        return bound - side * force
+
+    def bound_and_force(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> tuple[Any, NDArray]:
+        """Return the force at which slip begins, and the force in stick, under the modes of one instant."""
+        angles, n = Angles(self.layout, coefficients, theta), self.n
         numbers, stages = angles.named(self._slots.numbers, self._slots.waves), stages_of(self._slots, angles, _ORIGIN)
         if (host := self.layout.structure.host(self.contact)) is not None:
             outside = self.layout.contacts[host]
-            vector, n = coefficients[outside.deflection], self.n
+            vector = coefficients[outside.deflection]
             move = (
                 y[..., :n] @ vector + angles.sway(outside),
                 y[..., n : 2 * n] @ vector + angles.sway(outside, 0, 1),
             )
             stages.host = Host(stages_of(outside, angles, [move]), contact_force(outside, angles, [move]))
         if self.memory is not None:
-            force = numbers["stiffness"] * y[..., 2 * self.n + self.memory]
+            force = numbers["stiffness"] * y[..., 2 * n + self.memory]
         else:
-            force = self._balanced(coefficients, theta, y, modes, [self.reaction or 0])[..., 0]
-        return self._law.breakaway(stages, numbers) - side * force
+            force = self._balanced(coefficients, angles, y, modes, [self.reaction or 0])[..., 0]
+        return self._law.breakaway(stages, numbers), force
 
-    def acceleration(self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> NDArray:
+    def acceleration(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> NDArray:
         """Return the derivative of `rate` over time."""
-        moved = self.accelerations(coefficients, theta, y, modes) @ coefficients[self._slots.deflection]
-        return side * (moved + Angles(self.layout, coefficients, theta).sway(self._slots, 0, 2))
-
-    def accelerations(self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes) -> NDArray:
-        """Return the accelerations under some modes, shape (..., n)."""
-        return self._balanced(coefficients, theta, y, modes, None)
+        angles = Angles(self.layout, coefficients, theta)
+        moved = self._balanced(coefficients, angles, y, modes, None) @ coefficients[self._slots.deflection]
+        return side * (moved + angles.sway(self._slots, 0, 2))
 
     def _balanced(
-        self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, reactions: list[int] | None
+        self, coefficients: NDArray, angles: Angles, y: NDArray, modes: DryModes, reactions: list[int] | None
     ) -> NDArray:
+        """Return accelerations, shape (..., n), or reactions, under the modes of one instant."""
         layout, n = self.layout, self.n
-        held, angles = Constraint(layout, coefficients, modes.held).coefficients(), Angles(layout, coefficients, theta)
-        slips, q, v = np.array(modes.slips, dtype=float), y[..., :n], y[..., n : 2 * n]
+        held = Constraint(layout, coefficients, modes.order(layout.structure)).coefficients()
+        slips, q, v = modes.slips.astype(float), y[..., :n], y[..., n : 2 * n]
         dry = Dry(np.broadcast_to(slips, (*y.shape[:-1], len(slips))), y[..., 2 * n :])
-        forces = contact_forces(layout, coefficients, theta, q, v, None, angles, dry)
+        forces = contact_forces(layout, coefficients, angles.theta, q, v, None, angles, dry)
         rows = layout.accelerations if reactions is None else layout.reactions[reactions]
         return balance(held[rows], q, v, forces, angles.waves)
 
-    def motion(self, coefficients: NDArray, theta: Any, y: NDArray, modes: Modes) -> NDArray:
-        """Return the derivative of one state over time; extensions in slip follow a limit that varies."""
+    def motion(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> NDArray:
+        """Return the derivatives of states over time, shape as `y`; extensions in slip follow a limit that varies."""
         n, structure = self.n, self.layout.structure
-        found = np.concatenate((y[n : 2 * n], self.accelerations(coefficients, theta, y, modes), 0.0 * y[2 * n :]))
+        turning = self._balanced(coefficients, Angles(self.layout, coefficients, theta), y, modes, None)
+        found = np.concatenate((y[..., n : 2 * n], turning, 0.0 * y[..., 2 * n :]), axis=-1)
         for place, contact in enumerate(structure.memories):
             gauge = self if contact == self.contact else FrictionGauge(self.layout, contact)
             if not modes.slips[gauge.place]:
-                found[2 * n + place] = gauge.rate(coefficients, theta, y, modes, 1)
+                found[..., 2 * n + place] = gauge.rate(coefficients, theta, y, modes, 1)
         return found
 
-    def change(self, function: Any, coefficients: NDArray, theta: float, y: NDArray, modes: Modes, side: int) -> float:
-        """Return the derivative over time of `rate` or `reserve` along the motion under some modes."""
+    def change(self, function: Any, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> Any:
+        """Return the derivative over time of `rate` or `reserve` along the motion under some modes; shape as `rate`."""
         if function == self.rate:
-            return float(self.acceleration(coefficients, theta, y, modes, side))
+            return self.acceleration(coefficients, theta, y, modes, side)
+        return self._along(function, coefficients, theta, y, modes, side)[1]
+
+    def _along(
+        self, function: Any, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int
+    ) -> tuple[Any, Any]:
+        """Return a function, and its derivative over time along the motion by a complex step."""
         moved = y + 1j * _STEP * self.motion(coefficients, theta, y, modes)
         angle = theta + 1j * _STEP / float(coefficients[0])
-        return complex(function(coefficients.astype(complex), angle, moved, modes, side)).imag / _STEP
+        found = function(coefficients.astype(complex), angle, moved, modes, side)
+        return np.real(found), np.imag(found) / _STEP
 
-    def curvature(
-        self, function: Any, coefficients: NDArray, theta: float, y: NDArray, modes: Modes, side: int
-    ) -> float:
-        """Return the second derivative over time of `rate` or `reserve`, to a few digits."""
+    def course(
+        self, function: Any, coefficients: NDArray, theta: float, y: NDArray, modes: DryModes, side: int
+    ) -> Course:
+        """Return `rate` or `reserve` at one instant with two derivatives over time under some modes.
+
+        The second derivative is that of a quantity that is smooth there, to a few digits.
+        """
+        if function == self.rate:
+            slope, bend = self._along(self.acceleration, coefficients, theta, y, modes, side)
+            return Course(float(function(coefficients, theta, y, modes, side)), float(slope), float(bend))
         step, way = _BESIDE * float(coefficients[0]), self.motion(coefficients, theta, y, modes)
-        ends = [
-            self.change(function, coefficients, theta + sign * _BESIDE, y + sign * step * way, modes, side)
-            for sign in (-1.0, 1.0)
-        ]
-        return (ends[1] - ends[0]) / (2.0 * step)
+        shares = np.array((-1.0, 0.0, 1.0))
+        values, slopes = self._along(
+            function, coefficients, theta + _BESIDE * shares, y + step * np.multiply.outer(shares, way), modes, side
+        )
+        return Course(float(values[1]), float(slopes[1]), float(slopes[2] - slopes[0]) / (2.0 * step))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
-from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, friction_of, is_dry, modes_along, modes_at
+from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, is_dry, modes_along, modes_at
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
@@ -113,7 +113,7 @@ class Motion:
             modes = self.modes
         elif is_dry(structure):  # extensions alone determine the forces
             count = len(self.theta)
-            modes = DryModes(np.zeros((count, len(friction_of(structure))), np.int8), np.zeros((count, 0), bool))
+            modes = DryModes(np.zeros((count, len(structure.friction)), np.int8), np.zeros((count, 0), bool))
         moved = self.theta, self.q, self.v, self.z
         return forces_and_accelerations(layout_of(structure), self._coefficients, *moved, modes)
 
@@ -124,11 +124,16 @@ class Motion:
             return modes_along(self.system.structure, self.theta, self.slips, self.holds)
         return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
 
+    @property
+    def modes_before(self) -> DryModes:
+        """Modes just before each sample, of one period of a motion that repeats."""
+        return modes_along(self.system.structure, self.theta, self.slips, self.holds, before=True)
+
     @cached_property
     def rates(self) -> NDArray[np.float64]:
         """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
         structure, layout, numbers = self.system.structure, layout_of(self.system.structure), self._coefficients
-        extending, friction = np.zeros_like(self.z), [*friction_of(structure)]
+        extending, friction = np.zeros_like(self.z), structure.friction
         for place, contact in enumerate(structure.memories):
             slots = layout.contacts[contact]
             rate = self.v @ numbers[slots.deflection] - numbers[slots.numbers["speed"]]
@@ -171,6 +176,8 @@ class Motion:
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
 
+        Where a rigid stop strikes, accelerations and its force are infinite for no time: `impulses` has the integrals.
+
         Raises
         ------
         ModelError
@@ -178,12 +185,47 @@ class Motion:
         """
         place, size, structure = signal_place(self.system, name), self.system.size, self.system.structure
         widths = {"q": size, "v": size, "a": size, "forces": len(structure.contacts), "z": len(structure.memories)}
-        widths["slip"] = len(friction_of(structure))
+        widths["slip"] = len(structure.friction)
         for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
             place -= width
         return self._of_train[:, place] * signal_factor(self.system, name)
+
+    def impulses(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the impulses of a signal where rigid stops strike, which `signal` leaves out.
+
+        An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
+
+        Parameters
+        ----------
+        name
+            As in `signal`.
+
+        Returns
+        -------
+        theta : shape (impacts,)
+            The angles of the excitation at which it has impulses, in radians.
+        sizes : shape (impacts,)
+            Integrals of the signal over theta.
+        """
+        place, structure, size = signal_place(self.system, name), self.system.structure, self.system.size
+        theta = np.array([impact.theta for impact in self.impacts])
+        jumps = np.array([after - before for before, after in (impact.velocities for impact in self.impacts)])
+        jumps = jumps.reshape(len(theta), size)
+        layout, forces = layout_of(structure), np.zeros((len(theta), len(structure.contacts)))
+        stops = [index for index, contact in enumerate(structure.contacts) if contact.law.rebounds]
+        if stops:  # M times the jump of velocities is the sum of the impulses, each along its vector
+            pushes = np.array([self._coefficients[layout.contacts[index].force] for index in stops])
+            forces[:, stops] = -np.linalg.lstsq(pushes.T, jumps.T, rcond=None)[0].T
+        rest = np.zeros_like(jumps)
+        columns = [rest, rest, jumps, forces, *(np.zeros((len(theta), 1)),) * (structure.state_size - 2 * size)]
+        columns += [np.zeros((len(theta), len(friction_of(structure))))]
+        if train_signals(structure):
+            still = train_histories(self.system, theta, rest, rest, rest, np.zeros_like(forces))
+            columns.append(train_histories(self.system, theta, rest, rest, jumps, forces) - still)
+        sizes = self.system.frequency * np.hstack(columns)[:, place] * signal_factor(self.system, name)
+        return theta[sizes != 0.0], sizes[sizes != 0.0]
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:
@@ -305,7 +347,7 @@ def signal_names(system: System) -> list[str]:
     """Return the names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
     structure, extensions = system.structure, system.state_names[2 * system.size :]
-    modes = [f"{structure.contacts[index].name}.slip" for index in friction_of(structure)]
+    modes = [f"{structure.contacts[index].name}.slip" for index in structure.friction]
     return [*derivatives, *map(force_of, structure.contacts), *extensions, *modes, *train_signals(structure)]
 
 

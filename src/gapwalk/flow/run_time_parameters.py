@@ -106,7 +106,7 @@ class RunTimeParameters:
     @cached_property
     def dry(self) -> tuple[int, ...]:
         """Numbers of the contacts that are dry friction."""
-        return tuple(index for index, contact in enumerate(self.layout.contacts) if contact.form.law.is_dry)
+        return self.layout.structure.friction
 
     @cached_property
     def stops(self) -> tuple[int, ...]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import friction_of, is_dry
+from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.motion import Motion
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
@@ -144,7 +144,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
     Raises
     ------
     ModelError
-        If the system has no dry friction and no rigid stops, or the motion is of harmonic balance, which has no log.
+        If the system has no dry friction and no rigid stops, or the motion was sampled without its log.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
     structure, end = sampled.system.structure, float(sampled.theta[-1])
     if not is_dry(structure):
         raise ModelError("the system has no dry friction and no rigid stops, so nothing sticks or is held")
-    if not sampled.holds:
+    if not (sampled.holds or sampled.slips):  # harmonic balance logs slip and stick alone, and nothing is held
         raise ModelError("the motion has no log of its friction; integrate it, as orbit.motion() and gw.integrate do")
     names, phases = [form.name for form in structure.contacts], list[Phase]()
 
@@ -171,7 +171,7 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
                 phases.append(Phase(name, mode, start, stop))
 
     for contact in range(len(names)):
-        if contact in friction_of(structure):
+        if contact in structure.friction:
             marks = [(each.theta, MODES[each.slip]) for each in sampled.slips if each.contact == contact]
             add(names[contact], _without_idle(sampled, contact, marks))
         own = {number for number, (k, switch) in enumerate(structure.reactions) if k == contact and switch >= 0}

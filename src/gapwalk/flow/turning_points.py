@@ -43,6 +43,7 @@ class TurningPoints:
     def start(self, coefficients: NDArray[np.float64], unit: float) -> None:
         """Begin with the coefficients of a system, with lengths in multiples of `unit`."""
         self._turns, self._coefficients, self._unit = [], coefficients, unit
+        self._stops: list[tuple[Kink, list[int]]] = []  # events that stop the integrator; what keeps still there
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
@@ -52,11 +53,20 @@ class TurningPoints:
         positions = self._taylor.update_d_output(theta)[: self._equations.layout.structure.size] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
-    def found(self) -> list[Turn]:
-        """Return all turning points since the start, with those that are kinks.
+    def at_stop(self, theta: float) -> None:
+        """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""
+        dry, n = self._switches.dry, self._equations.layout.structure.size
+        if not dry.count:
+            return
+        q, v = self._taylor.state[:n].copy(), self._taylor.state[n : 2 * n].copy()
+        a = dry.read(theta).accelerations
+        still = [event for event in range(len(self._equations.turning)) if dry.keeps_still(self._vector(event))]
+        self._stops.append((Kink(theta, q, (v, v), (a, a)), still))
 
-        They are those of a coordinate with ``abs(v)`` or friction, and at impacts: of two events at the same time, the
-        integrator may report only the one that stops it.
+    def found(self) -> list[Turn]:
+        """Return all turning points since the start, with those at events that stop the integrator.
+
+        Among these are the kinks of a coordinate with ``abs(v)`` or friction, and impacts.
         """
         layout, coefficients = self._equations.layout, self._coefficients
         n, kinks = layout.structure.size, list(self._switches.dry.kinks)
@@ -64,7 +74,8 @@ class TurningPoints:
             a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
             v = state[n : 2 * n]
             kinks.append(Kink(theta, state[:n], (v, v), (a, a)))
-        for theta, positions, velocities, turning in kinks:
+        stops = [(kink, list[int]()) for kink in kinks] + self._stops
+        for (theta, positions, velocities, turning), still in stops:
             angles = Angles(layout, coefficients, theta)
             for event, (slots, _) in enumerate(self._equations.turning):
                 vector = self._vector(event)
@@ -73,7 +84,9 @@ class TurningPoints:
                 before, after = (float(vector @ each) + sways[0] for each in velocities)
                 change = max(abs(float(vector @ each) + sways[1]) for each in turning)
                 known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
-                if not known and (before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change):
+                if known or event in still or not change:
+                    continue
+                if before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change:
                     self._turns.append(Turn(event, theta, (positions * self._unit).tolist()))
         return sorted(self._turns, key=lambda turn: turn.theta)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -407,43 +408,46 @@ def _with_slopes(system: System, changed: Mapping[int, float]) -> tuple[NDArray[
     return found[0].real.copy(), np.array([each.imag for each in found]) / _STEP
 
 
-def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
-    """Return masks of the coefficients that each named parameter can change, at any values.
+def varying(system: System, names: Sequence[str | tuple[str, ...]]) -> list[NDArray[np.bool_]]:
+    """Return masks of the coefficients that each named parameter, or each of several, can change, at any values.
 
     A slope may be zero at one point by coincidence, as that of a cosine at 0 or of a product whose other factor is 0.
     """
     if not names:
         return []
-    places = [system.structure.place(name) for name in names]
+    groups = [(each,) if isinstance(each, str) else each for each in names]
+    places = [system.structure.place(name) for name in chain(*groups)]
     moved = system.values.copy()
     moved[places] += _ASIDE * (1.0 + np.abs(moved[places]))
-    masks = []
-    for name in names:
-        lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
-        masks.append(np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0))
-        if system.structure.place(name) == 0:
-            masks[-1] |= layout_of(system.structure).moved_by_speed(system.values)
-    return masks
+    return [np.any([_varied(system, moved, name) for name in group], axis=0) for group in groups]
+
+
+def _varied(system: System, moved: NDArray[np.float64], name: str) -> NDArray[np.bool_]:
+    """Return the coefficients that one parameter changes at the values of a system or at others."""
+    lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
+    mask = np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0)
+    if system.structure.place(name) == 0:
+        mask |= layout_of(system.structure).moved_by_speed(system.values)
+    return mask
 
 
 @dataclass(frozen=True)
 class ParameterPlane:
-    """The systems that differ from one another by the values of two named parameters."""
+    """The systems that differ from one another by the values of two named parameters, or of more."""
 
     system: System
-    names: tuple[str, str]
+    names: tuple[str, ...]
 
     @cached_property
-    def _places(self) -> tuple[int, int]:
-        first, second = self.names
-        return self.system.structure.place(first), self.system.structure.place(second)
+    def _places(self) -> list[int]:
+        return [self.system.structure.place(name) for name in self.names]
 
-    def system_at(self, first: float, second: float) -> System:
+    def system_at(self, *point: float) -> System:
         """Return the system at one value of each parameter; unlike `System.at`, without checks."""
         values = self.system.values.copy()
-        values[list(self._places)] = first, second
+        values[self._places] = point
         return System.from_values(self.system.structure, values)
 
-    def coefficients(self, first: float, second: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Compute the coefficients at one value of each parameter, and their derivatives by the two, in rows."""
-        return _with_slopes(self.system, dict(zip(self._places, (first, second), strict=True)))
+    def coefficients(self, *point: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute the coefficients at one value of each parameter, and their derivatives by each, in rows."""
+        return _with_slopes(self.system, dict(zip(self._places, point, strict=True)))

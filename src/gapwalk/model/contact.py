@@ -28,6 +28,20 @@ class Side(StrEnum):
         return {"both": (1, -1), "positive": (1,), "negative": (-1,)}[self.value]
 
 
+def side_of(side: Side | str) -> Side:
+    """Return a side by its name.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name.
+    """
+    try:
+        return Side(side)
+    except ValueError:
+        raise ModelError(f"side is {side!r}; write {', '.join(repr(each.value) for each in Side)}") from None
+
+
 @dataclass(frozen=True, slots=True)
 class Stage:
     """One spring of a contact: it acts beyond its clearance, in addition to the stages inside it.
@@ -44,7 +58,7 @@ class Stage:
     cubic
         Coefficient of its cubic term.
     side
-        The side on which it acts.
+        The side on which it acts: ``"both"``, ``"positive"`` or ``"negative"``.
     name
         The parameters of a stage with a name are called ``contact.name.clearance`` instead of
         ``contact.clearance``. Only a single stage may be without a name.
@@ -59,6 +73,9 @@ class Stage:
     side: Side = Side.BOTH
     name: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "side", side_of(self.side))
 
     def number(self, parameter: Parameter) -> float | None:
         """Return the value of one of its parameters; None if it has none."""
@@ -287,7 +304,7 @@ def stop(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
-    stages = (Stage(clearance, stiffness, side=Side(side)),)
+    stages = (Stage(clearance, stiffness, side=side_of(side)),)
     if not impact_damping:
         return Contact(name, deflection, stages, force)
     return Contact(name, deflection, stages, force, "hunt-crossley", impact_damping=impact_damping)
@@ -329,7 +346,7 @@ def rigid_stop(
     >>> rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).numbers
     {'restitution': 0.8}
     """
-    return Contact(name, deflection, (Stage(clearance, side=Side(side)),), force, "rigid", restitution=restitution)
+    return Contact(name, deflection, (Stage(clearance, side=side_of(side)),), force, "rigid", restitution=restitution)
 
 
 def _stage_problems(contact: Contact):

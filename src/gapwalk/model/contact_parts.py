@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import RIGID, Contact, Side, Stage, friction
+from gapwalk.model.contact import RIGID, Contact, Stage, friction
 from gapwalk.model.laws import HYSTERESIS, Law, Rigid, law_of, law_with
 
 SPRING_OF_FRICTION = "hysteresis_stiffness"
@@ -153,7 +153,7 @@ class ContactParts:
             shown = " and ".join(f"{each:g}" for each in sorted(bounces))
             yield f"its rigid stages have the restitutions {shown}; write two contacts, one for each side"
         for sign, word in ((1, "positive"), (-1, "negative")):
-            side = [stage for stage in self.stages if sign in Side(stage.side).signs]
+            side = [stage for stage in self.stages if sign in stage.side.signs]
             for place, stage in enumerate(side[:-1]):
                 if stage.stiffness == RIGID:
                     yield (

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, model_validator
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
@@ -14,7 +14,7 @@ from gapwalk.model.contact import force as make_force
 from gapwalk.model.laws import Expression
 from gapwalk.model.laws.grammar import FormulaError, formula_of
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import MAX_COORDINATES, Direction, Name, Names, Part, Text, claim
+from gapwalk.model.schema import MAX_COORDINATES, Direction, Name, Names, OwnName, Part, Text
 
 
 class ForcePart(Part):
@@ -22,17 +22,11 @@ class ForcePart(Part):
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    name: Name = Field(description="its parameters begin with it, as in spring.k")
+    name: OwnName = Field(description="its parameters begin with it, as in spring.k")
     law: Text = Field(description='write its formula, as in "k*x + c*v": x is its deflection, v the rate of it')
     deflection: Direction | None = None
     deflections: Annotated[dict[Name, Direction], Field(min_length=1, max_length=MAX_COORDINATES)] | None = None
     acts_on: Direction | None = None
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
-        claim(name, info)
-        return name
 
     @model_validator(mode="after")
     def _makes_a_force(self, info: ValidationInfo[Names]) -> ForcePart:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import Field, create_model, model_validator
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, friction
 from gapwalk.model.laws import FRICTION
-from gapwalk.model.schema import Direction, Name, Names, Part, Vector, claim, number_of
+from gapwalk.model.schema import Direction, Name, OwnName, Part, Vector, number_of
 
 
 class FrictionBase(Part):
     """Dry friction: the keys that it has in systems and in drive trains; see `friction_part`."""
 
-    name: Name = Field(description="its parameters begin with it, as in brake.limit")
+    name: OwnName = Field(description="its parameters begin with it, as in brake.limit")
     normal: Name | None = None
 
     @classmethod
@@ -31,12 +31,6 @@ class FrictionBase(Part):
             "law": "friction with a stiffness is a Jenkins element, without one Coulomb's; leave law out",
         }
         return words.get(key, "")
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
-        claim(name, info)
-        return name
 
     @model_validator(mode="after")
     def _says_how_much(self) -> FrictionBase:

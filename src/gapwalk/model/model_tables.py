@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -40,13 +41,13 @@ from gapwalk.model.schema import (
     Names,
     NonNegative,
     Number,
+    OwnName,
     Part,
     Positive,
     RegularMatrix,
     Text,
     Vector,
     by_shape,
-    claim,
     number_of,
     one_of,
     tagged,
@@ -120,6 +121,8 @@ def or_rigid() -> WrapValidator:
             raise ValueError(
                 f'is {given(value)}; it must be a stiffness, or "rigid" for a rigid stop with a restitution'
             )
+        if value == math.inf:
+            raise ValueError('is inf; write stiffness = "rigid" with a restitution for a rigid stop')
         return value if value == RIGID else handler(value)
 
     return WrapValidator(check)
@@ -140,7 +143,10 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
         return value
     parameter = next((each for each in law.stage_parameters if each.name == name), None)
     if name == "stiffness" and isinstance(law, Rigid) and value is not None:
-        raise ValueError(f'is {given(value)}, but the contact is rigid; write stiffness = "rigid", or another law')
+        raise ValueError(
+            f'is {given(value)}, but restitution belongs to a rigid stop; write stiffness = "rigid", or leave '
+            "restitution out and write impact_damping"
+        )
     if parameter is None and value is not None:
         raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")
     if parameter is not None and value is None and parameter.default is None:
@@ -271,7 +277,7 @@ def is_no_law(damping: object) -> object:
 class ContactBase(LawTable):
     """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
 
-    name: Name = Field(description="its parameters begin with it, as in stage2.clearance")
+    name: OwnName = Field(description="its parameters begin with it, as in stage2.clearance")
     deflection: Direction = Field(description="write by which coordinates it deflects, as in { q1 = 1.0 }")
     force: Vector | None = None
 
@@ -284,12 +290,6 @@ class ContactBase(LawTable):
             return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
         return f"a contact has the damping of its force law; write {' or '.join(names)}"
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
-        claim(name, info)
-        return name
 
     @model_validator(mode="after")
     def _makes_a_contact(self, info: ValidationInfo[Names]) -> ContactBase:

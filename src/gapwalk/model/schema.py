@@ -179,11 +179,12 @@ def one_of(
     return check
 
 
-def claim(name: str, info: ValidationInfo[Names]) -> None:
+def claim(name: str, info: ValidationInfo[Names]) -> str:
     """Claim a name for a contact or a harmonic, if it is free."""
     if name in info.context.taken:
         raise ValueError(f"is {given(name)}, which is taken already; choose another name")
     info.context.taken.add(name)
+    return name
 
 
 def without_repeats(names: list[str]) -> list[str]:
@@ -266,6 +267,7 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 Text = Annotated[str, Field(strict=True)]
 Name = Annotated[Text, AfterValidator(_word)]
+OwnName = Annotated[Name, AfterValidator(claim)]
 Angle = Annotated[Number, BeforeValidator(_radians)]
 Torque = Annotated[Number, measured(QuantityKind.TORQUE)]
 Clearance = Annotated[NonNegative, measured(QuantityKind.ANGLE)]

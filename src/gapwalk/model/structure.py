@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, UnfitError
 from gapwalk.model.contact import Contact, Side
 from gapwalk.model.laws import Law, StageShape, Term, closed_form_of
 from gapwalk.model.loads import LoadForm
@@ -213,13 +213,13 @@ class ContactForm:
 
         Raises
         ------
-        ModelError
+        UnfitError
             If it is not a sum of products; the message names the backend that needs one.
         """
         terms = closed_form_of(self.law, self.shapes)
         if terms is None or not self.has_closed_form:
             reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
-            raise ModelError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
+            raise UnfitError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
         return terms
 
     def stage_prefix(self, stage: StageForm) -> str:
@@ -309,6 +309,11 @@ class Structure:
     def memories(self) -> tuple[int, ...]:
         """Numbers of the contacts with a state of their own, which follows positions and velocities in a state."""
         return tuple(index for index, contact in enumerate(self.contacts) if contact.law.has_memory)
+
+    @cached_property
+    def friction(self) -> tuple[int, ...]:
+        """Numbers of the contacts that are dry friction."""
+        return tuple(index for index, contact in enumerate(self.contacts) if contact.law.is_dry)
 
     @cached_property
     def state_size(self) -> int:

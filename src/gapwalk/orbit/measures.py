@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
+from gapwalk.orbit.friction_phases import Margin, margins_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
+
+_SAMPLES = 96  # per forcing period: those of a motion with friction
 
 MEASURES = ("max", "min", "half", "mean", "rms")
 
@@ -84,21 +88,36 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     return complex(lines[int(line)]) * (1 if line == 0 else 2)
 
 
-def survey(orbit: Orbit) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[np.float64]]:
-    """Integrate an orbit once more, with the integrals of its positions, and record every turning point.
+class Survey(NamedTuple):
+    """Survey of one orbit.
 
-    Returns
-    -------
+    Attributes
+    ----------
     turns
         Angles at which the deflection of each contact turns, and its values there.
     visited
         Positions at the start, and at the turning points of coordinates and deflections.
     means : shape (2, n)
         Mean of each coordinate, and of its square.
+    margins
+        Distances of friction from changes of its sequence of slip and stick.
     """
+
+    turns: tuple[Turns, ...]
+    visited: list[list[float]]
+    means: NDArray[np.float64]
+    margins: list[Margin]
+
+
+def survey(orbit: Orbit) -> Survey:
+    """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
     flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
-    length, n = PERIOD * orbit.period, orbit.system.size
-    integrals, turns = flow.survey(coefficients, orbit.state, length)
+    length, n, structure = PERIOD * orbit.period, orbit.system.size, orbit.system.structure
+    thetas = np.array([0.0, length])
+    if structure.friction:
+        starts = [phase.start % length for phases in orbit.friction.values() for phase in phases]
+        thetas = np.unique(np.concatenate((np.linspace(0.0, length, _SAMPLES * orbit.period + 1), starts)))
+    integrals, turns, found = flow.survey(coefficients, orbit.state, thetas)
     contacts = []
     for contact in flow.equations.layout.contacts:
         factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
@@ -113,7 +132,10 @@ def survey(orbit: Orbit) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[
             values = (np.array(values) + angles.sway(contact)).tolist()
         contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
-    return tuple(contacts), visited, integrals / length
+    margins = []
+    if structure.friction and orbit.is_exact:
+        margins = margins_of(Motion.of(orbit.system, thetas, found.states, *found.logs), orbit.friction)
+    return Survey(tuple(contacts), visited, integrals / length, margins)
 
 
 def apart(a: float, b: float, full: float) -> float:

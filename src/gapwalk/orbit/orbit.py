@@ -25,8 +25,8 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, stick_words
-from gapwalk.orbit.measures import Turns, apart, measure, survey
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, stick_words
+from gapwalk.orbit.measures import Survey, Turns, apart, measure, survey
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import kept_words, without_kept
 
@@ -264,20 +264,24 @@ class Orbit(Shown):
         return 1 << (needed - 1).bit_length()
 
     @cached_property
-    def _survey(self) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[np.float64]]:
+    def _survey(self) -> Survey:
         return survey(self)
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:
         """Angles at which the deflection of each contact turns, and its values there."""
-        return self._survey[0]
+        return self._survey.turns
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4); accurate to rounding."""
-        _, positions, (mean, square) = self._survey
-        visited = np.array(positions)
+        visited, (mean, square) = np.array(self._survey.visited), self._survey.means
         return np.column_stack((visited.max(axis=0), visited.min(axis=0), mean, np.sqrt(square)))
+
+    @property
+    def margins(self) -> list[Margin]:
+        """Distances of friction from changes of its sequence of slip and stick; none if the orbit is not exact."""
+        return self._survey.margins
 
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:

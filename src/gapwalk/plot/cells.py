@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
-from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regime, Regimes, regime_word
 from gapwalk.bifurcation.loci import Locus
@@ -29,7 +29,7 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
-_UNRESOLVED, _RUNAWAY = "#ffffff", "#3a3a3a"
+_UNRESOLVED, _RUNAWAY, _IMPOSSIBLE = "#ffffff", "#3a3a3a", "#c9c9c9"
 _MARKERS = "osD^vPX*<>"
 _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
@@ -76,15 +76,15 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
     window, units = found.window, found.system.units
     fills = [_FILLS[index % len(_FILLS)] for index in range(len(found.attractors))]
     words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
-    colors = [_RUNAWAY, _UNRESOLVED, *fills]
-    _fill_colors(ax, found.labels - RUNAWAY, colors, window.within, (words[0], words[1]))
+    colors = [_IMPOSSIBLE, _RUNAWAY, _UNRESOLVED, *fills]
+    _fill_colors(ax, found.labels - IMPOSSIBLE, colors, window.within, (words[0], words[1]))
     share = 100.0 / found.labels.size
     entries: list[tuple[str, Any]] = [
         (f"{name} ({share * count:.1f} %)", fill)
         for (name, count), fill in zip(found.cells.items(), fills, strict=True)
     ]
-    for label, color, text in ((RUNAWAY, _RUNAWAY, "diverges"), (UNRESOLVED, _UNRESOLVED, "unresolved")):
-        if count := int(np.sum(found.labels == label)):
+    for (text, count), color in zip(found.others.items(), (_RUNAWAY, _UNRESOLVED, _IMPOSSIBLE), strict=True):
+        if count:
             entries.append((f"{text} ({share * count:.2g} %)", color))
     for index, states in _marked(found, strobes):
         marker = style.symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)

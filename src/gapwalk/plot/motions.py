@@ -99,7 +99,7 @@ def draw_history(
 
 def _shade_rest(motion: Motion, ax: Axes) -> None:
     """Shade the phases of a time history in which friction sticks or a stop is held."""
-    for phase in stick_slip(motion).phases if motion.holds else ():
+    for phase in stick_slip(motion).phases if motion.holds or motion.slips else ():
         if phase.mode in ("stick", "held"):
             ax.axvspan(phase.start / PERIOD, phase.end / PERIOD, color=GREY, alpha=0.16, linewidth=0, zorder=0)
 

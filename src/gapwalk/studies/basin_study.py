@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins, in_order
 from gapwalk.attractors.box import Window, beside_cells
 from gapwalk.model.system import System, check_system
@@ -25,7 +25,7 @@ from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
 from gapwalk.summary import SummaryParts, Table, summarizes
 
-_WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges"}
+_WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}
 
 
 class BasinFinding(CellFinding):
@@ -44,9 +44,7 @@ class BasinFinding(CellFinding):
         exponents = [attractor.lyapunov for attractor in found.attractors]
         largest = ["" if each is None else f"{each.exponents[0]:.4g}" for each in exponents]
         counts = [(name, found.cells[name], text) for name, text in zip(found.names, largest, strict=True)]
-        counts += [
-            (_WORDS[label], n, "") for label, n in ((RUNAWAY, found.runaway), (UNRESOLVED, found.unresolved)) if n
-        ]
+        counts += [(text, n, "") for text, n in found.others.items() if n]
         cells = [(name, str(count), f"{count / total:.2%}", text) for name, count, text in counts]
         yield Table(["leads to", ">cells", ">share", ">largest exponent"], cells)
         yield found.check.text
@@ -72,6 +70,7 @@ class BasinFinding(CellFinding):
             ],
             "unresolved": found.unresolved,
             "runaway": found.runaway,
+            "impossible": found.impossible,
             "check": {**asdict(found.check), "share": found.check.share, "limit": found.check.limit},
             "error": found.error,
         }
@@ -171,7 +170,7 @@ class PlaneBasins(BasinWork):
         """Return the basins; None before the attractors are known, because the labels of chunks refer to them."""
         if not (complete or self.is_begun):
             return None
-        attractors, labels = in_order(self.catalogue.attractors, self.labels)
+        attractors, labels = in_order(self.catalogue.attractors, self.all_labels)
         how = (self.checked, self.error, complete, self.notes(complete))
         return Basins(self.system, self.window, labels.reshape(self.resolution[::-1]), attractors, *how)
 
@@ -190,10 +189,11 @@ def basins(
 ) -> Basins:
     """Basins of attraction in a plane of initial states.
 
-    Each cell is judged by the state at its centre. The batch integrator follows it until it is in the trapping region
-    of a known attractor (see `gapwalk.attractors.trapping_region`); the attractors themselves are exact. Cells at
-    borders between basins, and samples of the others, are followed again by the exact flow, which corrects labels and
-    counts the wrong ones.
+    Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
+    it until it is in the trapping region of a known attractor (see `gapwalk.attractors.trapping_region`); the
+    attractors themselves are exact. Cells at borders between basins, and samples of the others, are followed again by
+    the exact flow, which corrects labels and counts the wrong ones. A system that the batch integrator cannot include,
+    as one with friction that sticks rigidly, is followed by the exact flow alone, a hundred times slower.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor_catalogue import (
+    IMPOSSIBLE,
     UNRESOLVED,
     AttractorSignature,
     Catalogue,
@@ -19,7 +20,8 @@ from gapwalk.attractors.attractor_catalogue import (
 )
 from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
-from gapwalk.attractors.many_motions import ExactMotions, motions_of
+from gapwalk.attractors.many_motions import ExactMotions, has_kernel, motions_of
+from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
@@ -30,6 +32,8 @@ from gapwalk.studies.study_registry import Counted, check_integers
 
 CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""
+FEW = 64
+"""States in a chunk of a system that only the exact flow can follow."""
 
 _CHECKED = 32  # states of a piece that is followed with the exact flow
 _WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
@@ -100,6 +104,8 @@ class BasinChunk:
 class BasinWork(CellWork):
     """Computation of the attractors to which many states lead.
 
+    States beyond a rigid stop are left out: `states`, `neighbours` and `labels` are those of the others.
+
     Parameters
     ----------
     system
@@ -125,17 +131,31 @@ class BasinWork(CellWork):
         options: BasinOptions,
     ) -> None:
         super().__init__(resolution)
-        self.system, self.states, self.neighbours, self.options = system, states, neighbours, options
+        self._possible = possible = within_stops(system, states)
+        if not possible.any():
+            raise ModelError("all states are beyond rigid stops; begin where the deflections are within the clearances")
+        own, number = np.arange(possible.sum())[:, None], np.cumsum(possible) - 1
+        beside = neighbours[possible]
+        self.system, self.states, self.options = system, states[possible], options
+        self.neighbours = np.where(possible[beside], number[beside], own)  # beyond a stop is as beyond an edge
         self.catalogue = Catalogue(system)
-        self.labels = np.full(len(states), UNRESOLVED)
-        self.checked = BasinCheck(len(states))
+        self.labels = np.full(len(self.states), UNRESOLVED)
+        self.checked = BasinCheck(len(self.states))
         self.is_begun = False
-        self._ends = states.copy()  # where the motions have come to
+        self._chunk = CHUNK if has_kernel(system) else FEW
+        self._ends = self.states.copy()  # where the motions have come to
+
+    @property
+    def all_labels(self) -> NDArray[np.int_]:
+        """The labels of all states, with those beyond rigid stops."""
+        labels = np.full(len(self._possible), IMPOSSIBLE)
+        labels[self._possible] = self.labels
+        return labels
 
     @property
     def total(self) -> int:
         """Number of chunks."""
-        return -(-len(self.states) // CHUNK)
+        return -(-len(self.states) // self._chunk)
 
     def begin(self) -> None:
         """Find the attractors to which some of the states lead."""
@@ -149,12 +169,13 @@ class BasinWork(CellWork):
     def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
         sort = partial(_sort_fast, *self._known, self.options.longest)
-        pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
+        size = self._chunk
+        pieces = [(number, self.states[number * size : (number + 1) * size]) for number in numbers]
         return workers.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
-        place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
+        place = slice(chunk.number * self._chunk, chunk.number * self._chunk + len(chunk.sorted.labels))
         self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
 
     def notes(self, complete: bool) -> tuple[str, ...]:
@@ -216,6 +237,8 @@ class BasinWork(CellWork):
 
     def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and mark those that differ in `changed`; return their number."""
+        if self.error == 0.0:  # the exact flow has found them already
+            return 0
         exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong
@@ -296,7 +319,7 @@ def basin_shares(
         A range or a fixed value for components of the state at theta = 0: ``{"q1": (-4, 4), "q1'": (-4, 4), "q3": 1}``;
         those that are not named are 0.
     starts
-        Number of random starts, evenly distributed over the box.
+        Number of random starts, evenly distributed over the part of the box within all rigid stops.
     confidence
         Probability with which the limits of a share hold.
     options
@@ -322,7 +345,7 @@ def basin_shares(
         raise ModelError(f"starts is {starts!r}; it must be an integer >= 1")
     if not 0.0 < confidence < 1.0:
         raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
-    states = room.draw(starts, options.seed)
+    states = room.draw(starts, options.seed, lambda states: within_stops(system, states))
 
     class Shares(BasinWork):
         whole_part = Part("shares", BasinShares)

@@ -19,7 +19,7 @@ from gapwalk.attractors.many_motions import BatchMotions, motions_of
 from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
 from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.attractors.settling_judge import has_settled, period_of
-from gapwalk.errors import FlowError, ModelError
+from gapwalk.errors import FlowError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
@@ -138,10 +138,7 @@ def wandering_words(
     """
     if not len(values):
         return []
-    try:
-        motions = motions_of(system, states, {parameter: values})
-    except ModelError:  # such as friction that sticks rigidly: the batch integrator refuses it by name
-        return [NOT_PERIODIC] * len(values)
+    motions = motions_of(system, states, {parameter: values})
     if not isinstance(motions, BatchMotions):
         return [NOT_PERIODIC] * len(values)
     systems = [partial(system.at, {parameter: value}) for value in values.tolist()]

@@ -215,8 +215,7 @@ class SweepWork(Work):
         box = np.maximum(*(state_box(end) for end in at_ends))
         self.box = np.maximum(*(with_extensions(end, box) for end in at_ends))
         if isinstance(asked.starts, int):  # the first one is rest
-            extensions = len(self.box) - len(box)
-            starts = [np.zeros(len(self.box)), *spread_starts(box, asked.starts, asked.seed, 0.0, extensions)[1:]]
+            starts = [np.zeros(len(self.box)), *spread_starts(at_ends, box, asked.starts, asked.seed, 0.0)[1:]]
         else:
             starts = [check_state(at_ends[0], start) for start in asked.starts]
         self.lanes = tuple(

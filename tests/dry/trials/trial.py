@@ -1,4 +1,4 @@
-"""One random system through all that computes motions; what is no result and no reason is a fault."""
+"""One random system through all that computes motions; a step without a result or a reason is a fault."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def at_most(seconds: float) -> Iterator[None]:
 
 @dataclass
 class Trial:
-    """What came of one system.
+    """Results and faults of one system.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Trial:
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no fault."""
+        """True if there is no fault."""
         return not self.faults
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Friction, hysteresis and rigid stops in drive trains: parts, units, forms, and what each mistake is told."""
+"""Friction, hysteresis and rigid stops in drive trains: parts, units, forms, and the message of each mistake."""
 
 import math
 from pathlib import Path
@@ -224,7 +224,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("clutch", "more", "words"), MISTAKES)
-def test_each_mistake_is_told_by_check(clutch: str, more: str, words: str, tmp_path, capsys) -> None:
+def test_each_mistake_is_reported_by_check(clutch: str, more: str, words: str, tmp_path, capsys) -> None:
     assert main(["check", str(write(tmp_path, clutch, more))]) != 0
     told = capsys.readouterr()
     lines = (told.out + told.err).splitlines()

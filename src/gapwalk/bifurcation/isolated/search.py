@@ -248,7 +248,7 @@ def _chunks(
     box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
     if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
         raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
-    starts = spread_starts(box, options.starts, options.seed, value, system.state_size - len(box))
+    starts = spread_starts([there], box, options.starts, options.seed, value)
     box = with_extensions(there, box)
     for block, first in enumerate(range(0, options.starts, options.block)):
         yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)

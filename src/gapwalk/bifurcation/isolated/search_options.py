@@ -6,7 +6,7 @@ Starts are spread evenly over the box of states that a system may visit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -14,6 +14,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
+from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import Spring, springs_of
@@ -24,6 +25,7 @@ from gapwalk.orbit.orbit import Orbit
 
 _MOST = 100_000  # largest number of starts
 _REACH = 20.0  # a gap this many times wider than the motion without it is assumed never to close
+_REDRAWS = 10  # times that the number of starts is doubled to find enough within rigid stops
 _SAMPLES = 64  # samples per forcing period of the velocities of a known orbit
 _RESONANCE = 5.0  # upper bound of the amplitude of a linear resonance, in static deflections
 _NOTHING = 1e-12  # share of the largest extent below which that of another coordinate is rounding
@@ -234,17 +236,33 @@ def _side(spring: Spring, sign: int, reach: float) -> tuple[float, float, float]
 
 
 def spread_starts(
-    box: NDArray[np.float64], count: int, seed: int, value: float, extensions: int = 0
+    systems: Sequence[System], box: NDArray[np.float64], count: int, seed: int, value: float
 ) -> NDArray[np.float64]:
-    """Return starts spread evenly over a box by a scrambled Sobol sequence, shape (count, 2n + extensions).
+    """Return starts spread evenly over a box by a scrambled Sobol sequence, shape (count, state_size).
 
-    They depend only on the seed and the value of the parameter, not on what else is searched. Extensions are zero.
+    They depend only on the seed and the value of the parameter, not on what else is searched. Those beyond a rigid stop
+    of one of the systems are left out, and others follow. Extensions are zero.
+
+    Raises
+    ------
+    ModelError
+        If nearly all of the box is beyond rigid stops.
     """
     from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 
-    engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
-    points = engine.random_base2((count - 1).bit_length())[:count]
-    return np.pad((2.0 * points - 1.0) * box, ((0, 0), (0, extensions)))
+    power = (count - 1).bit_length()
+    for more in range(_REDRAWS):
+        engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
+        points = (2.0 * engine.random_base2(power + more) - 1.0) * box
+        states = np.pad(points, ((0, 0), (0, systems[0].state_size - len(box))))
+        for system in systems:
+            states = states[within_stops(system, states)]
+        if len(states) >= count:
+            return states[:count]
+    raise ModelError(
+        f"only {len(states)} of {len(points)} states in the box of starts are within the rigid stops; give a smaller "
+        "box"
+    )
 
 
 def generator(seed: int, value: float, block: int = 0) -> np.random.Generator:

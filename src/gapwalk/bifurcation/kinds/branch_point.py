@@ -95,7 +95,7 @@ class BranchPointKind(Kind):
         """Reason why branch points have no locus in two parameters."""
         return (
             "a branch point has no locus in two parameters: it exists by a symmetry, and vanishes or persists with it; "
-            "follow a fold, a flip, a neimark-sacker or a grazing point"
+            "follow a fold, a flip, a neimark-sacker or a grazing point, or one of sliding"
         )
 
 

@@ -21,7 +21,6 @@ from gapwalk.bifurcation.friction_changes import (
     located_again,
     never_slips,
 )
-from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -42,7 +41,7 @@ class Sliding(Kind):
     turn = 0
     by_multipliers = False
     what: ClassVar[str]
-    """What vanishes there, as in `gapwalk.bifurcation.friction_margins.Margin`."""
+    """Quantity that vanishes there, as in `gapwalk.orbit.friction_phases.Margin`."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""
@@ -99,7 +98,7 @@ class Sliding(Kind):
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
         """Return the least margin of the kind, as a share of its range."""
-        own = [each for each in margins_of_orbit(orbit) if each.what == self.what]
+        own = [each for each in orbit.margins if each.what == self.what]
         return min((abs(each.value) / each.range for each in own), default=float("nan"))
 
     @property
@@ -133,7 +132,7 @@ class CrossingSliding(Sliding):
     """Crossing-sliding: where the slip rate reverses, friction begins or ceases to stick for a moment."""
 
     what = "stop"
-    symbol = Symbol("crossing-sliding", "", "x", 5.0, "green", (0.0, (4.0, 1.0)))
+    symbol = Symbol("crossing-sliding", "", "x", 5.0, "purple", (0.0, (9.0, 1.6)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: from slip to slip the other way, with stick between."""
@@ -144,7 +143,7 @@ class SwitchingSliding(Sliding):
     """Switching-sliding: before it sticks, friction begins or ceases to slip back for a moment."""
 
     what = "stop"
-    symbol = Symbol("switching-sliding", "", "1", 6.0, "green", (0.0, (4.0, 1.0, 1.0, 1.0)))
+    symbol = Symbol("switching-sliding", "", "1", 6.0, "purple", (0.0, (4.5, 1.1, 1.0, 1.1)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: from slip to stick, with slip the other way between."""
@@ -155,7 +154,7 @@ class GrazingSliding(Sliding):
     """Grazing-sliding: within slip the slip rate just touches zero, and friction begins or ceases to stick there."""
 
     what = "rate"
-    symbol = Symbol("grazing-sliding", "", "_", 7.0, "green", (0.0, (2.0, 1.0)))
+    symbol = Symbol("grazing-sliding", "", "2", 6.0, "purple", (0.0, (2.4, 1.3)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip, stick, and slip in the same direction."""
@@ -166,7 +165,7 @@ class AddingSliding(Sliding):
     """Adding-sliding: within stick the force just touches its bound, and a phase of slip divides the stick in two."""
 
     what = "reserve"
-    symbol = Symbol("adding-sliding", "", "+", 6.0, "green", (0.0, (1.0, 1.0)))
+    symbol = Symbol("adding-sliding", "", "+", 6.0, "purple", (0.0, (0.9, 1.1)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: stick, slip, and stick again."""
@@ -177,7 +176,7 @@ class SlipOnset(Sliding):
     """Onset of slip: friction that never slips begins to, as its force just touches its bound."""
 
     what = "reserve"
-    symbol = Symbol("onset of slip", "", "h", 5.0, "green", (0.0, (6.0, 1.0)))
+    symbol = Symbol("onset of slip", "", "h", 5.0, "purple", (0.0, (5.0, 1.1, 1.0, 1.1, 1.0, 1.1)))
 
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""

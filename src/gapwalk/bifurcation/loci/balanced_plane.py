@@ -46,9 +46,9 @@ class BalancedPlane(OrbitPlane):
     options: Balance
     harmonics: int
 
-    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
+    def place(self, unknowns: NDArray[np.float64], *point: float) -> Place:
         """See `OrbitPlane.place`. Errors as in `BalanceEquation.evaluate`."""
-        return self._place(unknowns, *self._parameters.coefficients(first, second))
+        return self._place(unknowns, *self._parameters.coefficients(*point))
 
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
@@ -70,23 +70,27 @@ class BalancedPlane(OrbitPlane):
         return kind.condition(self._monodromy(place.evidence))
 
     def gradient(
-        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
+        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64], step: float | None = None
     ) -> NDArray[np.float64]:
         """See `OrbitPlane.gradient`."""
-        size, unit = len(place.unknowns), float(scales[0])
+        size, length = len(place.unknowns), step or STEP
+        ends, width = ((0.0, 1.0), length) if step is None else ((-1.0, 1.0), 2.0 * length)
         if kind is Kind.FOLD:
-            beside = self._place(
-                place.unknowns + STEP * unit * critical.directions[0], place.coefficients, place.slopes
-            )
-            return critical.covectors[0] @ (beside.jacobian - place.jacobian) / (STEP * unit)
+            shift = length * float(scales[0]) * critical.directions[0]
+            places = [self._place(place.unknowns + end * shift, place.coefficients, place.slopes) for end in ends]
+            return critical.covectors[0] @ (places[1].jacobian - places[0].jacobian) / (width * float(scales[0]))
         linearised = self._equation.linearised(place.evidence)
-        matrix, by_all = self._monodromy(place.evidence, linearised), np.empty(size + 2)
-        for index in range(size + 2):
-            step = STEP * float(scales[index])
-            beside = self._beside(place, index, step)
-            change = (self._monodromy(beside, linearised if index < size else None) - matrix) / step
-            by_all[index] = np.einsum("ja,ab,jb->", critical.covectors, change, critical.directions)
-        return by_all
+        matrix, by_all = self._monodromy(place.evidence, linearised), np.empty(size + len(self.names))
+
+        def monodromy(index: int, shift: float) -> NDArray[np.float64]:
+            if not shift:
+                return matrix
+            return self._monodromy(self._beside(place, index, shift), linearised if index < size else None)
+
+        for index, scale in enumerate(scales.tolist()):
+            before, after = (monodromy(index, end * length * scale) for end in ends)
+            by_all[index] = np.einsum("ja,ab,jb->", critical.covectors, after - before, critical.directions) / scale
+        return by_all / width
 
     def turning(self, switch: int, place: Place, theta: float) -> Turning:
         """See `OrbitPlane.turning`; the rate is over theta."""
@@ -95,7 +99,7 @@ class BalancedPlane(OrbitPlane):
         lines, rate = evidence.lines[contact], 1j / self.period * np.arange(evidence.lines.shape[1])
         wave = waves(np.array(theta / self.period), len(lines) - 1)
         size, width = len(place.unknowns), 2 * len(lines) - 1
-        values, derivatives = np.empty(2), np.zeros((2, size + 3))
+        values, derivatives = np.empty(2), np.zeros((2, size + 1 + len(self.names)))
         for row, factor in enumerate((wave, rate * wave)):  # the deflection, and its derivative by theta
             values[row] = sign * float((lines @ factor).real)
             derivatives[row, contact * width : (contact + 1) * width] = sign * np.append(factor.real, factor.imag[1:])
@@ -150,11 +154,10 @@ class BalancedPlane(OrbitPlane):
     def _place(
         self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slopes: NDArray[np.float64]
     ) -> Place:
-        one, other = (self._equation.evaluate_at(unknowns, coefficients, slope) for slope in slopes)
-        assert one.by_parameter is not None
-        assert other.by_parameter is not None
-        jacobian = np.column_stack((one.by_unknowns, one.by_parameter, other.by_parameter))
-        return Place(unknowns, coefficients, slopes, one.residual, jacobian, one.evidence)
+        found = [self._equation.evaluate_at(unknowns, coefficients, slope) for slope in slopes]
+        columns = [each.by_parameter for each in found if each.by_parameter is not None]
+        jacobian = np.column_stack((found[0].by_unknowns, *columns))
+        return Place(unknowns, coefficients, slopes, found[0].residual, jacobian, found[0].evidence)
 
     def _beside(self, place: Place, index: int, step: float) -> Evidence:
         """Return the evidence of the motion with one unknown or parameter, given by its index, larger by a step."""

@@ -43,9 +43,20 @@ class LocusEquation:
     others: ClassVar[int]
     """Number of unknowns beyond those of the orbit."""
 
-    def place(self, unknowns: NDArray[np.float64], value: float) -> Place:
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
+        residual, by_all, place = self.linearised(unknowns, value)
+        return Evaluation(residual, by_all[:, :-1], by_all[:, -1], place)
+
+    def linearised(
+        self, unknowns: NDArray[np.float64], *others: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """Return residual, its derivatives by the unknowns and by the parameters after the first, and the place."""
+        raise NotImplementedError
+
+    def place(self, unknowns: NDArray[np.float64], *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
-        return self.plane.place(unknowns[: -self.others], float(unknowns[-1]), value)
+        return self.plane.place(unknowns[: -self.others], float(unknowns[-1]), *others)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
@@ -99,15 +110,16 @@ class GrazingEquation(LocusEquation):
     depth: float
     tolerance: float
 
-    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
-        place, size = self.place(unknowns, value), len(unknowns) - 2
-        jacobian = np.zeros((size + 2, size + 3))
+    def linearised(
+        self, unknowns: NDArray[np.float64], *others: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """See `LocusEquation.linearised`."""
+        place, size = self.place(unknowns, *others), len(unknowns) - 2
+        jacobian = np.zeros((size + 2, size + 2 + len(others)))
         jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
         turning, jacobian[size:] = self.plane.turning(self.switch, place, float(unknowns[-2]))
         turning[0] -= self.depth
-        residual = np.concatenate((place.residual, turning))
-        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+        return np.concatenate((place.residual, turning)), jacobian, place
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the unknowns of an orbit, with the angle of the turning point nearest to the breakpoint."""
@@ -115,10 +127,10 @@ class GrazingEquation(LocusEquation):
         theta = thetas[int(np.argmin(np.abs(depths)))]
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
-    def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
+    def is_highest(self, unknowns: NDArray[np.float64], *others: float) -> bool:
         """Return True if the deflection has a maximum there, seen from outside the breakpoint."""
-        _, derivatives = self.plane.turning(self.switch, self.place(unknowns, value), float(unknowns[-2]))
-        return bool(derivatives[1, -3] < 0.0)
+        _, derivatives = self.plane.turning(self.switch, self.place(unknowns, *others), float(unknowns[-2]))
+        return bool(derivatives[1, len(unknowns) - 2] < 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +149,8 @@ class MultiplierEquation(LocusEquation):
         Scales of the orbit's unknowns and of both parameters; they make the condition independent of the user's units.
     tolerance
         Largest residual, relative to the size of the unknowns.
+    step
+        Step of central differences, in scaled variables; None for a forward difference, which suffices to converge.
     """
 
     others: ClassVar[int] = 1
@@ -144,18 +158,20 @@ class MultiplierEquation(LocusEquation):
     kind: Kind
     scales: NDArray[np.float64]
     tolerance: float
+    step: float | None = None
 
-    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
+    def linearised(
+        self, unknowns: NDArray[np.float64], *others: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """See `LocusEquation.linearised`."""
         size = len(unknowns) - 1
-        place = self.place(unknowns, value)
+        place = self.place(unknowns, *others)
         critical = self.criticality(place)
-        by_all = self.plane.gradient(self.kind, critical, place, self.scales)
+        by_all = self.plane.gradient(self.kind, critical, place, self.scales, self.step)
         # near a grazing contact g is so steep that rounding alone would exceed the tolerance; g over its slope is not
         slope = max(1.0, float(np.linalg.norm(by_all[:size] * self.scales[:size])))
         jacobian = np.vstack((place.jacobian, by_all / slope))
-        residual = np.append(place.residual, critical.value / slope)
-        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+        return np.append(place.residual, critical.value / slope), jacobian, place
 
     def criticality(self, place: Place) -> Criticality:
         """Return the criticality of an orbit with respect to this bifurcation."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from itertools import product
@@ -20,7 +21,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     onto_curve,
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
-from gapwalk.bifurcation.loci.sliding_equation import posed
+from gapwalk.bifurcation.loci.sliding_equation import SlidingEquation, posed
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -33,6 +34,9 @@ from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
+
+AnyEquation = MultiplierEquation | GrazingEquation | SlidingEquation
+"""Equation of a locus, which belongs to the kind of its special point."""
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """Ranges of both parameters."""
@@ -186,8 +190,31 @@ def _posed(
     plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]
 ) -> tuple[Corrector, NDArray[np.float64]]:
     """Return the corrector for the locus of a special point, and the start in its variables."""
-    orbit, units, widths = special.orbit, plane.scales(special.orbit), [each.width for each in within]
-    value = orbit.system[plane.names[1]]
+    equation, unknowns, scales = equation_of(plane, special, [each.width for each in within])
+    return Corrector(equation, scales), np.append(unknowns, special.orbit.system[plane.names[1]]) / scales
+
+
+def equation_of(
+    plane: OrbitPlane, special: SpecialPoint, widths: Sequence[float]
+) -> tuple[AnyEquation, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the equation of the locus of a special point, its unknowns there, and the scales of all variables.
+
+    Parameters
+    ----------
+    plane
+        The plane of orbits; it may have more than two parameters.
+    special
+        The special point.
+    widths
+        The scales of the parameters.
+
+    Raises
+    ------
+    ModelError
+        If such a locus is not followed by the method of the plane.
+    """
+    orbit, units = special.orbit, plane.scales(special.orbit)
+    equation: AnyEquation
     if isinstance(special.kind, Sliding):
         if not isinstance(plane, ShotPlane):
             raise ModelError(f"the locus of a {special.kind} is followed by shooting; write method=Shooting()")
@@ -202,11 +229,11 @@ def _posed(
         scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
         switches = range(len(switch_names(plane.system)))
         switch = next(k for k in switches if describe_switch(orbit, k) == special.contact)
-        margin = MARGIN * float(units[0])
+        margin, others = MARGIN * float(units[0]), [orbit.system[name] for name in plane.names[1:]]
         equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
         unknowns = equation.unknowns(orbit)
-        equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
-    return Corrector(equation, scales), np.append(unknowns, value) / scales
+        equation = replace(equation, depth=-margin if equation.is_highest(unknowns, *others) else margin)
+    return equation, unknowns, scales
 
 
 def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:

@@ -33,7 +33,7 @@ At this step rounding leaves about 1e-7 of the derivative, and so does curvature
 grazing contact nearby, where the derivative of the monodromy matrix grows like one over the square root of the depth.
 """
 Turning = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Depth beyond a breakpoint and its rate at an angle; derivatives by unknowns, angle, parameters, shape (2, N + 3)."""
+"""Depth beyond a breakpoint, its rate at an angle; derivatives by unknowns, angle, parameters: (2, N + 1 + k)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,12 @@ class Place:
         Unknowns of the orbit.
     coefficients
         Coefficients of the flow.
-    slopes : shape (2, coefficients)
-        Their derivatives with respect to both parameters.
+    slopes : shape (k, coefficients)
+        Their derivatives with respect to the parameters.
     residual : shape (N,)
         Zero on an orbit.
-    jacobian : shape (N, N + 2)
-        Its derivatives with respect to the unknowns and both parameters.
+    jacobian : shape (N, N + k)
+        Its derivatives with respect to the unknowns and the parameters.
     evidence
         Data that the plane needs to construct the orbit later.
     """
@@ -66,7 +66,9 @@ class Place:
 
 @dataclass(frozen=True)
 class OrbitPlane:
-    """Orbits of m forcing periods at all values of two parameters, by shooting or by harmonic balance.
+    """Orbits of m forcing periods at all values of k = 2 parameters, by shooting or by harmonic balance.
+
+    For the gradient of a special point there may be more of them.
 
     To follow loci with another method, derive a class with these members, and register it with `plane_of`.
 
@@ -75,7 +77,7 @@ class OrbitPlane:
     system
         The system at the start.
     names
-        The two parameters.
+        The parameters.
     period
         m, number of forcing periods.
     options
@@ -83,7 +85,7 @@ class OrbitPlane:
     """
 
     system: System
-    names: tuple[str, str]
+    names: tuple[str, ...]
     period: int
     options: Any
 
@@ -104,7 +106,7 @@ class OrbitPlane:
         """Return the plane with a finer resolution of its orbits; None if there is none, as for exact orbits."""
         return None
 
-    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
+    def place(self, unknowns: NDArray[np.float64], *point: float) -> Place:
         """Evaluate the equations at a point of the plane; raise a NumericalError where they do not exist."""
         raise NotImplementedError
 
@@ -125,11 +127,12 @@ class OrbitPlane:
         raise NotImplementedError
 
     def gradient(
-        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
+        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64], step: float | None = None
     ) -> NDArray[np.float64]:
-        """Return the derivatives of the criticality of a place by unknowns and parameters, shape (N + 2,).
+        """Return the derivatives of the criticality of a place by unknowns and parameters, shape (N + k,).
 
-        `scales` are those of the unknowns and of both parameters, shape (N + 2,).
+        `scales` are those of the unknowns and of the parameters, shape (N + k,). With a `step`, in these units,
+        differences are central ones with this step; otherwise forward ones with `STEP`.
         """
         raise NotImplementedError
 
@@ -167,10 +170,12 @@ class ShotPlane(OrbitPlane):
     """
 
     options: Shooting = Shooting()
+    alike: tuple[str, ...] = ()
+    """Parameters of which any may be the second and following; they share one compiled flow. Empty for `names`."""
 
-    def place(self, unknowns: NDArray[np.float64], first: float, second: float, keeps: int | None = None) -> Place:
+    def place(self, unknowns: NDArray[np.float64], *point: float, keeps: int | None = None) -> Place:
         """See `OrbitPlane.place`; the friction of the contact `keeps` keeps its mode. Errors as in `Flow.integrate`."""
-        coefficients, slopes = self._parameters.coefficients(first, second)
+        coefficients, slopes = self._parameters.coefficients(*point)
         arc = self._turn(coefficients, unknowns, slopes, keeps)
         closed = self._released(coefficients, arc, unknowns)
         jacobian, size = _derivatives(closed), len(unknowns)
@@ -206,29 +211,35 @@ class ShotPlane(OrbitPlane):
         return kind.condition(self._scaled(place, place.evidence, scales))
 
     def gradient(
-        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
+        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64], step: float | None = None
     ) -> NDArray[np.float64]:
         """See `OrbitPlane.gradient`."""
-        units = scales[: len(place.unknowns)]
-        here = _derivatives(self._released(place.coefficients, place.evidence, place.unknowns))
-        by_all = np.zeros(len(units) + 2)
+        units, length = scales[: len(place.unknowns)], step or STEP
+
+        def derivatives(shift: NDArray[np.float64]) -> NDArray[np.float64]:
+            arc = place.evidence
+            if shift.any():
+                arc = self._turn(place.coefficients, place.unknowns + shift, place.slopes)
+            return _derivatives(self._released(place.coefficients, arc, place.unknowns))
+
+        by_all = np.zeros(len(units) + len(self.names))
         for direction, covector in zip(critical.directions, critical.covectors, strict=True):
-            beside = self._turn(place.coefficients, place.unknowns + STEP * units * direction, place.slopes)
-            beside = _derivatives(self._released(place.coefficients, beside, place.unknowns))
-            by_all += (covector / units) @ (beside - here)
-        return by_all / STEP
+            shift = length * units * direction
+            before = derivatives(0.0 * shift if step is None else -shift)
+            by_all += (covector / units) @ (derivatives(shift) - before)
+        return by_all / (length if step is None else 2.0 * length)
 
     def turning(self, switch: int, place: Place, theta: float) -> Turning:
         """See `OrbitPlane.turning`; the rate is over time."""
         gauge, coefficients, slopes = Gauge(self._layout, switch), place.coefficients, place.slopes
         n, size = self.system.size, len(place.unknowns)
         angle = theta % (PERIOD * self.period)
-        there, by_all = place.unknowns, np.eye(size, size + 2)
+        there, by_all = place.unknowns, np.eye(size, size + len(self.names))
         if angle > 0.0:
             arc = self._flow.integrate(coefficients, place.unknowns, 0.0, angle, slopes)
             there, by_all = arc.state, _derivatives(arc)
         vector, (depth, rate, turning) = gauge.vector(coefficients), gauge.read(coefficients, angle, there)
-        derivatives = np.empty((2, size + 3))
+        derivatives = np.empty((2, size + 1 + len(self.names)))
         by_all = np.stack((vector @ by_all[:n], vector @ by_all[n : 2 * n]))
         by_all[:, size:] += np.transpose([gauge.slopes(coefficients, each, angle, there) for each in slopes])
         derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
@@ -301,10 +312,11 @@ class ShotPlane(OrbitPlane):
 
     @cached_property
     def _flow(self) -> Flow:
-        return flow_of(self.system, *self.names, transition=True)
+        others = [self.alike] * (len(self.names) - 1) if self.alike else self.names[1:]
+        return flow_of(self.system, self.names[0], *others, transition=True)
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
-    """Return the derivatives of the final state by initial state and both parameters, in rows of state_size + 2."""
+    """Return the derivatives of the final state by initial state and parameters, in rows of state_size + k."""
     assert arc.sensitivity is not None
     return np.concatenate((transition_of(arc), arc.sensitivity), axis=1)

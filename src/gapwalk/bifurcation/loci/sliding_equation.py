@@ -9,17 +9,16 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ConvergenceError
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.friction_gauge import FrictionGauge, Modes, modes_at
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import layout_of
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation
 
 _STEP = 1e-150  # of the complex step
 _ASIDE = 1e-6  # step of central differences, as a share of the unknowns
@@ -32,12 +31,12 @@ Array = NDArray[np.float64]
 
 
 class Instant(NamedTuple):
-    """What vanishes at the instant of a point of sliding.
+    """Instant of a point of sliding, by the quantity that vanishes there.
 
     Attributes
     ----------
     what
-        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.bifurcation.friction_margins.Margin`.
+        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.friction_phases.Margin`.
     contact
         Number of the contact.
     side
@@ -81,23 +80,23 @@ class SlidingEquation(LocusEquation):
     units: tuple[float, float]
     tolerance: float
 
-    def place(self, unknowns: Array, value: float) -> Place:
+    def place(self, unknowns: Array, *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
         keeps = self.instant.contact if self.lead >= PERIOD * self.period else None
         plane = cast("ShotPlane", self.plane)
-        return plane.place(unknowns[: -self.others], float(unknowns[-1]), value, keeps)
+        return plane.place(unknowns[: -self.others], float(unknowns[-1]), *others, keeps=keeps)
 
-    def evaluate(self, unknowns: Array, value: float) -> Evaluation:
-        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
-        place, size = self.place(unknowns, value), len(unknowns) - 2
-        jacobian = np.zeros((size + 2, size + 3))
+    def linearised(self, unknowns: Array, *others: float) -> tuple[Array, Array, Place]:
+        """See `LocusEquation.linearised`."""
+        place, size = self.place(unknowns, *others), len(unknowns) - 2
+        jacobian = np.zeros((size + 2, size + 2 + len(others)))
         jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
         found, jacobian[size:] = self._conditions(place, float(unknowns[-2]))
         residual = np.concatenate((place.residual, found / self.units))
         jacobian[size:] /= np.array(self.units)[:, None]
         if self.instant.what != "stop":
             residual[size] -= _MARGIN
-        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+        return residual, jacobian, place
 
     def _conditions(self, place: Place, theta: float) -> tuple[Array, Array]:
         """Return both conditions, and their derivatives by unknowns, angle and parameters."""
@@ -109,15 +108,15 @@ class SlidingEquation(LocusEquation):
         angle += full * (angle < 2.0 * lead and self.lead < full)
         there, by_all, arc = plane.reached(place, contact, angle - lead, angle)
         gauge = FrictionGauge(layout_of(structure), contact)
-        modes = modes_at(structure, arc.slips, arc.contacts, angle - lead, True)
+        modes = modes_along(structure, np.array([angle - lead]), arc.slips, arc.holds, before=True).at(0)
         slips, sticks = gauge.slipping(modes, side), gauge.sticking(modes)
-        pairs: dict[str, list[tuple[Callable[..., Any], Modes, int]]] = {
+        pairs: dict[str, list[tuple[Callable[..., Any], DryModes, int]]] = {
             "stop": [(gauge.rate, slips, side), (gauge.reserve, sticks, -side)],
             "rate": [(gauge.rate, slips, side), (gauge.acceleration, slips, side)],
             "reserve": [(gauge.reserve, sticks, side), (_changing(gauge), sticks, side)],
         }
         own = slips if what != "reserve" else sticks
-        values, derivatives = np.empty(2), np.empty((2, size + 3))
+        values, derivatives = np.empty(2), np.empty((2, size + 1 + len(plane.names)))
         rates = gauge.motion(place.coefficients, angle, there, own)
         for row, (function, modes_of, towards) in enumerate(pairs[what]):
 
@@ -140,14 +139,14 @@ class SlidingEquation(LocusEquation):
             place = self.plane.place(self.plane.unknowns(orbit), *values)
             for _ in range(_REFINEMENTS):
                 found, derivatives = self._conditions(place, theta)
-                shift = -found[1] / derivatives[1, -3]
+                shift = -found[1] / derivatives[1, len(place.unknowns)]
                 theta += max(-_FARTHEST, min(_FARTHEST, float(shift)))
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
 
 def nearest_margin(orbit: Orbit, instant: Instant):
     """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
-    alike = [each for each in margins_of_orbit(orbit) if (each.what, each.contact, each.side) == instant_of(instant)]
+    alike = [each for each in orbit.margins if (each.what, each.contact, each.side) == instant_of(instant)]
     if not alike:
         raise ConvergenceError("no friction of this motion is near such a point")
     return min(alike, key=lambda each: abs(each.value) / each.range)
@@ -177,7 +176,7 @@ def posed(plane: ShotPlane, kind: Sliding, orbit: Orbit, contact: str, length: f
 
 
 def _changing(gauge: FrictionGauge) -> Callable[..., Any]:
-    def changing(coefficients: NDArray, theta: Any, y: NDArray, modes: Modes, side: int) -> float:
+    def changing(coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> float:
         return gauge.change(gauge.reserve, coefficients, theta, y, modes, side)
 
     return changing

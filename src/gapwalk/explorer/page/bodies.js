@@ -1,6 +1,7 @@
 // The moving parts: inertias that turn, or masses that slide, and the gaps that open and close.
 
 import { element } from "./chart.js";
+import { doing } from "./friction.js";
 
 const ROW = 74, GAP = 34;
 const SECONDS = 2; // that a forcing period lasts on the screen
@@ -28,7 +29,8 @@ export class Bodies {
       const middle = (Math.max(...part.moved) + Math.min(...part.moved)) / 2, scale = 1 / largest;
       return turning ? disc(svg, x, y, part, middle, scale * 70) : block(svg, x, y, part, middle, scale * 24, width / columns);
     });
-    motion.contacts.forEach((contact, i) => this.updates.push(gauge(svg, rows * ROW + i * GAP, width, contact)));
+    const now = doing(motion);
+    motion.contacts.forEach((contact, i) => this.updates.push(gauge(svg, rows * ROW + i * GAP, width, contact, (k) => now(contact.name, motion.theta[k]))));
     this.place.replaceChildren(svg);
     this.at(0);
   }
@@ -42,9 +44,8 @@ export class Bodies {
   frame(time) {
     if (this.motion && this.playing && !document.hidden) {
       this.began ??= time;
-      const last = this.motion.theta.length - 1, periods = this.motion.theta[last] - this.motion.theta[0];
-      const share = (((time - this.began) / 1000 / SECONDS) % periods) / periods;
-      this.at(Math.round(share * last));
+      const { theta } = this.motion, first = theta[0], periods = theta[theta.length - 1] - first;
+      this.at(nearest(theta, first + (((time - this.began) / 1000 / SECONDS) % periods)));
     }
     requestAnimationFrame((next) => this.frame(next));
   }
@@ -53,6 +54,17 @@ export class Bodies {
     for (const update of this.updates) update(sample);
     this.moved(sample);
   }
+}
+
+/** The index of the last sample that is not after an instant. */
+function nearest(theta, at) {
+  let low = 0, high = theta.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (theta[middle] <= at) low = middle;
+    else high = middle - 1;
+  }
+  return low;
 }
 
 function spread(values) {
@@ -76,22 +88,35 @@ function block(svg, x, y, part, middle, scale, room) {
   return (i) => group.setAttribute("transform", `translate(${(x + (part.moved[i] - middle) * scale).toFixed(2)} ${y})`);
 }
 
-function gauge(svg, top, width, contact) {
-  const { deflection, stops } = contact, y = top + 20;
-  const reach = 1.1 * Math.max(1e-300, ...deflection.map(Math.abs), ...stops.map(Math.abs));
+/** A contact: a bead between its stops; for friction and rigid stops, what it is doing, in words and by its mark. */
+function gauge(svg, top, width, contact, doingAt) {
+  const { deflection, stops, slider } = contact, y = top + 20;
+  const reach = 1.1 * Math.max(1e-300, ...deflection.map(Math.abs), ...stops.map(Math.abs), ...(slider ?? []).map(Math.abs));
   const px = (v) => width / 2 + (v / reach) * (width / 2 - 14);
-  svg.append(element("text", { x: 8, y: top + 9 }, `gap of ${contact.name}`));
-  svg.append(element("line", { class: "rail", x1: 10, x2: width - 10, y1: y, y2: y }));
+  svg.append(element("text", { x: 8, y: top + 9 }, `${contact.is === "friction" ? "friction" : "gap"} of ${contact.name}`));
+  const state = element("text", { class: "state", x: width - 8, y: top + 9, "text-anchor": "end" });
+  svg.append(state, element("line", { class: "rail", x1: 10, x2: width - 10, y1: y, y2: y }));
   const walls = stops.map((stop) => {
     const wall = element("rect", { class: "wall", x: px(stop) - (stop < 0 ? 5 : 0), y: y - 8, width: 5, height: 16 });
     svg.append(wall);
     return [stop, wall];
   });
-  const bead = element("circle", { class: "bead", cy: y, r: 6 });
+  const pad = slider && element("rect", { class: "pad", y: y - 9, width: 4, height: 18 });
+  if (pad) svg.append(pad);
+  // a square sticks or is held, a circle moves
+  const bead = element("rect", { class: "bead", y: y - 6, width: 12, height: 12 });
   svg.append(bead);
   return (i) => {
-    const d = deflection[i];
-    bead.setAttribute("cx", px(d));
-    for (const [stop, wall] of walls) wall.setAttribute("class", (stop < 0 ? d < stop : d > stop) ? "wall hit" : "wall");
+    const d = deflection[i], now = doingAt(i), rests = now?.kind === "sticks" || now?.kind === "held";
+    bead.setAttribute("x", px(d) - 6);
+    bead.setAttribute("rx", rests ? 1 : 6);
+    bead.setAttribute("class", `bead ${now?.kind ?? ""}`);
+    pad?.setAttribute("x", px(slider[i]) - 2);
+    state.textContent = now?.words ?? "";
+    for (const [stop, wall] of walls) {
+      const near = stops.length < 2 || stop < 0 === d < 0, rigid = contact.is === "stop";
+      const hit = rigid ? now && near : stop < 0 ? d < stop : d > stop;
+      wall.setAttribute("class", hit ? `wall hit ${now?.kind ?? ""}` : "wall");
+    }
   };
 }

@@ -14,23 +14,29 @@ export function element(name, attributes = {}, text = "") {
  * Draw a chart into a place.
  *
  * `curves`: lists of [xs, ys]; `dots`: [[x, y, class]]; `bars`: [xs, ys] from the zero line; `across`, `down`: values of
- * dashed lines; `x`, `y`: names of the axes; `square`: both axes with one scale, and the unit circle.
+ * dashed lines; `x`, `y`: names of the axes; `square`: both axes with one scale, and the unit circle; `shades`: intervals
+ * of x; `padded`: with room beside the curves; `below`: { height, draw } of a strip between the curves and the numbers:
+ * `draw` is called with the chart, px (whose least value is px.low) and the top of the strip.
  * Returns a function that moves a mark to a point.
  */
-export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label }) {
-  const width = Math.max(150, Math.round(place.clientWidth) || 300);
+export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label, shades = [], below = null, padded = false }) {
+  const width = Math.max(150, Math.round(place.clientWidth) || 300), room = below?.height ?? 0;
   if (square) height = Math.min(width, 230);
+  height += room;
+  const bottom = height - BOTTOM - room; // of the curves
   const xs = [...curves.map((c) => c[0]), dots.map((d) => d[0]), bars?.[0] ?? [], down];
   const ys = [...curves.map((c) => c[1]), dots.map((d) => d[1]), bars ? [0, ...bars[1]] : [], across];
-  let [x0, x1] = extent(xs, !square && !dots.length && !down.length && !bars), [y0, y1] = extent(ys, false);
+  let [x0, x1] = extent(xs, !square && !padded && !dots.length && !down.length && !bars), [y0, y1] = extent(ys, false);
   if (square) {
     const reach = Math.max(1.15, ...[x0, x1, y0, y1].map(Math.abs));
-    const ratio = (width - LEFT - RIGHT) / (height - TOP - BOTTOM);
+    const ratio = (width - LEFT - RIGHT) / (bottom - TOP);
     [x0, x1, y0, y1] = [-reach * Math.max(1, ratio), reach * Math.max(1, ratio), -reach / Math.min(1, ratio), reach / Math.min(1, ratio)];
   }
   const px = (v) => LEFT + ((v - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
-  const py = (v) => height - BOTTOM - ((v - y0) / (y1 - y0)) * (height - TOP - BOTTOM);
+  px.low = LEFT;
+  const py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
+  for (const [from, to] of shades) svg.append(element("rect", { class: "rest", x: px(from), width: Math.max(0, px(to) - px(from)), y: TOP, height: bottom - TOP }));
   for (const tick of ticks(x0, x1, 5)) {
     svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
     svg.append(element("text", { x: px(tick), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
@@ -41,7 +47,7 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   }
   if (square) svg.append(element("ellipse", { class: "stop", fill: "none", cx: px(0), cy: py(0), rx: px(1) - px(0), ry: py(0) - py(1) }));
   for (const v of across) svg.append(element("line", { class: "stop", x1: LEFT, x2: width - RIGHT, y1: py(v), y2: py(v) }));
-  for (const v of down) svg.append(element("line", { class: "stop", x1: px(v), x2: px(v), y1: TOP, y2: height - BOTTOM }));
+  for (const v of down) svg.append(element("line", { class: "stop", x1: px(v), x2: px(v), y1: TOP, y2: bottom }));
   for (const [cx, cy] of curves) {
     let path = "";
     for (let i = 0; i < cx.length; i++) path += `${i ? "L" : "M"}${px(cx[i]).toFixed(1)} ${py(cy[i]).toFixed(1)}`;
@@ -49,9 +55,10 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   }
   bars?.[0].forEach((v, i) => svg.append(element("line", { class: "bar", x1: px(v), x2: px(v), y1: py(0), y2: py(bars[1][i]) })));
   for (const [dx, dy, kind = ""] of dots) svg.append(element("circle", { class: `dot ${kind}`, cx: px(dx), cy: py(dy), r: dots.length > 60 ? 1.6 : 4 }));
-  svg.append(element("rect", { class: "frame", x: LEFT, y: TOP, width: width - LEFT - RIGHT, height: height - TOP - BOTTOM }));
+  svg.append(element("rect", { class: "frame", x: LEFT, y: TOP, width: width - LEFT - RIGHT, height: bottom - TOP }));
+  if (below) below.draw(svg, px, bottom);
   svg.append(element("text", { class: "title", x: (LEFT + width - RIGHT) / 2, y: height - 5, "text-anchor": "middle" }, x));
-  const middle = (TOP + height - BOTTOM) / 2;
+  const middle = (TOP + bottom) / 2;
   svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})` }, y));
   const mark = element("circle", { class: "now", r: 4.5, visibility: "hidden" });
   svg.append(mark);

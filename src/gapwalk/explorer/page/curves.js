@@ -1,18 +1,57 @@
 // The branches that the page holds: typed arrays, merged as they grow, thinned to what the screen can show.
 
 import { get } from "./api.js";
+import { element } from "./chart.js";
 
-/** Kinds of lines: the stability of the motions on a branch. */
-export const STABILITY = ["stable", "below", "above", "pair"];
-const LOCI = ["fold", "flip", "neimark-sacker", "grazing"];
+/** Lines by kind, in the order of the labels that the server sends: first those of stability, then those of loci. */
+export const LINES = new Map([
+  ["stable", { shade: "--stable", dashes: [], width: 2 }],
+  ["below", { shade: "--below", dashes: [8, 4], width: 1.7 }],
+  ["above", { shade: "--above", dashes: [2, 3], width: 1.7 }],
+  ["pair", { shade: "--pair", dashes: [9, 3, 2, 3], width: 1.7 }],
+]);
+const STABILITY = LINES.size;
+const SHADES = { blue: "--above", vermillion: "--below", green: "--pair", purple: "--cross", grey: "--stop" };
+const SCALE = 1.6; // pixels of a point of the pictures for print
 
-/** All kinds in the order of the labels that the server sends. */
-export const KINDS = [...STABILITY, ...LOCI];
+/** Take the lines of loci, as the server describes them, and make their entries of the legend, which are hidden. */
+export function takeLoci(loci, list) {
+  for (const { kind, text, color, dashes, width } of loci) {
+    if (LINES.has(kind)) continue;
+    const line = { shade: SHADES[color] ?? "--ink", dashes: dashes.map((dash) => dash * width * SCALE), width: width * SCALE };
+    LINES.set(kind, line);
+    const entry = document.createElement("li"), svg = element("svg", { viewBox: "0 0 34 8" });
+    Object.assign(entry, { className: "of-plane", hidden: true }).dataset.kind = kind;
+    svg.append(element("path", { d: "M1 4H33", stroke: `var(${line.shade})`, "stroke-width": line.width, "stroke-dasharray": line.dashes.join(" ") || "none" }));
+    entry.append(svg, `locus of ${plural(text)}`);
+    list.append(entry);
+  }
+}
 
-/** Show the kinds of loci in the legend that are on the diagram. */
+/** The words of a legend: folds and flips are countable. */
+function plural(text) {
+  return /^(fold|flip)$/.test(text) ? `${text}s` : text;
+}
+
+// symbols of special points that have no letters beside them, in a square of 12
+const SIGNS = {
+  grazing: "M6 1V11", "crossing-sliding": "M2.5 2.5L9.5 9.5M2.5 9.5L9.5 2.5", "switching-sliding": "M6 6V1M6 6L2 10M6 6L10 10",
+  "grazing-sliding": "M6 6V11M6 6L2 2M6 6L10 2", "adding-sliding": "M6 1.5V10.5M1.5 6H10.5", "slip-onset": "M6 1.5L10 3.8V8.2L6 10.5L2 8.2V3.8Z",
+};
+
+/** Show in the legend which loci are on the diagram, and which special points without letters. */
 export function showLegend(legend, curves) {
-  const there = new Set([...curves].flatMap(({ label }) => (label.length ? KINDS[label[0]] : [])));
+  const all = [...curves], kinds = [...LINES.keys()], there = new Set(all.flatMap(({ label }) => (label.length ? kinds[label[0]] : [])));
   for (const line of legend.querySelectorAll(".of-plane")) line.hidden = !there.has(line.dataset.kind);
+  const points = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind in SIGNS).map(({ kind, text }) => [kind, text]));
+  for (const old of legend.querySelectorAll(".of-point")) old.remove();
+  for (const [kind, sign] of Object.entries(SIGNS)) {
+    if (!points.has(kind)) continue;
+    const entry = Object.assign(document.createElement("li"), { className: "of-point" }), svg = element("svg", { viewBox: "0 0 12 12" });
+    svg.append(element("path", { d: sign, class: kind === "grazing" ? "of-stop" : "of-sliding" }));
+    entry.append(svg, points.get(kind));
+    legend.append(entry);
+  }
 }
 
 const TOLERANCE = 0.2; // pixels by which a thinned line may be off
@@ -46,12 +85,12 @@ export class Curves {
 
   /** True if loci are shown. */
   get hasLoci() {
-    return this.subject().some(({ label }) => label[0] >= STABILITY.length);
+    return this.subject().some(({ label }) => label[0] >= STABILITY);
   }
 
   /** The curves that determine the window: the loci, or all curves if there are none. */
   subject() {
-    const all = [...this.all.values()], loci = all.filter(({ label }) => label[0] >= STABILITY.length);
+    const all = [...this.all.values()], loci = all.filter(({ label }) => label[0] >= STABILITY);
     return loci.length ? loci : all;
   }
 

@@ -1,14 +1,12 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
-import { KINDS } from "./curves.js";
-import { Lines, PALE } from "./lines.js";
+import { Lines } from "./lines.js";
 
-const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
-  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9], "held-stop": ["y-up-open", "--stop", 9],
-  "crossing-sliding": ["x-thin-open", "--pair", 8], "switching-sliding": ["y-down-open", "--pair", 9], "grazing-sliding": ["line-ew-open", "--pair", 9],
-  "adding-sliding": ["cross-thin-open", "--pair", 8], "slip-onset": ["hexagon", "--pair", 8],
+  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9], "held-stop": ["y-left-open", "--stop", 9],
+  "crossing-sliding": ["x-thin-open", "--cross", 8], "switching-sliding": ["y-down-open", "--cross", 9], "grazing-sliding": ["y-up-open", "--cross", 9],
+  "adding-sliding": ["cross-thin-open", "--cross", 8], "slip-onset": ["hexagon", "--cross", 8],
 };
 // points of codimension two, in the symbols of the pictures for print
 const CODIM2 = {
@@ -120,9 +118,9 @@ export class Diagram {
   /** The diagram as a file: the lines become Plotly's own. */
   async picture(format) {
     const { xaxis, yaxis } = this.place._fullLayout, view = { x: [...xaxis.range], y: [...yaxis.range] };
-    const traces = this.lines.kinds.map(([x, y], place) => [KINDS[place % KINDS.length], place < KINDS.length ? PALE : 1, x, y]).map(([kind, opacity, x, y]) => ({
+    const traces = this.lines.each(([x, y], kind, opacity, { shade, dashes, width }) => ({
       type: "scatter", mode: "lines", name: kind, x, y, opacity,
-      line: { color: color(`--${kind}`), dash: DASHES[kind] ?? "solid", width: 2, simplify: false },
+      line: { color: color(shade), dash: dashes.map((dash) => `${dash}px`).join(",") || "solid", width, simplify: false },
     }));
     const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });

@@ -1,18 +1,16 @@
 // The lines of the branches, on a canvas under Plotly's axes: they follow a drag frame by frame, however many they are.
 
-import { KINDS, thinned } from "./curves.js";
+import { LINES, thinned } from "./curves.js";
 
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds
-const DASHES = [[], [8, 4], [2, 3], [9, 3, 2, 3], [], [12, 4], [12, 3, 3, 3], [3, 3]];
-export const PALE = 0.35; // of what belongs to an earlier model
-const WIDTHS = [2, 1.7, 1.7, 1.7, 2.6, 2.6, 2.6, 1.8];
+const PALE = 0.35; // of what belongs to an earlier model
 
 export class Lines {
   constructor(canvas) {
     this.canvas = canvas;
     this.last = { picture: document.createElement("canvas"), time: -Infinity };
-    this.kinds = [...KINDS, ...KINDS].map(() => [[], []]);
+    this.kinds = []; // for each kind those of an earlier model, then again for each kind the others
   }
 
   /** Thin the curves for a view, and as much again on either side, so that a drag has something to show. */
@@ -21,7 +19,13 @@ export class Lines {
     const around = [view.x[0] - room, view.x[1] + room];
     // those of an earlier model first: they are paler, and lie below
     const parts = [true, false].map((earlier) => [...curves].filter((curve) => Boolean(curve.earlier) === earlier));
-    this.kinds = parts.flatMap((part) => thinned(part, KINDS.length, around, width / room, height / (view.y[1] - view.y[0])));
+    this.kinds = parts.flatMap((part) => thinned(part, LINES.size, around, width / room, height / (view.y[1] - view.y[0])));
+  }
+
+  /** Call a function with the lines of each kind, the name of the kind, their opacity and their style. */
+  each(call) {
+    const styles = [...LINES], { kinds } = this, count = kinds.length / 2;
+    return kinds.map((line, place) => call(line, styles[place % count][0], place < count ? PALE : 1, styles[place % count][1]));
   }
 
   get vertices() {
@@ -65,12 +69,11 @@ export class Lines {
     for (const { x } of yaxis._vals ?? []) { const p = Math.round(bottom - (x - y0) * ky) + 0.5; draw.moveTo(left, p); draw.lineTo(right, p); }
     draw.stroke();
     draw.lineJoin = "round";
-    this.kinds.forEach(([xs, ys], place) => {
-      const kind = place % KINDS.length;
-      draw.globalAlpha = place < KINDS.length ? PALE : 1;
-      draw.strokeStyle = color(`--${KINDS[kind]}`);
-      draw.lineWidth = WIDTHS[kind];
-      draw.setLineDash(DASHES[kind]);
+    this.each(([xs, ys], kind, opacity, { shade, dashes, width }) => {
+      draw.globalAlpha = opacity;
+      draw.strokeStyle = color(shade);
+      draw.lineWidth = width;
+      draw.setLineDash(dashes);
       let on = false;
       for (let i = 0; i < xs.length; i++) {
         if (xs[i] === null) {

@@ -2,7 +2,7 @@
 
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
-import { Curves, showLegend } from "./curves.js";
+import { Curves, showLegend, takeLoci } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
 import { Keyboard } from "./keyboard.js";
@@ -43,6 +43,7 @@ async function open(file) {
   forget();
   const about = await get("/api/about", { file });
   page.about = about;
+  takeLoci(about.loci, $("legend"));
   showProblem();
   $("title").textContent = about.title;
   document.title = `${about.title} – gapwalk`;

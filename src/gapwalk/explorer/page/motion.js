@@ -3,6 +3,7 @@
 import { get } from "./api.js";
 import { Bodies } from "./bodies.js";
 import { chart } from "./chart.js";
+import { Elements, legend, rests, showEnergy, strip } from "./friction.js";
 
 const $ = (id) => document.getElementById(id);
 const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
@@ -11,6 +12,7 @@ export class MotionView {
   constructor(tell) {
     this.tell = tell;
     this.sound = new Sound();
+    this.elements = new Elements();
     this.bodies = new Bodies($("bodies"), (sample) => this.follow(sample));
     $("play").textContent = this.bodies.playing ? "Pause" : "Play";
     $("play").addEventListener("click", () => {
@@ -84,14 +86,20 @@ export class MotionView {
     this.values = contact ? contact.force : own ? [motion.q, motion.v, motion.a][dashes][name] : other;
     const stops = !contact && own && dashes === 0 ? motion.contacts.filter((c) => same(c.deflection, motion.q[name])).flatMap((c) => c.stops) : [];
     const near = stops.filter((s) => s <= Math.max(...this.values) * 1.3 + 0.3 && s >= Math.min(...this.values) * 1.3 - 0.3);
+    const springs = motion.contacts.filter((c) => c.is === "spring"), alone = !springs.length && motion.contacts.length > 0;
+    $("loop-figure").hidden = alone; // friction and rigid stops have a panel of their own
+    $("phase").parentElement.classList.toggle("alone", alone);
     this.marks = {
-      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, x: "forcing periods", y: contact ? `force of ${contact.name}` : signal || name, height: 150 }),
-      phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'` }),
+      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: "forcing periods", y: contact ? `force of ${contact.name}` : signal || name, height: 150 }),
+      phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'`, padded: true }),
     };
-    const shown = contact ?? motion.contacts.find((c) => own && c.name === name) ?? motion.contacts[motion.shown];
+    $("modes").replaceChildren(...legend(motion));
+    const shown = [contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
     this.shownContact = shown;
-    if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: `deflection of ${shown.name}`, y: "force" });
+    if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
     else $("loop").textContent = "no contact";
+    this.elements.show(motion, signal);
+    showEnergy($("energy"), motion.energy, motion.period);
     const dots = motion.multipliers.map(([re, im]) => [re, im, re * re + im * im > 1 ? "out" : ""]);
     if (dots.length) chart($("multipliers"), { dots, x: "real part", y: "imaginary part", square: true, label: `Multipliers: ${motion.multipliers.map(complex).join(", ")}` });
     else $("multipliers").textContent = "none: this motion is not periodic";
@@ -107,6 +115,8 @@ export class MotionView {
   drawDetails(details) {
     const { section } = details;
     this.details = details;
+    this.elements.book(details.energy);
+    showEnergy($("energy"), details.energy, this.motion.period);
     // the mean would hide the vibration; close lines are drawn as a curve
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
     chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: details.signal, height: 140 });
@@ -120,6 +130,7 @@ export class MotionView {
     marks.history(motion.theta[sample], this.values[sample]);
     marks.phase(motion.q[name][sample], motion.v[name][sample]);
     marks.loop?.(this.shownContact.deflection[sample], this.shownContact.force[sample]);
+    this.elements.follow(sample);
   }
 }
 
@@ -137,14 +148,14 @@ function reaches(values, stop) {
 }
 
 function table(log) {
-  if (!log.length) return document.createTextNode("No contact opens or closes.");
+  if (!log.length) return document.createTextNode("Nothing opens, closes, slips or sticks.");
   const made = document.createElement("table");
   const row = (cells, name) => {
     const line = made.insertRow();
     for (const text of cells) line.append(Object.assign(document.createElement(name), { textContent: text }));
   };
   row(["periods", "contact", "", "rate"], "th");
-  for (const e of log) row([e.periods.toFixed(4), `${e.contact} ${e.side}`, e.closes ? "closes" : "opens", e.velocity.toPrecision(3)], "td");
+  for (const e of log) row([e.periods.toFixed(4), e.contact.replace(/ -$/, " −"), e.what.replace(/ -$/, " −"), e.velocity === null ? "" : e.velocity.toPrecision(3)], "td");
   return made;
 }
 
@@ -171,8 +182,10 @@ export class Sound {
     const buffer = this.context.createBuffer(1, count, this.context.sampleRate), wave = buffer.getChannelData(0);
     const mean = values.reduce((sum, v) => sum + v, 0) / values.length;
     const size = Math.max(1e-300, ...values.map((v) => Math.abs(v - mean)));
-    for (let i = 0; i < count; i++) {
-      const at = (i / count) * last, k = Math.floor(at), part = at - k;
+    for (let i = 0, k = 0; i < count; i++) {
+      const at = motion.theta[0] + (i / count) * periods; // the samples need not be even
+      while (k < last - 1 && motion.theta[k + 1] <= at) k++;
+      const part = Math.min(1, (at - motion.theta[k]) / (motion.theta[k + 1] - motion.theta[k] || 1));
       wave[i] = (0.25 * (values[k] * (1 - part) + values[Math.min(k + 1, last)] * part - mean)) / size;
     }
     this.stop();

@@ -2,7 +2,7 @@
 
 import { nearestStored, open, unzipped } from "./api.js";
 import { Choice } from "./choice.js";
-import { Curves } from "./curves.js";
+import { Curves, showLegend } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
 import { Keyboard } from "./keyboard.js";
@@ -56,6 +56,7 @@ async function show(diagram) {
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
   diagram.mark = null;
   diagram.fit();
+  showLegend($("legend"), curves.all.values());
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
   page.choice.keep();

@@ -25,7 +25,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.model.coefficients import CoefficientLayout
 from gapwalk.model.laws import Friction
-from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
+from gapwalk.orbit.harmonic_balance.linear_part import ForcesLessShares, Share, firsts_of
 from gapwalk.orbit.harmonic_balance.sampled_forces import NO_PAIRS, Pairs
 from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.orbit.harmonic_balance.slip_limit import TURN, Element, Motion, Slider
@@ -55,22 +55,8 @@ class Links(NamedTuple):
     rows: Array
 
 
-@dataclass(frozen=True, eq=False)
-class DryForces:
-    """The forces of Jenkins elements, for some coefficients of the flow and their derivatives by a parameter.
-
-    Parameters
-    ----------
-    layout, coefficients, slope
-        The coefficients, and their derivatives.
-    shares
-        What is taken away from the forces.
-    """
-
-    layout: CoefficientLayout
-    coefficients: Array
-    slope: Array
-    shares: tuple[Share, ...] = ()
+class DryForces(ForcesLessShares):
+    """The forces of Jenkins elements."""
 
     def along(self, lines: NDArray[np.complex128], period: int, crossings: Array) -> Memory:
         """Return the forces along deflections with some lines, which pass breakpoints at known crossings."""
@@ -139,8 +125,6 @@ class DryForce:
         pieces = np.maximum([each.piece for each in self.phases], 0)
         acts = self.slider.limit(middle, pieces, partial=False).value > 0.0
         return [each.slip * int(act) for each, act in zip(self.phases, acts, strict=True)]
-
-    # -- lines and derivatives ------------------------------------------------------------------------------------
 
     @cached_property
     def lines(self) -> NDArray[np.complex128]:
@@ -246,8 +230,6 @@ class DryForce:
         own = self._motion.lines[self.slider.element.place]
         return (spring + 1j * damper * np.arange(len(own))) * own
 
-    # -- spectra --------------------------------------------------------------------------------------------------
-
     @cached_property
     def _stuck(self) -> NDArray[np.complex128]:
         """Spectrum of the function that is 1 in stick, k = 0 ... 3K."""
@@ -288,8 +270,6 @@ class DryForce:
             values = np.array([limit.value, limit.by_parameter, limit.by_deflection, limit.by_rate])
             found = (values * (signs[each] * weights)) @ waves(-nodes, longest) / TURN
         return found
-
-    # -- at single angles -----------------------------------------------------------------------------------------
 
     def _phases_at(self, phi: Array) -> NDArray[np.intp]:
         ends = np.array([each.end for each in self.phases])

@@ -100,6 +100,24 @@ class Share(NamedTuple):
     damper: float
 
 
+@dataclass(frozen=True, eq=False)
+class ForcesLessShares:
+    """Forces of some contacts less their shares, for some coefficients of the flow and their derivatives.
+
+    Parameters
+    ----------
+    layout, coefficients, slope
+        The coefficients, and their derivatives by a parameter.
+    shares
+        What is taken away from the forces.
+    """
+
+    layout: CoefficientLayout
+    coefficients: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    shares: tuple[Share, ...] = ()
+
+
 def shares_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> tuple[Share, ...]:
     """Choose the shares of forces without stages: dampers, and springs if the stiffness does not hold the system.
 

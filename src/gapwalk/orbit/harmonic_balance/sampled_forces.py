@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import NumericalError
 from gapwalk.flow.forces import Angles, contact_force, is_at_high, stages_of
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
-from gapwalk.orbit.harmonic_balance.linear_part import Share, firsts_of
+from gapwalk.orbit.harmonic_balance.linear_part import ForcesLessShares, Share, firsts_of
 from gapwalk.orbit.harmonic_balance.modulation import jumps_of
 from gapwalk.orbit.harmonic_balance.panels import spectra_between
 from gapwalk.orbit.harmonic_balance.series import waves
@@ -88,22 +88,8 @@ class Sampled(NamedTuple):
     breaks: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Formulas:
-    """The forces by formulas, for some coefficients of the flow and their derivatives by a parameter.
-
-    Parameters
-    ----------
-    layout, coefficients, slope
-        The coefficients, and their derivatives.
-    shares
-        What is taken away from the forces.
-    """
-
-    layout: CoefficientLayout
-    coefficients: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    shares: tuple[Share, ...] = ()
+class Formulas(ForcesLessShares):
+    """The forces by formulas."""
 
     def sample(self, lines: NDArray[np.complex128], period: int) -> Sampled:
         """Compute the lines of all forces along deflections with some lines, shape (deflections, K + 1).

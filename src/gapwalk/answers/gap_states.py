@@ -1,0 +1,159 @@
+"""States of a gap in one motion: closed, open, or rattling on one side or on both.
+
+A gap is a contact with a clearance. It is quiet where it never opens and where it never touches; it rattles where it
+does both by turns. Only the innermost stage of each side counts: further stages stiffen a contact that is closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.flow.forces import contact_deflections
+from gapwalk.flow.motion import Motion
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+_RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
+
+
+class GapState(StrEnum):
+    """State of a gap over a whole motion."""
+
+    CLOSED = "closed"
+    """It never opens."""
+    OPEN = "open"
+    """It never touches."""
+    ONE_SIDE = "one side"
+    """It opens and closes, on one side."""
+    BOTH_SIDES = "both sides"
+    """It opens and closes on either side."""
+
+    @property
+    def rattles(self) -> bool:
+        """True if it opens and closes."""
+        return self in (GapState.ONE_SIDE, GapState.BOTH_SIDES)
+
+    @property
+    def code(self) -> int:
+        """Number of the state in arrays: 0 closed, 1 open, 2 one side, 3 both sides."""
+        return list(GapState).index(self)
+
+
+def known_gaps(system: System) -> tuple[str, ...]:
+    """Return the names of all contacts of a system that have a gap, in their order."""
+    return tuple(
+        contact.name
+        for contact in system.structure.contacts
+        if contact.stages and not contact.law.is_dry and _width(system, contact.name) > 0.0
+    )
+
+
+def usual_gaps(system: System) -> tuple[str, ...]:
+    """Return the gaps in which parts may rattle: all gaps, or, in a drive train, those of links that can part.
+
+    A link with a spring that acts always, such as a clutch damper with stages, cannot part.
+    """
+    known, assembly = known_gaps(system), system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        loose = {link.name for link in assembly.form.links if not link.always}
+        return tuple(name for name in known if name.split(".", maxsplit=1)[0] in loose) or known
+    return known
+
+
+def chosen_gaps(system: System, gaps: str | Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the gaps of a request: those named, each once, or by default `usual_gaps`.
+
+    Raises
+    ------
+    ModelError
+        If the system has no gap, or none of a name.
+    """
+    known = known_gaps(system)
+    if not known:
+        raise ModelError("nothing can rattle: no contact of the system has a gap; give one a clearance")
+    names = tuple(dict.fromkeys([gaps] if isinstance(gaps, str) else gaps)) or usual_gaps(system)
+    for name in names:
+        if name not in known:
+            contacts = [contact.name for contact in system.structure.contacts]
+            what = "has no clearance that could open" if name in contacts else "is no contact of the system"
+            raise ModelError(f"gaps names {name!r}, which {what}; {did_you_mean(name, list(known))}")
+    return names
+
+
+def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
+    """Return the state of a gap over a whole motion.
+
+    Parameters
+    ----------
+    motion
+        A periodic orbit, or a sampled motion with its contact events.
+    gap
+        Name of the contact.
+
+    Examples
+    --------
+    >>> gap_state(orbit, "mesh")
+    <GapState.CLOSED: 'closed'>
+    """
+    inner = innermost(motion.system, gap)
+    sides = {inner[event.switch] for event in motion.events if event.switch in inner}
+    if sides:
+        return GapState.ONE_SIDE if len(sides) == 1 else GapState.BOTH_SIDES
+    system, breakpoints = motion.system, motion.system.breakpoints
+    theta, q = (0.0, motion.state[: system.size]) if isinstance(motion, Orbit) else (motion.theta[0], motion.q[0])
+    place = contact_place(system, gap)
+    deflection = float(contact_deflections(layout_of(system.structure), coefficients_of(system), theta, q)[place])
+    for switch, side in inner.items():
+        clearance = breakpoints[switch][2]
+        if side * deflection >= clearance - _RESTS * max(abs(deflection), abs(clearance)):
+            return GapState.CLOSED
+    return GapState.OPEN
+
+
+def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Return the states of a gap in many motions, as codes (`GapState.code`).
+
+    Parameters
+    ----------
+    impacts : shape (count, 2)
+        Impacts per period on the positive and on the negative side; nan for a motion that has diverged.
+    is_loaded : shape (count,), bool
+        True if the contact has a force at any time.
+
+    Returns
+    -------
+    codes : shape (count,)
+        -1 for a motion that has diverged.
+    """
+    hits = (impacts > 0.0).sum(axis=1)
+    quiet = np.where(is_loaded, GapState.CLOSED.code, GapState.OPEN.code)
+    codes = np.choose(hits, [quiet, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code])
+    return np.where(np.isnan(impacts).any(axis=1), -1, codes)
+
+
+def contact_place(system: System, gap: str) -> int:
+    """Return the number of the contact that is a gap."""
+    return [contact.name for contact in system.structure.contacts].index(gap)
+
+
+def innermost(system: System, gap: str) -> dict[int, int]:
+    """Return the side (1 or -1) of each switch that opens and closes a gap, by the number of the switch."""
+    place, found = contact_place(system, gap), {}
+    for switch, (contact, side, clearance) in enumerate(system.breakpoints):
+        if contact == place and (side not in found or clearance < found[side][1]):
+            found[side] = (switch, clearance)
+    return {switch: side for side, (switch, _) in found.items()}
+
+
+def _width(system: System, gap: str) -> float:
+    """Return the width of a gap between its sides; infinite if the contact acts on one side only."""
+    clearances = [system.breakpoints[switch][2] for switch in innermost(system, gap)]
+    return sum(clearances) if len(clearances) == 2 else np.inf

@@ -1,0 +1,302 @@
+"""Gradient of a special point: how far each parameter of the system moves it.
+
+Along its locus in the plane of the followed parameter and another one, the equations of the special point stay zero.
+The implicit function theorem on these equations gives the slope of the locus at its start, for any number of other
+parameters at the cost of their sensitivities.
+
+Method: docs/numerics/loci.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation
+from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
+from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.model.system import System
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.orbit.method import Method
+from gapwalk.summary import SummaryParts, Table, Tables, remarks, rows_of, summarizes
+
+_STEPS = (3e-5, 3e-6, 3e-7)  # of central differences of the monodromy matrix, in scaled variables
+_FIRST = 4  # parameters that a line of text names
+_BATCH = 4  # parameters whose sensitivities are integrated together
+_MANY = 400  # names above which only those of single numbers, not of vectors and matrices, are taken by default
+_ASIDE = 1e-5  # scaled distance from the special point at which its equations must be solved
+_ROUNDING = 1e-12  # relative error of a slope from first derivatives
+_FAINT = 1e-4  # error of a slope, relative to the largest one in percent per percent, above which it is reported
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gradient(Shown):
+    """Derivatives of the parameter value of a special point with respect to other parameters.
+
+    Attributes
+    ----------
+    special
+        The special point.
+    names
+        The other parameters.
+    slopes : shape (k,)
+        Derivative of ``special.value`` with respect to each of them, in the units of the model. It is the slope of the
+        point's locus.
+    errors : shape (k,)
+        Estimated error of each slope.
+
+    Examples
+    --------
+    >>> branch.special_points[0].gradient("stage2.clearance")["stage2.clearance"]
+    -0.0853215...
+    """
+
+    special: SpecialPoint
+    names: tuple[str, ...]
+    slopes: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+    def __getitem__(self, name: str) -> float:
+        """Return the slope by one parameter.
+
+        Raises
+        ------
+        ModelError
+            If the gradient does not contain it.
+        """
+        if name not in self.names:
+            raise ModelError(f"the gradient has no {name!r}; it has {', '.join(self.names)}")
+        return float(self.slopes[self.names.index(name)])
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Values of the parameters at the special point, shape (k,)."""
+        return np.array([self.special.orbit.system[name] for name in self.names])
+
+    @property
+    def elasticities(self) -> NDArray[np.float64]:
+        """Change of the special point in percent for one percent more of each parameter, shape (k,)."""
+        return self.slopes * self.values / self.special.value
+
+    @property
+    def order(self) -> list[int]:
+        """Indices of the parameters, from the one that moves the point most, in percent per percent, to the least."""
+        return np.argsort(-np.abs(self.elasticities), kind="stable").tolist()
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return a table of the parameters, those that move the point most first."""
+        special, units = self.special, self.special.orbit.system.units
+        symbol = parameter_symbol(special.parameter, units)
+        yield f"{special.kind} at {special.parameter} = {special.value:.10g}: what moves it most"
+        values, shares = self.values, self.elasticities
+        rows = [
+            [
+                parameter_symbol(self.names[k], units),
+                f"{values[k]:.6g}",
+                f"{self.slopes[k]:+.6g}",
+                f"{self.errors[k]:.0e}",
+                f"{shares[k]:+.4f}",
+            ]
+            for k in self.order
+        ]
+        yield Table(("parameter", ">value", f">slope of {symbol}", ">±", ">% per %"), rows)
+        doubts = np.abs(self.errors * values / special.value)
+        if faint := [self.names[k] for k in self.order if doubts[k] > _FAINT * float(np.abs(shares).max())]:
+            yield f"note: not accurate to four digits: {', '.join(faint)}; a contact grazes near the point"
+
+    def tables(self) -> Tables:
+        """Return the table of slopes, one row for each parameter."""
+        return {"gradient": lambda: rows_of(self.rows)}
+
+    @property
+    def rows(self) -> list[dict[str, object]]:
+        """Row of numbers for each parameter."""
+        return [
+            {
+                "kind": self.special.kind.value,
+                self.special.parameter: self.special.value,
+                "parameter": name,
+                "value": float(value),
+                "slope": float(slope),
+                "error": float(error),
+                "percent.per.percent": float(share),
+            }
+            for name, value, slope, error, share in zip(
+                self.names, self.values, self.slopes, self.errors, self.elasticities, strict=True
+            )
+        ]
+
+    def words(self, count: int) -> str:
+        """Return the parameters that move the point most, with their percent per percent, as text."""
+        shares = self.elasticities
+        return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.order[:count] if shares[k])
+
+    def __repr__(self) -> str:
+        most = self.words(_FIRST)
+        return f"Gradient({self.special.kind} at {self.special.value:.10g}, % per %: {most})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gradients(Shown):
+    """Gradients of some special points.
+
+    Attributes
+    ----------
+    found
+        Gradients in the order of the points.
+    failures
+        Sentences on the points that have none.
+    """
+
+    found: tuple[Gradient, ...]
+    failures: tuple[str, ...] = ()
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return a table of the points, with the parameters that move each most."""
+        if self.found:
+            special = self.found[0].special
+            symbol = parameter_symbol(special.parameter, special.orbit.system.units)
+            rows = [[each.special.kind.value, f"{each.special.value:#.8g}", each.words(_FIRST)] for each in self.found]
+            yield Table(("kind", f">{symbol}", "what moves it most, in percent for one percent more"), rows)
+        yield from remarks((), self.failures)
+
+    def tables(self) -> Tables:
+        """Return the table of slopes, one row for each point and parameter."""
+        return {"gradients": lambda: rows_of(row for each in self.found for row in each.rows)}
+
+    def __repr__(self) -> str:
+        return f"Gradients({len(self.found)} points)"
+
+
+def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method: Method | None = None) -> Gradients:
+    """Compute the gradients of some special points.
+
+    Parameters
+    ----------
+    points
+        The special points, such as those of a branch.
+    names, method
+        As in `SpecialPoint.gradient`.
+
+    Returns
+    -------
+    gradients : Gradients
+        One gradient for each point that has one; ``failures`` say why others have none.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter.
+
+    Examples
+    --------
+    >>> print(gw.analysis.gradients(branch.special_points).summary())
+    """
+    found, failures = [], []
+    for special in points:
+        for name in names:
+            special.orbit.system.structure.place(name)
+        try:
+            found.append(gradient(special, names, method))
+        except (ModelError, NumericalError) as error:
+            failures.append(f"{special.kind} at {special.value:.8g} has no gradient: {error}")
+    return Gradients(tuple(found), tuple(failures))
+
+
+def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | None = None) -> Gradient:
+    """Compute the derivatives of the parameter value of a special point by other parameters.
+
+    Parameters
+    ----------
+    special
+        A fold, flip, Neimark-Sacker or grazing point, or a point at which friction changes.
+    names
+        The parameters; by default all that are not zero (of large models, those that are no entries of vectors and
+        matrices).
+    method
+        How the orbits are posed; by default the method that found them.
+
+    Returns
+    -------
+    gradient : Gradient
+        Slopes in the units of the model, with their errors.
+
+    Raises
+    ------
+    ModelError
+        If the kind of point has no locus, or for an unknown parameter.
+    ConvergenceError
+        If the equations of the point are not satisfied, or its locus is vertical.
+    """
+    if special.kind.no_locus:
+        raise ModelError(f"{special.kind.no_locus}: it has no gradient")
+    orbit, parameter = special.orbit, special.parameter
+    if not parameter:
+        raise ModelError("the point does not name the parameter along which it was found; walk the branch again")
+    system = orbit.system
+    usual = moving_names(system, parameter)
+    names = tuple(names) or usual
+    for name in names:
+        if system.structure.place(name) == system.structure.place(parameter):
+            raise ModelError(f"{name} is the parameter of the branch itself; name other parameters")
+    way = (method or orbit.method()).for_loci()
+    alike = tuple(dict.fromkeys((*usual, *names)))  # one compiled flow serves all usual requests
+    slopes, errors = np.zeros(len(names)), np.zeros(len(names))
+    for end in range(_BATCH, len(names) + _BATCH, _BATCH):
+        batch = slice(max(0, min(end, len(names)) - _BATCH), end)  # the last one reaches back, to be of equal size
+        plane = plane_of(way, orbit, (parameter, names[0]))
+        plane = replace(plane, names=(parameter, *names[batch]))
+        if isinstance(plane, ShotPlane):
+            plane = replace(plane, alike=alike)
+        slopes[batch], errors[batch] = _slopes(plane, special)
+    return Gradient(special, names, slopes, errors)
+
+
+def moving_names(system: System, parameter: str) -> tuple[str, ...]:
+    """Return the names of the parameters that are not zero, without the one that is followed."""
+    structure = system.structure
+    own, every = structure.place(parameter), structure.names
+    places = range(len(every)) if len(every) <= _MANY else every.single
+    values = system.values
+    return tuple(every[place] for place in places if place != own and values[place] != 0.0)
+
+
+def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the slopes by the parameters of a plane after the first, and their errors."""
+    system = special.orbit.system
+    widths = [abs(system[name]) or 1.0 for name in plane.names]
+    equation, unknowns, scales = equation_of(plane, special, widths)
+    if not isinstance(equation, MultiplierEquation) or special.kind.is_turning:
+        # first derivatives suffice; at a fold those of the multiplier are multiplied by zero
+        found = _solved(equation, unknowns, scales, plane.names)
+        return found, _ROUNDING * np.abs(found)
+    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names) for step in _STEPS]
+    changes = [np.abs(b - a) for a, b in pairwise(tried)]
+    best = int(np.argmin([float(np.max(change)) for change in changes]))
+    return tried[best + 1], changes[best]
+
+
+def _solved(
+    equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
+) -> NDArray[np.float64]:
+    system, size = equation.system, len(unknowns)
+    residual, by_all, _ = equation.linearised(unknowns, *(system[name] for name in names[1:]))
+    own = by_all[:, :size] * scales[:size]
+    try:
+        solved = np.linalg.solve(own, -np.column_stack((residual, by_all[:, size:])))
+    except np.linalg.LinAlgError:
+        raise ConvergenceError("the locus of the point is vertical: it has no slopes") from None
+    if float(np.abs(solved[:, 0]).max()) > _ASIDE:
+        raise ConvergenceError(
+            f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
+        )
+    return solved[-1, 1:] * scales[size - 1]
