@@ -69,12 +69,14 @@ def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch() -> None:
     assert end.reason is EndReason.JUMPS
     assert "damper.two +" in end.detail
     assert last.extremes[0, 1] == pytest.approx(0.5, abs=1e-6)
-    beside = system.at({"harmonic1.amplitude": end.value})
-    missed = flow_of(beside).integrate(coefficients_of(beside), last.state)
-    assert not [event for event in missed.contacts if event.switch == 1]
-    struck = system.at({"harmonic1.amplitude": end.value + 1e-6})
-    moved = flow_of(struck).integrate(coefficients_of(struck), last.state)
-    assert np.abs(moved.state - missed.state).max() > 1e-3
+    # with hardly another load, the stage opens for a moment, and the motion is another one at once
+    assert not [event for event in last.events if event.switch == 1]
+    assert end.value - last.system["harmonic1.amplitude"] < 1e-6
+    opening = system.at({"harmonic1.amplitude": end.value})
+    moved = flow_of(opening).integrate(coefficients_of(opening), last.state)
+    opened, closed = [event.theta for event in moved.contacts if event.switch == 1]
+    assert 0.0 < closed - opened < 1e-3
+    assert np.abs(moved.state - last.state).max() > 1e-3
 
 
 def test_a_stage_may_close_where_another_event_has_closed_it_within_rounding() -> None:

@@ -232,7 +232,8 @@ def taylor_reach(series: NDArray) -> float:
 def taylor_beginning(series: NDArray, distance: float, shortest: float, longest: float) -> tuple[float, float]:
     """Return when a motion has covered a distance by its Taylor series (without the constant), and its position.
 
-    Times from `shortest` on are tried. If it does not cover the distance, they are those where the series ceases to hold; 0, 0 if it does not move.
+    Times from `shortest` on are tried. If it does not cover the distance, they are those where the series ceases to
+    hold; 0, 0 if it does not move.
     """
     powers, time, depth = np.arange(1.0, len(series) + 1.0), min(shortest, longest), 0.0
     if not series.any():
