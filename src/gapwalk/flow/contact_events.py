@@ -25,7 +25,7 @@ from gapwalk.flow.equations import Equations
 from gapwalk.flow.event_rule import Quotient, jump_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.impacts import Impacts
-from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
+from gapwalk.flow.mode_switches import ModeSwitches, taylor_beginning, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
@@ -396,7 +396,7 @@ class Switchboard:
                     powers = range(1, series.shape[1] + 1)
                     depths += [self._sway(switch, theta, power) / math.factorial(power) for power in powers]
                 depths *= self.signs[switch]
-                time, depth = _beginning(depths, distance, longest)
+                time, depth = taylor_beginning(depths, distance, COOLDOWN, longest)
                 self._inside[switch], self._left[switch] = start + depth > 0.0, theta + time
             if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
                 return
@@ -500,18 +500,3 @@ class Switchboard:
             first = self.equations.first_component(index)
             directions[index, varying] = self._parameters[first : first + len(varying)]
         return directions
-
-
-def _beginning(series: NDArray, distance: float, longest: float) -> tuple[float, float]:
-    """Return when a motion has covered a distance by its Taylor series (without the constant), and its position.
-
-    If it does not cover the distance, they are those where the series ceases to hold; 0, 0 if it does not move.
-    """
-    powers, time, depth = np.arange(1.0, len(series) + 1.0), min(COOLDOWN, longest), 0.0
-    if not series.any():
-        return 0.0, 0.0
-    while True:
-        depth = float(series @ time**powers)
-        if abs(depth) > distance or time >= longest:
-            return time, depth
-        time = min(2.0 * time, longest)
