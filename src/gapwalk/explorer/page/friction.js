@@ -102,7 +102,7 @@ export class Elements {
   draw() {
     const { motion } = this, contact = (this.contact = motion.contacts.find(({ name }) => name === this.choice.value));
     const stop = contact.is === "stop";
-    $("element-title").textContent = stop ? "Rigid stop" : "Hysteresis loop";
+    $("element-figure").querySelector("figcaption").textContent = stop ? "Rigid stop" : "Hysteresis loop";
     this.values = stop ? contact.rate : contact.force;
     this.mark = chart($("element-loop"), {
       curves: [[contact.deflection, this.values]], down: contact.stops.filter((s) => Math.abs(s) < 1.5 * Math.max(...contact.deflection.map(Math.abs))),
