@@ -41,14 +41,15 @@ def test_the_clutch_with_friction_has_the_points_of_another_program() -> None:
     assert not places(branch, "neimark-sacker")
 
 
-@pytest.mark.parametrize("phase", [1.0, 2.5])
-def test_the_points_do_not_depend_on_where_the_section_is(phase: float) -> None:
+@pytest.mark.parametrize(("phase", "first"), [(1.0, 0.7), (2.5, 2.0)])
+def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: float) -> None:
     """At the first phase a corner of grazing-sliding ends the steps; at the second the section falls into stick."""
-    branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase)), "frequency", 0.3)
+    branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase), frequency=first), "frequency", 0.3)
     folds, flips = places(branch, "fold"), places(branch, "flip")
     assert branch.points[-1].value == pytest.approx(0.3)
     assert folds == pytest.approx([0.6180155557, 0.6381430507, 0.4268292830, 0.4375494545], abs=1e-9)
-    assert flips[:4] == pytest.approx([1.3319012039, 1.2421425130, 0.7844917143, 0.6491234235], abs=1e-9)
+    expected = [each for each in (1.3319012039, 1.2421425130, 0.7844917143, 0.6491234235) if each < first]
+    assert flips[: len(expected)] == pytest.approx(expected, abs=1e-9)
     assert places(branch, "grazing-sliding")[0] == pytest.approx(0.4325314254, abs=1e-9)
 
 
