@@ -176,20 +176,18 @@ def add_delay(
     after
         The values after the event, if they are known.
     """
-    n, now = state.n, after or state.read(theta)
+    n, now, constraint = state.n, after or state.read(theta), state.entry.constraint
     size = max(largest(before.accelerations), largest(now.accelerations))
-    jump, constraint = np.zeros(state.size), state.entry.constraint
-    jump[n : 2 * n] = now.accelerations - before.accelerations
+    turned, moved = now.accelerations - before.accelerations, []
     if constraint.contacts:  # R_y F- + R_theta
-        pulls = [state.acceleration(contact, before, theta) for contact in constraint.contacts]
-        jump[n : 2 * n] += constraint.impulses.dot(pulls)
+        turned += constraint.impulses.dot([state.acceleration(each, before, theta) for each in constraint.contacts])
     if state.size > 2 * n:
         kept = before.extending.copy()
         for place, follows in forgotten.items():
             kept[place - 2 * n] = now.extending[place - 2 * n] if follows else 0.0
-        jump[2 * n :] = now.extending - kept
+        moved = (now.extending - kept).tolist()
         size = max(size, largest(kept), largest(now.extending))
-    jump[np.abs(jump) <= _NOTHING * size] = 0.0
-    if speed and any(jump.tolist()):
-        rows = state.rows()
+    jump = [each if abs(each) > _NOTHING * size else 0.0 for each in [*turned.tolist(), *moved]]
+    if speed and any(jump):
+        rows = state.rows()[:, n:]
         rows += (shifts / speed)[:, None] * jump
