@@ -309,7 +309,9 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
         if correction is None:
             return None
         point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
-        return point if never_slips(point.orbit, change.contact) else None
+        # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
+        reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
+        return point if never_slips(point.orbit, change.contact) and not reaches else None
 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
