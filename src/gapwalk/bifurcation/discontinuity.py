@@ -88,7 +88,7 @@ def _difference(first: Orbit, last: Orbit) -> str:
             theta = min(own.theta, other.theta)
             together = [event for event in (*ours, *theirs) if abs(event.theta - theta) <= _AT_ONCE]
             names = sorted({_name(first, event) for event in together})
-            return f"beyond it, what {' and '.join(names)} do at theta = {theta:.6g} is another"
+            return f"beyond it, {', '.join(names)} behave{'' if names[1:] else 's'} otherwise at theta = {theta:.6g}"
     return "beyond it, its last events are others"
 
 

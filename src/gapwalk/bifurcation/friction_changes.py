@@ -37,6 +37,7 @@ _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
 _SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
 _TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
 _ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
+_SMALL = 1e-4  # share of a value that does not matter far from its zero
 _SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
 _AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
@@ -279,7 +280,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
             return None
     except LookupError:
         return None
-    return Located(interval.at(root), change._replace(theta=tracked[root][0]), 1e-12)
+    point, found = interval.at(root), change._replace(theta=tracked[root][0])
+    point.memo[found] = tracked[root][1]
+    return Located(point, found, 1e-12)
 
 
 def never_slips(orbit: Orbit, contact: int) -> bool:
@@ -306,7 +309,9 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
         if correction is None:
             return None
         point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
-        return point if never_slips(point.orbit, change.contact) else None
+        # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
+        reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
+        return point if never_slips(point.orbit, change.contact) and not reaches else None
 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
@@ -460,8 +465,10 @@ def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) ->
         if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
             return None
         theta += shift
-        if abs(shift) < _SETTLED:
-            return theta % (PERIOD * orbit.period), course.value - course.depth
+        value = course.value - course.depth
+        # what the parabola leaves out grows with the cube of the shift
+        if abs(shift) < _SETTLED or course.depth * abs(shift) < _SMALL * abs(value):
+            return theta % (PERIOD * orbit.period), value
     return None
 
 
@@ -491,6 +498,8 @@ def located_again(orbit: Orbit, change: Change) -> Callable[[BranchPoint], float
     """Return the margin of a change as a function of a point of the branch near an orbit; nan if it is not found."""
 
     def function(point: BranchPoint) -> float:
+        if change in point.memo:
+            return point.memo[change]
         try:
             return margin(point.orbit, change, change.theta)[1]
         except LookupError:

@@ -54,7 +54,7 @@ class Constraint:
         self._deflections = np.array([layout.contacts[k].deflection for k in contacts], np.intp).reshape(-1, n)
         self._forces = np.array([layout.contacts[k].force for k in contacts], np.intp).reshape(-1, n)
         inner = coefficients[self._deflections] @ coefficients[self._forces].T
-        chosen = _independent(inner.real.tolist())
+        chosen = _independent(np.real(inner).tolist())
         if len(chosen) < len(held):
             self._deflections, self._forces = self._deflections[chosen], self._forces[chosen]
             inner = inner[chosen][:, chosen]

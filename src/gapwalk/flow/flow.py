@@ -288,6 +288,7 @@ class _Integrator:
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
             self._switchboard.listener = WeakMethod(self._turns.at_stop)
+        self._still = np.zeros((self.directions, len(self.equations.pattern)))
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
@@ -400,7 +401,8 @@ class _Integrator:
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         self._turns.start(coefficients, unit)
-        self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
+        along = self._still if direction is None else direction.reshape(self.directions, -1)
+        self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
         if self.equations.formulas and not math.isfinite(
             self._taylor.time
         ):  # the Taylor series of the first step is not finite

@@ -220,7 +220,7 @@ class Motion:
             forces[:, stops] = -np.linalg.lstsq(pushes.T, jumps.T, rcond=None)[0].T
         rest = np.zeros_like(jumps)
         columns = [rest, rest, jumps, forces, *(np.zeros((len(theta), 1)),) * (structure.state_size - 2 * size)]
-        columns += [np.zeros((len(theta), len(friction_of(structure))))]
+        columns += [np.zeros((len(theta), len(structure.friction)))]
         if train_signals(structure):
             still = train_histories(self.system, theta, rest, rest, rest, np.zeros_like(forces))
             columns.append(train_histories(self.system, theta, rest, rest, jumps, forces) - still)

@@ -30,7 +30,7 @@ from gapwalk.orbit.sticking import released
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
 _SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
-_TURNING = 0.05  # share of the depth at which a turn vanishes up to which it is where a constant acceleration has it
+_TURNING = 0.05  # share of the way to where the acceleration vanishes up to which it is almost constant
 _ITERATIONS = 12
 _SIMPLE = 4  # steps of the simplified Newton's method
 _EXACTLY = 2  # steps that give the touches their depth
@@ -173,7 +173,7 @@ class TouchEquation:
         )
         """Depth up to which a touch certainly begins after the start of its segment."""
         self.turns = min(map(self._turns_up_to, touches, leads))
-        """Depth by which a touch may miss, so that its deflection certainly still turns there."""
+        """Depth by which a touch may miss the breakpoint, so that its deflection certainly still turns there."""
         self.free = float(np.sign(touches[0].acceleration))
         """Sign of the depths at which the breakpoint is not passed."""
         self._size = equation.system.state_size
@@ -302,9 +302,10 @@ class TouchEquation:
         raise ConvergenceError(f"the segment before the touch is too short at theta = {touch.theta:.6g}")
 
     def _turns_up_to(self, touch: Touch, lead: float) -> float:
-        """Return a share of the depth at which a turn vanishes because the acceleration changes its sign: a^3 / 3 j^2.
+        """Return a share of the way from a turn to where the acceleration changes its sign, ``|a|^3 / (3 j^2)``.
 
-        Impacts that follow each other ever faster end where their acceleration vanishes, so there this depth is small.
+        A motion that misses the breakpoint by more may not turn at all. Impacts that follow each other ever faster end
+        where their acceleration vanishes, so there this way is short.
         """
         gauge, coefficients = (
             Gauge(layout_of(self._near.system.structure), touch.switch),
