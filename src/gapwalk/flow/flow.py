@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.constraints import reachable, reachable_changes
+from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
@@ -478,7 +478,7 @@ def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:
         pattern |= mask
-    masks = _reachable_masks(system.structure, tuple(mask.tobytes() for mask in (pattern, *directions)))
+    masks = reachable_masks(system.structure, tuple(mask.tobytes() for mask in (pattern, *directions)))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)
 
@@ -487,15 +487,6 @@ def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> F
     """Return the compiled flow of the system that has some coefficients."""
     with _compiling:
         return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), False, False)
-
-
-@lru_cache(maxsize=4 * _MOST)
-def _reachable_masks(structure: Structure, masks: tuple[bytes, ...]) -> tuple[bytes, ...]:
-    """Return the masks of coefficients, and of what directions change, in a system or under its constraints."""
-    pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
-    layout = layout_of(structure)
-    pattern = reachable(layout, pattern)
-    return pattern.tobytes(), *(reachable_changes(layout, pattern, mask).tobytes() for mask in directions)
 
 
 @lru_cache(maxsize=_MOST)
