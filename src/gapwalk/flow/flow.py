@@ -403,9 +403,8 @@ class _Integrator:
         self._turns.start(coefficients, unit)
         along = self._still if direction is None else direction.reshape(self.directions, -1)
         self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
-        if self.equations.formulas and not math.isfinite(
-            self._taylor.time
-        ):  # the Taylor series of the first step is not finite
+        # otherwise the Taylor series of the first step is finite
+        if self.equations.formulas and not math.isfinite(self._taylor.time):
             raise FlowError(
                 f"the motion cannot begin in the state {_short(state * unit)}: a formula has no finite value or slope "
                 "there. Begin in another state, or write the formula so that it has one: k*(1 - g/sqrt(max(x**2 + "
