@@ -325,7 +325,8 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         modes = _kept(gauge, change, _modes(orbit, own.start, True))
         now = coefficients_of(orbit.system), own.start, _state(orbit, own.start), modes, change.side
         slope, bend = gauge.change(function, *now), gauge.curvature(function, *now)
-        return own.start, -(slope**2) / (2.0 * abs(bend)) if bend else 0.0
+        # the events may be those of an orbit one Newton step away: then the function is not quite 0 at the start
+        return own.start, float(function(*now)) - slope**2 / (2.0 * abs(bend)) if bend else 0.0
     return _least(orbit, gauge, function, change, near)
 
 
