@@ -29,6 +29,7 @@ from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
+_LATE = 1e-6  # radians by which a slow crossing may be reported after it was set beside another event
 _ROUNDING = 1e-15  # the same, by rounding of the positions
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
@@ -303,7 +304,8 @@ class Switchboard:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
             return False
-        self._changed[switch] = theta
+        # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
+        self._changed[switch] = theta if reported else theta + _LATE
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
             for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
