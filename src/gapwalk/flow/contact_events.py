@@ -30,6 +30,8 @@ from gapwalk.flow.mode_switches import ModeSwitches, taylor_beginning, taylor_re
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
+_LATE = 1e-6  # radians by which a slow crossing may be reported after it was set beside another event
+_ROUNDING = 1e-15  # the same, by rounding of the positions
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _LEAVING = (
@@ -311,7 +313,8 @@ class Switchboard:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
             return False
-        self._changed[switch] = theta
+        # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
+        self._changed[switch] = theta if reported else theta + _LATE
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
             for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
@@ -367,15 +370,16 @@ class Switchboard:
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        near = self._are_near(depths, state, _ON)
+        near, on = self._are_near(depths, state, _ON), self._are_near(depths, state, _ROUNDING)
         for other in others:
             # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
-            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
-                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
-                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
-                    if reach < -depths[other]:
-                        continue
-                self._settle(other, theta, reported=False)
+            if not near[other] or theta - self._changed[other] <= _REPEATED or self.dry.holds(other):
+                continue
+            if (depths[other] > 0.0) is self._inside[other] and not on[other]:
+                reach = COOLDOWN * float(self._coefficients[0]) * abs(self._rate(other, theta))
+                if abs(depths[other]) > reach:
+                    continue  # a slow crossing comes later, or not at all, and is then reported
+            self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
         """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.
