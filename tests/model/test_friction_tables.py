@@ -245,7 +245,7 @@ MISTAKES = [
     (STOP + 'stiffness = "rigid"\nrestitution = 0.2\n', '"stop".clearance is missing'),
     (STOP + 'clearance = 0.5\nstiffness = "stiff"\nrestitution = 0.2\n', 'or "rigid" for a rigid stop'),
     (STOP + 'clearance = 0.0\nstiffness = "rigid"\nrestitution = 0.2\n', "so that stop locks its deflection"),
-    (SOFT + "restitution = 0.2\n", 'the contact is rigid; write stiffness = "rigid", or another law'),
+    (SOFT + "restitution = 0.2\n", 'the contact is rigid; write stiffness = "rigid", or leave those out'),
     (
         STOP + 'clearance = 0.5\nstiffness = "rigid"\nrestitution = 0.8\ncubic = 1.0\n',
         "cubic is 1.0, but the stage is rigid",

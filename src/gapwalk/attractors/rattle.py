@@ -160,7 +160,7 @@ class ContactLoad:
     closed
         Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
     peak, rms
-        Largest magnitude and root mean square of its force.
+        Largest magnitude and root mean square of its force; infinite on a rigid stop that is struck.
     power
         Mean power dissipated by its damping law.
     """
@@ -369,8 +369,9 @@ def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tupl
         peaks = [impact.peak for impact in own if not contact.law.rebounds]
         lost = sum(impact.loss for impact in own) / along.weights.sum() if contact.law.rebounds else 0.0
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
+        peak, size = (math.inf, math.inf) if contact.law.rebounds and own else (peak, float(rms[k]))
         share_closed = float(closed[k]) if contact.stages else math.nan
-        rows.append(ContactLoad(contact.name, share_closed, peak, float(rms[k]), unit * float(power[k]) + float(lost)))
+        rows.append(ContactLoad(contact.name, share_closed, peak, size, unit * float(power[k]) + float(lost)))
     return tuple(rows)
 
 

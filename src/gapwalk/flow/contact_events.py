@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 from weakref import ref
 
@@ -114,6 +115,8 @@ class Switchboard:
         stages = [layout.contacts[k].stages[j] for k, j in equations.switches]
         self.n, self.size = layout.structure.size, layout.structure.state_size
         self.count = len(stages)
+        ends = [0, *accumulate(len(contact.stages) for contact in layout.contacts)]
+        self._own_switches = [slice(*each) for each in pairwise(ends)]  # of each contact
         self.signs = np.array([stage.sign for stage in stages], dtype=float)
         self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
@@ -149,12 +152,18 @@ class Switchboard:
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
 
-    def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
-        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
+    def start(
+        self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
+    ) -> None:
+        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`.
+
+        `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
+        """
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = self._system = coefficients
+        self._system_directions = directions
         if not self.count:
             self.modes.start(coefficients, theta, unit)
             self._start_dry(theta)
@@ -199,7 +208,7 @@ class Switchboard:
             switches._of_motion.clear()
 
         self.dry.closed = self._closed()
-        self.dry.start(self._system, self._directions(), theta, self._unit, change)
+        self.dry.start(self._system, self._system_directions, theta, self._unit, change)
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -276,9 +285,10 @@ class Switchboard:
 
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
-        if self.dry.count and self.dry.let_go(switch, theta):
-            self.log.append(ContactEvent(theta, switch, False, 0.0))
-            self._left[switch] = theta + _LEAVING
+        if self.dry.count and self.dry.holds(switch):
+            if self.dry.let_go(switch, theta):
+                self.log.append(ContactEvent(theta, switch, False, 0.0))
+                self._left[switch] = theta + _LEAVING
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
@@ -479,14 +489,10 @@ class Switchboard:
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""
-        contacts = [index for index, _ in self.equations.switches]
-        return [
-            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
-            for contact in range(len(self.equations.layout.contacts))
-        ]
+        return [self._inside[own] for own in self._own_switches]
 
     def _directions(self) -> NDArray[np.float64]:
-        """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
+        """Return the present directions of the coefficients of the sensitivities, shape (directions, number)."""
         directions = np.zeros((len(self.equations.varying), len(self._coefficients)))
         for index, varying in enumerate(self.equations.varying):
             first = self.equations.first_component(index)

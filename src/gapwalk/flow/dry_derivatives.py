@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.dry_state import DryState, Readings, largest
-from gapwalk.flow.forces import Angles
+from gapwalk.flow.forces import Angles, Dry, balance, contact_forces
 
 _NOTHING = 1e-13  # share of the accelerations below which their jump is rounding
 _STEP = 1e-150  # of the complex step
@@ -94,8 +94,27 @@ def margin_growth(state: DryState, place: int, now: Readings, theta: float) -> f
     return side * float(columns[0] @ state.entry.table[state.n + number]) - float(limits[0, place, 1])
 
 
+def _dragged(state: DryState, moved: Array, theta: float) -> Array:
+    """Return the changes of the velocities where a motion comes to its stops from changes of the positions.
+
+    It comes there in no time to leading order, but dampers that it moves on the way give finite impulses.
+    """
+    n, layout, y, found = state.n, state.layout, state.state[: state.size], np.zeros_like(moved)
+    angles, dry = Angles(layout, state.base, theta), Dry(np.array(state.slips, dtype=float), y[2 * n :])
+    for row, change in zip(found, moved, strict=True):
+        if change.any():
+            v = y[n : 2 * n] + 1j * _STEP * change
+            forces = contact_forces(layout, state.base, theta, y[:n], v, state.closed, angles, dry)
+            table = state.entry.coefficients[layout.accelerations]
+            row[:] = np.imag(balance(table, y[:n], v, forces, angles.waves)) / _STEP
+    return found
+
+
 def project(state: DryState, theta: float) -> None:
-    """Project the state and its changes on what is held."""
+    """Project the state and its changes on what is held.
+
+    Changes of positions at a stop that is held are those of motions that begin before it, and come to it.
+    """
     constraint, n, y = state.entry.constraint, state.n, state.state
     if not constraint.independent:
         return
@@ -108,7 +127,12 @@ def project(state: DryState, theta: float) -> None:
                 rates[:, place] = rate_changes(state, contact, theta)
         if stops:
             depths = np.array([depth_changes(state, constraint.independent[place], theta) for place in stops])
-            rows[:, :n] -= depths.T @ constraint.impulses[:, stops].T
+            moved = -depths.T @ constraint.impulses[:, stops].T
+            rows[:, :n] += moved
+            rows[:, part] += _dragged(state, moved, theta)
+            for slots, memory in zip(state.slots, state.memory_of, strict=True):
+                if memory is not None:
+                    rows[:, memory] += moved @ state.base[slots.deflection]
         rows[:, part] -= rates.dot(constraint.impulses.T)
     rates = constraint.vectors.dot(y[n : 2 * n])
     for place, contact in enumerate(constraint.contacts):
@@ -152,20 +176,18 @@ def add_delay(
     after
         The values after the event, if they are known.
     """
-    n, now = state.n, after or state.read(theta)
+    n, now, constraint = state.n, after or state.read(theta), state.entry.constraint
     size = max(largest(before.accelerations), largest(now.accelerations))
-    jump, constraint = np.zeros(state.size), state.entry.constraint
-    jump[n : 2 * n] = now.accelerations - before.accelerations
+    turned, moved = now.accelerations - before.accelerations, []
     if constraint.contacts:  # R_y F- + R_theta
-        pulls = [state.acceleration(contact, before, theta) for contact in constraint.contacts]
-        jump[n : 2 * n] += constraint.impulses.dot(pulls)
+        turned += constraint.impulses.dot([state.acceleration(each, before, theta) for each in constraint.contacts])
     if state.size > 2 * n:
         kept = before.extending.copy()
         for place, follows in forgotten.items():
             kept[place - 2 * n] = now.extending[place - 2 * n] if follows else 0.0
-        jump[2 * n :] = now.extending - kept
+        moved = (now.extending - kept).tolist()
         size = max(size, largest(kept), largest(now.extending))
-    jump[np.abs(jump) <= _NOTHING * size] = 0.0
-    if speed and any(jump.tolist()):
-        rows = state.rows()
+    jump = [each if abs(each) > _NOTHING * size else 0.0 for each in [*turned.tolist(), *moved]]
+    if speed and any(jump):
+        rows = state.rows()[:, n:]
         rows += (shifts / speed)[:, None] * jump

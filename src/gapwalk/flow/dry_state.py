@@ -126,15 +126,19 @@ class CompiledReadings:
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
-        variables = [*equations.positions, *equations.velocities, *equations.extensions]
-        self.readings = hy.cfunc(equations.readings, vars=variables)
+        self.state = [*equations.positions, *equations.velocities, *equations.extensions]
+        readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
+        used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
+        places = range(min(used, default=0), max(used, default=-1) + 1)
+        self.used = slice(places.start, places.stop)
+        """The run-time parameters on which the readings depend."""
+        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k}") for k in places}
+        functions = hy.subs(readings, {hy.time: angle, **numbers})
+        # heyoka calls a function of one array twice as fast as one of a state, a time and parameters
+        self.readings = hy.cfunc(functions, vars=[*self.state, angle, *numbers.values()])
         memories = equations.layout.structure.memories
         self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
         """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
-
-    def used(self, parameters: Array) -> Array:
-        """Return the run-time parameters on which the readings depend (a live view)."""
-        return parameters[: self.readings.nparams]
 
     @cached_property
     def _tangents(self) -> Any:
@@ -230,6 +234,8 @@ class DryState:
         self.held: tuple[int, ...] = ()
         self.hold_log: list[Hold] = []
         self._known: dict[tuple[int, ...], _Held] = {}
+        self._applied: _Held | None = None
+        self._applied_modes: list[Any] = []
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
         self._numbers = (b"", b"")
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
@@ -243,7 +249,6 @@ class DryState:
             if self.memory_of[place] is None
         ]
         self._springs = [equations.dry.index(contact) for contact in structure.memories]
-        self._width = self._friction_end + len(structure.memories)
         # the dry contacts and those of stops, with the slots of their deflection, its displacement, and their speed
         self._contacts: dict[int, list[int]] = {}
         for contact in [*equations.dry, *(contact for contact, switch in structure.reactions if switch >= 0)]:
@@ -260,8 +265,9 @@ class DryState:
         self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
         self.columns = columns
         if compiled is not None:
-            self._compiled, self._read, self._read_from = compiled, compiled.readings, compiled.used(self._parameters)
-            self._follows = compiled.follows
+            self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
+            self._numbers_used = self._parameters[compiled.used]
+            self._given = np.empty(self.size + 1 + len(self._numbers_used))
 
     def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -279,11 +285,13 @@ class DryState:
             self._known = {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
-        self.slips, self.sticks, self.held = [0] * len(self.slots), [False] * len(self.slots), ()
-        self.entry = self._applied = self._entry_of(())
+        was_held, self.held = bool(self.held), ()
+        self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
+        self.entry = self._entry_of(())
+        # a start may be decided twice: then the integrator may still have what the first one held
+        self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
         changed(self.coefficients)
-        self._applied_modes: list[Any] = []
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
@@ -324,13 +332,14 @@ class DryState:
         `known` are those at the same state under other modes. They differ by the forces of friction that slips only,
         which are its limits, so no law need be evaluated again.
         """
-        n, columns, last = self.n, self._columns_end, self._friction_end
         if known is not None and not self._follows:
             return self._changed_modes(known)
         self.apply()
-        found = np.empty(self._width)
-        found[: 2 * n] = self.state[: 2 * n]
-        self._read(self._own, outputs=found[2 * n :], pars=self._read_from, time=theta)
+        n, size, columns, last, given = self.n, self.size, self._columns_end, self._friction_end, self._given
+        given[:size] = self._own
+        given[size] = theta
+        given[size + 1 :] = self._numbers_used
+        found = self._read(given)
         values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
         return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
 

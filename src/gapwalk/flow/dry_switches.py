@@ -166,16 +166,28 @@ class DrySwitches(DryState):
         rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
-        near = abs(change) <= _NEAR * largest(now.accelerations)
-        if near or self.sign_of:
-            kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
-            self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
-            later = self.slip_acceleration(place, self.read(theta + _LATER), theta + _LATER)
-            self.state[: self.size] = kept
-            # where a stop has just let go, all accelerations are rounding, and only those to come tell their size
-            if near or abs(change) <= _NEAR * abs(later) / _LATER:
-                change = later
+        change = self._leading(self.equations.dry[place], now, theta)
         return side * change > 0.0
+
+    def _soon(self, now: Readings, theta: float) -> Readings:
+        """Return the values a moment later, under the present modes."""
+        kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
+        self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
+        later = self.read(theta + _LATER)
+        self.state[: self.size] = kept
+        return later
+
+    def _leading(self, contact: int, now: Readings, theta: float) -> float:
+        """Return the acceleration of a deflection; where it vanishes, the one a moment later.
+
+        Where a stop has just let go, all accelerations are rounding, and only those to come tell their size.
+        """
+        change = self.acceleration(contact, now, theta)
+        vanishes = abs(change) <= _NEAR * largest(now.accelerations)
+        if not vanishes and not self.sign_of:
+            return change
+        later = self.acceleration(contact, self._soon(now, theta), theta + _LATER)
+        return later if vanishes or abs(change) <= _NEAR * abs(later) / _LATER else change
 
     def _stick(self, place: int, theta: float) -> None:
         self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
@@ -197,8 +209,12 @@ class DrySwitches(DryState):
         self.state[memory] = side * limit / self.stiffness(place)
         self._forgotten[memory] = False
 
-    def _hold(self, theta: float, candidates: Iterable[int], known: Readings | None = None) -> Readings:
+    def _hold(
+        self, theta: float, candidates: Iterable[int], known: Readings | None = None, pressed: Sequence[int] = ()
+    ) -> Readings:
         """Hold those of the candidates that stay within their bounds; the others slip, or open.
+
+        Stops that are `pressed` are held even where their reactions only begin, and have a sign by rounding only.
 
         Return the values with what is held; `known` are those under other modes, if they are known.
         """
@@ -214,7 +230,7 @@ class DrySwitches(DryState):
             for number in self.entry.constraint.independent:
                 reaction, place = float(now.reactions[number]), self.friction_of.get(number)
                 if place is None:
-                    over = np.inf if self.sign_of[number] * reaction < 0.0 else 0.0
+                    over = np.inf if self.sign_of[number] * reaction < 0.0 and number not in pressed else 0.0
                 else:
                     bound = now.friction[place][2]
                     over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
@@ -345,11 +361,24 @@ class DrySwitches(DryState):
         shifts = margin_changes(self, place, before, theta) if jumps else None
         growth = margin_growth(self, place, before, theta) if jumps else 0.0
         self._slip(place, side, theta)
-        after = self._hold(theta, [each for each in self.held if each != number], before)
+        others = [each for each in self.held if each != number]
+        after = self._hold(theta, others, before)
+        if self.sign_of and (pressed := self._pressed(theta)):
+            after = self._hold(theta, [*others, *pressed], after, pressed)
         if shifts is not None:
             add_delay(self, before, theta, shifts, growth, after=after)
         self._let_memories_slip(theta)
         self._report(modes, theta)
+
+    def _pressed(self, theta: float) -> list[int]:
+        """Return the reactions of open stops at which the motion rests, and into which it now accelerates."""
+        resting = [number for number in self._touching(theta, _STILL * self.speed()) if number not in self.held]
+        if not resting:
+            return []
+        now, reactions = self.read(theta), self.layout.structure.reactions
+        return [
+            number for number in resting if self.sign_of[number] * self._leading(reactions[number][0], now, theta) > 0.0
+        ]
 
     def _let_memories_slip(self, theta: float) -> None:
         """Let springs slip that are at their limit, and that something which stuck has set free to move on.
@@ -406,11 +435,11 @@ class DrySwitches(DryState):
         return self.stop_reaction.get(switch) in self.held
 
     def let_go(self, switch: int, theta: float) -> bool:
-        """Open a stop that is held where its reaction vanishes; return False if it is not held."""
-        number = self.stop_reaction.get(switch)
-        if number is None or number not in self.held:
+        """Open a stop that is held where its reaction vanishes; return False if the reaction only begins there."""
+        number = self.stop_reaction[switch]
+        sign, now, modes = self.sign_of[number], self.read(theta), self.slips.copy()
+        if sign * float(self._soon(now, theta).reactions[number]) > 0.0:
             return False
-        modes = self.slips.copy()
         self._hold(theta, [each for each in self.held if each != number])
         self._report(modes, theta)
         return True

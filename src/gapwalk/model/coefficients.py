@@ -424,10 +424,17 @@ def varying(system: System, names: Sequence[str | tuple[str, ...]]) -> list[NDAr
 
 def _varied(system: System, moved: NDArray[np.float64], name: str) -> NDArray[np.bool_]:
     """Return the coefficients that one parameter changes at the values of a system or at others."""
-    lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
+    return _varied_at(system.structure, system.values.tobytes(), moved.tobytes(), name)
+
+
+@lru_cache(maxsize=1024)  # a gradient asks for the same thirty parameters of a train many times
+def _varied_at(structure: Structure, values: bytes, moved: bytes, name: str) -> NDArray[np.bool_]:
+    both = [System.from_values(structure, np.frombuffer(each)) for each in (values, moved)]
+    lines = [ParameterLine(each, name) for each in both]
     mask = np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0)
-    if system.structure.place(name) == 0:
-        mask |= layout_of(system.structure).moved_by_speed(system.values)
+    if structure.place(name) == 0:
+        mask |= layout_of(structure).moved_by_speed(both[0].values)
+    mask.setflags(write=False)
     return mask
 
 

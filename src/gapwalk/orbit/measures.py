@@ -53,8 +53,14 @@ def measure(orbit: Orbit, name: str) -> float:
         if signal in coordinates:
             row = orbit.extremes[coordinates.index(signal)]
         else:
-            values = orbit.motion(8 * orbit.samples).signal(signal)  # its largest sample is its maximum to about 1e-5
+            motion = orbit.motion(8 * orbit.samples)
+            values = motion.signal(signal)  # its largest sample is its maximum to about 1e-5
             row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
+            impulses = motion.impulses(signal)[1]
+            if len(impulses):  # of rigid stops: it is infinite there
+                struck = [(impulses > 0.0).any(), (impulses < 0.0).any()]
+                high, low = np.where(struck, (np.inf, -np.inf), row[:2])
+                row = high, low, row[2] + impulses.sum() / (PERIOD * orbit.period), np.inf
         if kind == "half":
             return float(row[0] - row[1]) / 2
         return float(row[("max", "min", "mean", "rms").index(kind)])
@@ -81,11 +87,14 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     if line.denominator != 1 or line < 0:
         step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
-    values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
+    motion = orbit.motion(4 * orbit.samples)
+    values = motion.signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)
     if line >= len(lines):
         raise ModelError(f"harmonic {order} lies beyond the {len(lines) - 1} lines that this orbit resolves")
-    return complex(lines[int(line)]) * (1 if line == 0 else 2)
+    theta, sizes = motion.impulses(signal)
+    pulses = np.sum(sizes * np.exp(-1j * int(line) / orbit.period * theta)) / (PERIOD * orbit.period)
+    return complex(lines[int(line)] + pulses) * (1 if line == 0 else 2)
 
 
 class Survey(NamedTuple):

@@ -28,7 +28,7 @@ from gapwalk.verification.dop853 import Round, error_of, method, turn
 from gapwalk.verification.dop853 import carry as carry_together
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_equations import Values
-from gapwalk.verification.dry_instant import SMALL, DryInstant
+from gapwalk.verification.dry_instant import EQUAL, SMALL, DryInstant
 from gapwalk.verification.guard_samples import FIRES, brackets
 
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 _PERIOD = 2.0 * math.pi
 _STEP = 1e-150  # of the complex step
 _EXACT = 2e-11  # error of a step, relative to the motion
+_BARELY = 1e-8  # excess of a force over its bound where friction would slip for no time, as at switching-sliding
 _HOP = 1e-3  # angle of a flight that is located from its parabola
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
@@ -132,7 +133,9 @@ class _Motion(DryInstant):
                 if repeated > _AT_ONCE or count > _MOST:
                     raise NumericalError("events repeat")
                 last = self.theta
+                self._slack = _BARELY if repeated else EQUAL
                 self._pass(key)
+        self._slack = EQUAL
         self.angles = np.full(len(self.states), self.theta)
         equations.set_extensions(self.angles, self.states, self.modes, self.levels)
 

@@ -22,6 +22,7 @@ from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Val
 SMALL = 1e-25
 """Size of the imaginary parts: rounding does not see their squares."""
 
+EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _HELD = 1e-7  # angle of a flight that is not made any more
 
@@ -56,7 +57,7 @@ class DryInstant:
         speed = max(float(np.abs(orbit.state[n : 2 * n]).max()), length * equations.omega)
         self.scales = np.full(size, length)
         self.scales[n : 2 * n] = speed
-        self.length, self.speed = length, speed
+        self.length, self.speed, self._slack = length, speed, EQUAL
         self.levels = equations.levels(np.array([1e-9]))
         self.modes = self._start()
 
@@ -150,7 +151,7 @@ class DryInstant:
         """Return True if friction at rest may stick, or begin to slip in a direction."""
         bound = float(now.breakaways[index][0])
         if not slip:
-            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + 1e-11)
+            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + self._slack)
         turning = self.equations.turning(np.array([self.theta]), now)[0, index]
         return slip * float(turning) > (0.0 if bound else -1e-12 * self.speed * self.equations.omega)
 

@@ -60,7 +60,7 @@ class Sliding(Kind):
                 each.spread,
                 located_again(each.point.orbit, each.change),
                 describe_friction(each.point.orbit, each.change),
-                _EPS * float(np.abs(each.point.orbit.extremes[:, :2]).max()),
+                _EPS * float(np.abs(search.first.orbit.extremes[:, :2]).max()),
             )
             for each in known
             if self.owns(each.change)
