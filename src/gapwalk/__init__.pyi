@@ -15,6 +15,8 @@ from . import special_points as special_points
 from . import studies as studies
 from . import train as train
 from .answers.rattle_bands import RattleBands as RattleBands
+from .answers.threshold import Threshold as Threshold
+from .answers.threshold import ThresholdOptions as ThresholdOptions
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
@@ -83,6 +85,7 @@ from .studies.study_file import read_study as read_study
 from .studies.sweep import Sweep as Sweep
 from .studies.sweep import SweepOptions as SweepOptions
 from .studies.sweep_study import sweep as sweep
+from .studies.threshold_study import threshold as threshold
 from .studies.verify import verify as verify
 from .verification import Verification as Verification
 

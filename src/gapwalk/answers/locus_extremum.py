@@ -153,12 +153,9 @@ class _Curve:
 def _special(special: SpecialPoint, locus: Locus, point: LocusPoint) -> SpecialPoint:
     """Return a point of a locus as a special point of the branch along the first parameter."""
     value = point.values[0]
-    none = np.zeros(0)
-    branch_point = BranchPoint(value, point.orbit, none, none, math.nan, math.nan)
+    branch_point = BranchPoint(value, point.orbit, point.x, point.tangent, math.nan, math.nan)
     sides = point.orbit.instability
-    return SpecialPoint(
-        special.kind, branch_point, sides, sides, math.nan, locus.contact, parameter=locus.first
-    )
+    return SpecialPoint(special.kind, branch_point, sides, sides, math.nan, locus.contact, parameter=locus.first)
 
 
 def _blur(point: LocusPoint) -> float:

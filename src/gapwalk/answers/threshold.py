@@ -5,20 +5,21 @@ these lie on loci in the plane of both parameters. The threshold is the extremum
 is found from both sides, and then confirmed: many motions from random starts just beyond it are followed until they
 have settled. If one of them rattles, its own border is followed in the same way.
 
-Method: docs/numerics/answers.md
+Method: docs/studies.md
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import GapState, chosen_gaps, contact_place, gap_state
+from gapwalk.answers.gap_states import contact_place, gap_state
 from gapwalk.answers.locus_extremum import Extremum, locus_extremum
 from gapwalk.attractors.many_motions import motions_of
 from gapwalk.attractors.settle import SettleOptions, settle
@@ -30,20 +31,20 @@ from gapwalk.bifurcation.loci.gradient import Gradient
 from gapwalk.bifurcation.loci.locus import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.model.system import System, check_system
+from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import SummaryParts, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
-_COARSE = 25  # values of the parameter at which motions are tried first
-_FEW = 2  # starts at each of these
-_WATCHED = 64  # forcing periods over which impacts are counted
+_COARSE = 9  # values of the parameter at which motions are tried first
+_FEW = 2  # starts at each pair of values then
+_AGAIN = 2  # further transients, of the same length, after which impacts count as those of a settled motion
+_WATCHED = 32  # forcing periods over which impacts are counted
 _BEYOND = 1e-3  # distance beyond the threshold, in widths of the range, at which it is confirmed
 _NEAR = 0.1  # share of the range of the other parameter about the limit in which half of all motions are tried
-_TRIED = 6  # motions of a batch that are settled exactly before it is believed
-_SETTLE = SettleOptions(max_periods=4000)
+_SETTLE = SettleOptions(max_periods=1500)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +65,9 @@ class ThresholdOptions:
         Seed of the starts.
     """
 
-    values: int = 64
-    starts: int = 16
-    periods: int = 600
+    values: int = 24
+    starts: int = 10
+    periods: int = 200
     rounds: int = 6
     seed: int = 0
 
@@ -147,7 +148,7 @@ class Threshold(Shown):
     @property
     def value(self) -> float:
         """The threshold; nan if there is none in the range."""
-        return float("nan") if self.limit is None else self.limit.value
+        return math.nan if self.limit is None else self.limit.value
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -155,7 +156,9 @@ class Threshold(Shown):
         found = self.confirmation
         if found is None or not found.rattling:
             return ()
-        return (f"{found.rattling} of {found.motions} motions rattle beyond it, and their border could not be followed",)
+        return (
+            f"{found.rattling} of {found.motions} motions rattle beyond it, and their border could not be followed",
+        )
 
     def gradient(self, *names: str) -> Gradient:
         """Return how far other parameters move the threshold; see `SpecialPoint.gradient`.
@@ -170,6 +173,18 @@ class Threshold(Shown):
         if self.limit is None:
             raise ModelError("there is no threshold in the range, so it has no gradient")
         return self.limit.gradient(*names)
+
+    complete: ClassVar[bool] = True
+
+    def tables(self) -> Tables:
+        """Return the table of the loci: both parameters at each of their points."""
+        return {"loci": self._rows}
+
+    def _rows(self) -> Rows:
+        yield ["locus", "kind", self.over, self.parameter]
+        for number, locus in enumerate(self.loci, start=1):
+            for value, other in locus.values.tolist():
+                yield [number, str(locus.kind), other, value]
 
     @property
     def sentence(self) -> str:
@@ -188,8 +203,8 @@ class Threshold(Shown):
         )
 
     @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the answer, its evidence, and what moves it most."""
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the answer, its evidence, and what moves it most; with the notes or without."""
         yield self.sentence
         if self.limit is not None:
             place = ", at the end of the range: beyond it the limit is farther" if self.is_edge else ""
@@ -203,7 +218,8 @@ class Threshold(Shown):
         if self.limit is not None:
             with suppress(NumericalError, ModelError):
                 yield f"what moves it most, in percent for one percent more: {self.gradient().words(5)}"
-        yield from remarks(self.notes, self.failures)
+        if notes:
+            yield from remarks(self.notes, self.failures)
 
     def plot(self, **options):
         """Draw the loci in the plane of both parameters, with the limit; return the figure."""
@@ -215,57 +231,19 @@ class Threshold(Shown):
         return f"Threshold({self.sentence})"
 
 
-def threshold(
+def find_threshold(
     system: System,
     parameter: str,
     to: tuple[float, float],
     over: str,
     span: tuple[float, float],
-    gaps: str | Sequence[str] = (),
-    options: ThresholdOptions | None = None,
+    gaps: Sequence[str],
+    options: ThresholdOptions,
 ) -> Threshold:
-    """Find the value of a parameter beyond which gaps do not rattle over a whole range of another parameter.
-
-    Parameters
-    ----------
-    system
-        The system.
-    parameter, to
-        The parameter and its range, from a value at which a gap rattles somewhere to one at which all should be quiet.
-    over, span
-        The other parameter and its range, in which nothing may rattle: such as the speed.
-    gaps
-        Names of the contacts; by default all in which parts may rattle.
-    options
-        Number of motions that are tried.
-
-    Returns
-    -------
-    threshold : Threshold
-        Its ``limit`` is None if nothing rattles in the range, or if something rattles all over it; ``notes`` say which.
-
-    Raises
-    ------
-    ModelError
-        For unknown parameters or contacts, or an empty range.
-
-    Examples
-    --------
-    >>> found = gw.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
-    >>> found.value
-    -3.165...
-    """
-    check_system(system, "threshold")
-    low, high = sorted(map(float, span))
-    if not low < high or to[0] == to[1]:
-        raise ModelError(f"the ranges are {to!r} and {span!r}; the two values of each must differ")
-    for first, second in ((a, b) for a in to for b in (low, high)):
-        system.at({parameter: first, over: second})
-    request = _Request(
-        system, chosen_gaps(system, gaps), parameter, (float(to[0]), float(to[1])), over, (low, high),
-        options or ThresholdOptions(),
-    )
-    return _Search(request).run()
+    """Find a threshold; parameters and errors are those of `gapwalk.threshold`."""
+    for first, second in ((a, b) for a in to for b in span):
+        system.at({parameter: first, over: second})  # refuses what no system can have
+    return _Search(_Request(system, tuple(gaps), parameter, to, over, span, options)).run()
 
 
 class _Request(NamedTuple):
@@ -301,13 +279,14 @@ class _Search:
     request: _Request
     extrema: list[Extremum] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    _followed: list[float] = field(default_factory=list)
+    _motions: int = 0
 
     def run(self) -> Threshold:
         """Return the threshold."""
         asked, options = self.request, self.request.options
         values = np.linspace(*asked.to, _COARSE)
-        others = np.linspace(*asked.span, max(8, options.values // 2))
-        hits, _ = self._tried(values, others, _FEW)
+        hits, _ = self._tried(values, np.linspace(*asked.span, max(8, options.values // 2)), _FEW)
         hit = self._farthest(hits)
         if hit is None:
             self.notes.append("nothing rattles in the whole range")
@@ -340,10 +319,21 @@ class _Search:
         asked, best = self.request, self._best()
         loci = tuple(each.locus for each in sorted(self.extrema, key=lambda each: asked.way * each.value))
         limit = None if best is None else best.special
-        at, error, is_edge = (float("nan"), float("inf"), False) if best is None else (best.at, best.error, best.is_edge)
+        at, error, is_edge = (math.nan, float("inf"), False) if best is None else (best.at, best.error, best.is_edge)
         return Threshold(
-            asked.system, asked.gaps, asked.parameter, *asked.to, asked.over, *asked.span,
-            limit, at, error, is_edge, loci, confirmation, tuple(self.notes),
+            asked.system,
+            asked.gaps,
+            asked.parameter,
+            *asked.to,
+            asked.over,
+            *asked.span,
+            limit,
+            at,
+            error,
+            is_edge,
+            loci,
+            confirmation,
+            tuple(self.notes),
         )
 
     def _best(self) -> Extremum | None:
@@ -366,21 +356,17 @@ class _Search:
         found = motions.contacts(motions.advance(states, options.periods), _WATCHED)
         places = [contact_place(asked.system, gap) for gap in asked.gaps]
         rattling = np.flatnonzero((found.impacts[:, places] > 0.0).any(axis=1))
+        last = found.states
+        for _ in range(_AGAIN):  # a transient may last longer than the others
+            if not len(rattling):
+                break
+            part = motions.part(rattling)
+            again = part.contacts(part.advance(last[rattling], options.periods), _WATCHED)
+            last[rattling] = again.states
+            rattling = rattling[(again.impacts[:, places] > 0.0).any(axis=1)]
         self._motions = len(states)
-        hits = [_Hit(float(pairs[k, 1]), float(pairs[k, 0]), found.states[k]) for k in rattling.tolist()]
-        return self._believed(hits), motions.error
-
-    def _believed(self, hits: list[_Hit]) -> list[_Hit]:
-        """Return the hits that rattle after an exact transient too: a light one may not have ended yet."""
-        ordered = sorted(hits, key=lambda each: -self.request.way * each.value)
-        for number, hit in enumerate(ordered):
-            if number % max(1, len(ordered) // _TRIED) and number > _TRIED:
-                continue
-            with suppress(NumericalError):
-                settled = settle(self.request.at(hit.value, hit.other), hit.state, _SETTLE)
-                if self._rattles(settled.orbit or settled.motion()):
-                    return [hit._replace(state=settled.state), *ordered[number + 1 :]]
-        return []
+        hits = [_Hit(float(pairs[k, 1]), float(pairs[k, 0]), last[k]) for k in rattling.tolist()]
+        return hits, motions.error
 
     def _rattles(self, motion) -> bool:
         return any(gap_state(motion, gap).rattles for gap in self.request.gaps)
@@ -390,10 +376,13 @@ class _Search:
         asked = self.request
         ranges = (tuple(sorted(asked.to)), asked.span)
         for special in self._borders(hit):
+            if any(abs(special.value - known) <= 1e-8 * abs(known) for known in self._followed):
+                continue  # the same border, met from the other side
+            self._followed.append(special.value)
             try:
                 extremum = locus_extremum(special, asked.parameter, asked.over, ranges, asked.way)
             except (NumericalError, ModelError) as error:
-                self.notes.append(f"a {special.kind} at {asked.parameter} = {special.value:.6g} was not followed: {error}")
+                self.notes.append(f"a {special.kind} at {special.value:.6g} was not followed: {error}")
                 continue
             self.extrema.append(extremum)
 

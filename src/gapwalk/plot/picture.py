@@ -50,6 +50,7 @@ _MODULES = {
     "loci": ("Family", "Map"),
     "models": ("System",),
     "rattle_picture": ("RattleBands",),
+    "threshold_picture": ("Threshold",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),

@@ -74,6 +74,7 @@ _HOMES = {
     "basins": "basin_study.BasinStudy",
     "regimes": "regime_study.RegimeStudy",
     "rattle": "rattle_study.RattleStudy",
+    "threshold": "threshold_study.ThresholdStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
