@@ -305,7 +305,8 @@ class _Search:
             if asked.way * (beyond - asked.to[1]) > 0.0:
                 beyond = asked.to[1]
             near = _NEAR * (asked.span[1] - asked.span[0])
-            window = np.clip([best.at - near, best.at + near], *asked.span)
+            low, high = asked.span
+            window = max(low, best.at - near), min(high, best.at + near)
             half = options.values // 2
             others = np.unique(np.concatenate((np.linspace(*asked.span, half), np.linspace(*window, half))))
             hits, error = self._tried(np.array([beyond]), others, options.starts, self._carried(best))
@@ -374,7 +375,7 @@ class _Search:
     def _follow(self, hit: _Hit) -> None:
         """Follow the borders that lie near a rattling motion over the other parameter, and note their extrema."""
         asked = self.request
-        ranges = (tuple(sorted(asked.to)), asked.span)
+        ranges = (min(asked.to), max(asked.to)), asked.span
         for special in self._borders(hit):
             if any(abs(special.value - known) <= 1e-8 * abs(known) for known in self._followed):
                 continue  # the same border, met from the other side

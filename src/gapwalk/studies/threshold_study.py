@@ -225,4 +225,6 @@ def threshold(
         gaps=chosen_gaps(system, gaps),
         options=options or ThresholdOptions(),
     )
-    return call(asked, asked.work(system), asked.first_system(system), report=report, output=output).record
+    found = call(asked, asked.work(system), asked.first_system(system), report=report, output=output).record
+    assert found is not None
+    return found
