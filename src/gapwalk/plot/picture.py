@@ -49,7 +49,7 @@ _MODULES = {
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),
-    "rattle_picture": ("RattleBands",),
+    "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),

@@ -1,4 +1,4 @@
-"""Pictures of rattle: bands shaded over the response, severity along them below."""
+"""Pictures of rattle: bands shaded over the response with severity below, and maps of two parameters."""
 
 from __future__ import annotations
 
@@ -12,15 +12,32 @@ from matplotlib.axes import Axes
 
 from gapwalk.answers.gap_states import GapState
 from gapwalk.answers.rattle_bands import RattleBands, Severity, moved_by
+from gapwalk.answers.rattle_map import RattleMap, cell_word
 from gapwalk.answers.settled_sweep import Direction, Stretch
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_words
+from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, points, stroke, symbols
 
 _TINTS = {GapState.ONE_SIDE: "#fbe3c4", GapState.BOTH_SIDES: "#f2b98a"}  # in grey, the second is clearly darker
+# periodic, and not periodic: the same hue, darker
+_CELLS = {
+    GapState.CLOSED: ("#e3ebf2", "#a9bccd"),
+    GapState.OPEN: ("#ffffff", "#d0d0d0"),
+    GapState.ONE_SIDE: ("#fbe3c4", "#d9a75c"),
+    GapState.BOTH_SIDES: ("#f2b98a", "#b5602a"),
+}
+_DIVERGED, _UNDONE = "#3a3a3a", "#f4f4f4"
+_WORDS = {
+    GapState.CLOSED: "closed (quiet)",
+    GapState.OPEN: "open (quiet)",
+    GapState.ONE_SIDE: "one side",
+    GapState.BOTH_SIDES: "both sides",
+}
+_MAP: Inches = (8.0, 6.0)
 _WAYS = {Direction.UP: (BLUE, "-"), Direction.DOWN: (VERMILLION, (0, (4, 2)))}
 _SIZE: Inches = (8.0, 9.0)
 _WATCHED, _SAMPLES = 16, 64  # forcing periods of a motion without period, and samples of each
@@ -157,3 +174,41 @@ def _write_ends(ax: Axes, found: RattleBands, gap: str) -> None:
             fontsize=points(7.5),
             annotation_clip=False,
         )
+
+
+@draws(RattleMap, size=_MAP)
+def draw_rattle_map(found: RattleMap, ax: Axes, gap: str | None = None) -> None:
+    """Draw the state of one gap in the plane of two parameters, with the exact borders over the cells.
+
+    Parameters
+    ----------
+    found, ax
+        The map and the axes.
+    gap
+        Name of the contact; by default the first.
+    """
+    name = found.gaps[0] if gap is None else gap
+    if name not in found.gaps:
+        raise ModelError(f"gap is {gap!r}; {did_you_mean(name, found.gaps)}")
+    states, is_periodic = found.codes[..., found.gaps.index(name)], found.periods > 0
+    codes, entries = np.zeros(states.shape), []
+    kinds = [(state.code, periodic) for state in GapState for periodic in (True, False)]
+    for code, periodic in [*kinds, (-1, False), (-2, False)]:
+        own = (states == code) & (is_periodic == periodic)
+        if own.any():
+            codes[own] = len(entries)
+            entries.append(_cell_entry(code, periodic))
+    units = found.system.units
+    words = parameter_words(found.first, units), parameter_words(found.second, units)
+    fill_colors(ax, codes, [color for _, color in entries], found.within, words)
+    lines = [(f"border: {text}", options) for text, options in draw_loci(ax, found, found.loci)]
+    ax.set_title(f"rattle of {name}", wrap=True)
+    note = f"checked with the exact flow: {len(found.different)} of {found.checked} cells differed"
+    write_legend(ax, [*entries, *lines], note=note if found.checked else "not checked with the exact flow")
+
+
+def _cell_entry(code: int, periodic: bool) -> tuple[str, str]:
+    if code < 0:
+        return cell_word(code, True), _DIVERGED if code == -1 else _UNDONE
+    state = list(GapState)[code]
+    return _WORDS[state] + ("" if periodic else ", not periodic"), _CELLS[state][0 if periodic else 1]

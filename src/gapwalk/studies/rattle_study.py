@@ -20,11 +20,13 @@ from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.options import RangeStudy
+from gapwalk.studies.derived_schema import key_type
+from gapwalk.studies.options import RangeStudy, Second
+from gapwalk.studies.rattle_map_work import RattleMapWork
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
-from gapwalk.studies.tables import RestOrState, Surroundings
+from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
 from gapwalk.summary import SummaryParts, summarizes
 
 
@@ -42,6 +44,8 @@ class RattleOptions:
         Seed of these starts.
     reference
         Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
+    check
+        Cells of a map whose gaps are watched again with the exact flow.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
     """
@@ -50,10 +54,11 @@ class RattleOptions:
     starts: int = 32
     seed: int = 0
     reference: float = 1.0
+    check: int = 32
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        check_integers(self, starts=0, seed=0)
+        check_integers(self, starts=0, seed=0, check=0)
         if not self.reference > 0.0:
             raise ModelError(f"reference is {self.reference!r}; it must be an acceleration > 0")
 
@@ -84,22 +89,29 @@ class RattleStudy(RattleOptions, RangeStudy):
     ----------
     parameter, begin, end
         The parameter, and its range.
-    sweep, starts, seed, reference, workers
+    sweep, starts, seed, reference, check, workers
         Options; as `gapwalk.RattleOptions`. In a table, the keys of `sweep` are among the others.
     gaps
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
     start
         Start of the first transient: ``"rest"``, or a state at theta = 0.
+    second
+        The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
+    resolution
+        Columns and rows of cells of a map.
     """
 
     kind: ClassVar[str] = "rattle"
     table_types: ClassVar[Mapping[str, Any]] = {
         "gaps": GAPS,
+        "resolution": key_type(Resolution),
     }
 
     gaps: Annotated[tuple[str, ...], OPEN] = ()
     start: RestOrState = "rest"
+    second: Second | None = None
+    resolution: tuple[int, int] = (48, 32)
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> RattleStudy:
@@ -109,11 +121,15 @@ class RattleStudy(RattleOptions, RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"rattle of {', '.join(self.gaps)} over {self.range_words}, rising and falling"
+        what = f"rattle of {', '.join(self.gaps)} over {self.range_words}"
+        if self.second is None:
+            return f"{what}, rising and falling"
+        columns, rows = self.resolution
+        return f"{what} and {self.second.words}, {columns} x {rows} cells"
 
-    def work(self, system: System) -> RattleWork:
-        """Return the work on the bands."""
-        return RattleWork(system, self)
+    def work(self, system: System) -> RattleWork | RattleMapWork:
+        """Return the work on the bands, or on the map if there is a second parameter."""
+        return RattleWork(system, self) if self.second is None else RattleMapWork(system, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +199,10 @@ class RattleWork(Work):
         """Return the bands as the finding of a study."""
         return RattleFinding(self.record, self.done, self.total)
 
+    @property
+    def _step(self) -> float:
+        return (self.asked.end - self.asked.begin) / self.asked.sweep.steps
+
     def _bands(self, *, complete: bool) -> RattleBands:
         asked = self.asked
         both = [found for _, found in sorted(self._sweeps.items())]
@@ -195,7 +215,7 @@ class RattleWork(Work):
         if sampled:
             notes.append(
                 f"at {sampled} values the settled motion did not become periodic within {asked.sweep.patience} forcing "
-                f"periods; nothing is known between samples, {(asked.ends[1] - asked.ends[0]) / asked.sweep.steps:.4g} apart"
+                f"periods; nothing is known between samples, {abs(self._step):.4g} apart"
             )
         if not complete:
             notes.append(f"stopped when {len(both)} of {len(Direction)} sweeps were done")
