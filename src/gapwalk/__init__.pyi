@@ -14,6 +14,9 @@ from . import records as records
 from . import special_points as special_points
 from . import studies as studies
 from . import train as train
+from .answers.run_up import RunUp as RunUp
+from .answers.run_up import run_up as run_up
+from .answers.speed_course import SpeedCourse as SpeedCourse
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
