@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,7 +9,6 @@ from scipy.special import wofz
 
 import gapwalk as gw
 from gapwalk.answers.speed_course import SpeedCourse
-from gapwalk.flow.ramp import Ramped
 
 DAMPING, FORCE, PHASE = 0.05, 0.3, 0.4
 

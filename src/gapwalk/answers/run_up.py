@@ -404,7 +404,7 @@ def run_up(
     for end in (speed.speed.min(), speed.speed.max()):
         system.at({pace: float(end)})
     state = start_at(first, phase) if state is None else check_state(first, state)
-    thetas = _angles(system, speed, phase, samples)
+    thetas = angles_of(system, speed, phase, samples)
     rows, times, events, intervals = [state], [0.0], [], []
     for piece in pieces_of(system, speed, thetas):
         found = ramped.sample(state, piece.angles, piece.speed, piece.acceleration)
@@ -454,7 +454,7 @@ class Piece(NamedTuple):
         return self.begun + 2.0 * since / (self.speed + speeds)
 
 
-def _angles(system: System, course: SpeedCourse, phase: float, samples: int) -> NDArray[np.float64]:
+def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -> NDArray[np.float64]:
     """Return the angles of all samples: even ones, the knots of the course, and its end."""
     knots = phase + course.turned * system.structure.frequency
     count = int((knots[-1] - phase) / PERIOD * samples)
