@@ -16,6 +16,8 @@ from . import studies as studies
 from . import train as train
 from .answers.run_up import RunUp as RunUp
 from .answers.run_up import run_up as run_up
+from .answers.run_ups import RunUps as RunUps
+from .answers.run_ups import run_ups as run_ups
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
