@@ -20,6 +20,7 @@ from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD
@@ -27,6 +28,7 @@ from gapwalk.flow.forces import contact_deflections, contact_forces
 from gapwalk.flow.motion import check_state, force_of, integrate, train_histories, train_signals
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol, parameter_words, value_words
@@ -35,6 +37,8 @@ from gapwalk.summary import SummaryParts, Table, summarizes
 
 _MOST = 20_000_000  # samples of a run-up
 _REFINED = 256  # samples of an interval in which the largest force is looked for
+_BESIDE = 6  # points of a branch next to a fold, which lie on one side of it
+_OTHER = 0.05  # share of the range of a branch by which another motion differs from that at a fold
 _TOPS = 6  # of the largest samples of a force, around each of which it is looked for
 
 
@@ -133,7 +137,8 @@ class RunUp(Shown):
         system = self.system
         names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
         names += [force_of(form) for form in system.structure.contacts]
-        displaced = any(torque.displaces for torque in getattr(system.structure.assembly, "form", _None).torques)
+        assembly = system.structure.assembly
+        displaced = isinstance(assembly, TrainAssembly) and any(each.displaces for each in assembly.form.torques)
         return names + [name for name in train_signals(system.structure) if name.endswith(".torque") and not displaced]
 
     def signal(self, name: str) -> NDArray[np.float64]:
@@ -217,34 +222,29 @@ class RunUp(Shown):
             raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
         speed, half = self.half(coordinate)
         values = np.array([point.value for point in branch.points])
-        sizes = np.array([point.orbit.measure(measure) for point in branch.points])
+        sizes = np.array([point.measure(measure) for point in branch.points])
         stable = np.array([point.orbit.stable for point in branch.points])
         found = []
-        for point in branch.special_points:
-            if str(point.kind) != "fold" or not speed.min() < point.value < speed.max():
+        for special in branch.special_points:
+            if special.kind is not Kind.FOLD or not speed.min() < special.value < speed.max():
                 continue
-            beside = np.abs(values - point.value) < 0.02 * np.ptp(values)
-            if np.any(sign[0] * (values[beside] - point.value) > 1e-3 * np.ptp(values[beside])):
-                near = beside & (np.abs(sizes - point.orbit.measure(measure)) < 0.1 * np.ptp(sizes))
-                if np.any(sign[0] * (values[near] - point.value) > 1e-6 * abs(point.value)):
-                    continue  # this fold is met from the other direction
-            crossings = [
-                float(sizes[k] + (sizes[k + 1] - sizes[k]) * (point.value - values[k]) / (values[k + 1] - values[k]))
-                for k in range(len(values) - 1)
-                if stable[k] and stable[k + 1] and (values[k] - point.value) * (values[k + 1] - point.value) < 0.0
-            ]
-            before = point.orbit.measure(measure)
-            others = [each for each in crossings if abs(each - before) > 0.05 * np.ptp(sizes)]
-            if not others:
+            before = special.point.measure(measure)
+            far = np.hypot((values - special.value) / np.ptp(values), (sizes - before) / (np.ptp(sizes) or 1.0))
+            beside = values[np.argsort(far, kind="stable")[:_BESIDE]]
+            if sign[0] * (np.mean(beside) - special.value) > 0.0:
+                continue  # the stable motion ends there for the other direction
+            steps = np.flatnonzero(stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value)))
+            shares = (special.value - values[steps]) / (values[steps + 1] - values[steps])
+            others = sizes[steps] + shares * (sizes[steps + 1] - sizes[steps])
+            others = others[np.abs(others - before) > _OTHER * np.ptp(sizes)]
+            if not len(others):
                 continue
-            after = min(others, key=lambda each: abs(each - before))
-            beyond = sign[0] * (speed - point.value) > 0.0
+            after = others[np.argmin(np.abs(others - before))]
+            beyond = sign[0] * (speed - special.value) > 0.0
             jumped = np.flatnonzero(beyond & (np.abs(half - after) < np.abs(half - before)))
             jump = float(speed[jumped[0]]) if len(jumped) else float("nan")
-            ahead = (
-                np.interp([point.value, jump], *_increasing(self.speed, self.time)) if len(jumped) else [0.0, np.nan]
-            )
-            found.append(Delay(point.value, jump, float(ahead[1] - ahead[0])))
+            times = np.interp([special.value, jump], *_increasing(self.speed, self.time))
+            found.append(Delay(special.value, jump, float(times[1] - times[0]) if len(jumped) else float("nan")))
         return tuple(found)
 
     def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
@@ -317,10 +317,10 @@ class RunUp(Shown):
     @property
     def sentences(self) -> tuple[str, ...]:
         """The largest force of each contact that touches, in sentences."""
-        unit = " N m" if self.system.units else ""
-        pace = self.system.structure.pace
+        units, pace = self.system.units, self.system.structure.pace
+        unit = " N m" if units else ""
         return tuple(
-            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, self.system.units)}; "
+            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units)}; "
             f"{each.impacts} impacts"
             for each in self.peaks
             if each.force
@@ -334,10 +334,6 @@ class RunUp(Shown):
 
     def __repr__(self) -> str:
         return f"RunUp({self.course!r}, {len(self.events)} contact events)"
-
-
-class _None:
-    torques = ()
 
 
 def run_up(

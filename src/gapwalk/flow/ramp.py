@@ -90,7 +90,7 @@ class Ramped:
 
     @cached_property
     def carried(self) -> NDArray[np.float64]:
-        """Constant accelerations of the coordinates by the torque that runs the train up, for ``dW/dt = 1``; shape (n,).
+        """Constant accelerations of the coordinates by the torque that runs a train up, at ``dW/dt = 1``; shape (n,).
 
         It is zero unless a reaction holds the speed of a train.
         """
