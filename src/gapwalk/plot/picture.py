@@ -46,6 +46,7 @@ _MODULES = {
     "cells": ("Basins", "Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
+    "run_up_pictures": ("RunUp", "RunUps"),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),
