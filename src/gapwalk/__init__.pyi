@@ -14,6 +14,7 @@ from . import records as records
 from . import special_points as special_points
 from . import studies as studies
 from . import train as train
+from .answers.rattle_bands import RattleBands as RattleBands
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
@@ -70,6 +71,8 @@ from .studies.family_study import family as family
 from .studies.map import Map as Map
 from .studies.map import MapOptions as MapOptions
 from .studies.map_study import bifurcation_map as bifurcation_map
+from .studies.rattle_study import RattleOptions as RattleOptions
+from .studies.rattle_study import rattle_bands as rattle_bands
 from .studies.read_result import load as load
 from .studies.regime_study import RegimeMapOptions as RegimeMapOptions
 from .studies.regime_study import regimes as regimes

@@ -49,6 +49,7 @@ _MODULES = {
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),
+    "rattle_picture": ("RattleBands",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),
