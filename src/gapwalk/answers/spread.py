@@ -8,6 +8,7 @@ joined by a Gaussian copula: standard normal numbers with the given correlation 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -17,9 +18,16 @@ from numpy.typing import NDArray
 from scipy import special
 
 from gapwalk.errors import ModelError
+from gapwalk.files import open_file
+from gapwalk.model.measured.csv_columns import parse_csv
 from gapwalk.model.system import System
 
 Array = NDArray[np.float64]
+
+MAX_PARTS = 1_000_000
+"""Largest number of measured parts in a file."""
+MAX_BYTES = 500_000_000
+"""Largest size of such a file; a longer one is refused because its last row is cut."""
 
 _LEAST = 1e-10  # eigenvalue of a correlation matrix below which it counts as singular
 _ROUNDING = 1e-9  # by which a written correlation matrix may differ from a symmetric one
@@ -81,7 +89,9 @@ class Spread:
                 raise ModelError(f"{name} of {self.parameter} is {value}; it must be a finite number")
         if self.law is SpreadLaw.NORMAL:
             if self.sd is None or self.sd <= 0.0:
-                raise ModelError(f"sd of {self.parameter} is {self.sd}; a normal law needs one above 0, as in sd = 0.05")
+                raise ModelError(
+                    f"sd of {self.parameter} is {self.sd}; a normal law needs one above 0, as in sd = 0.05"
+                )
         elif self.low is None or self.high is None:
             raise ModelError(f"low and high of {self.parameter} are needed for a {self.law} law")
         elif self.sd is not None:
@@ -256,3 +266,33 @@ def spread_in_percent(system: System, percent: float, parameters: Sequence[str])
     >>> gw.analysis.spread_in_percent(system, 5, ["stage2.clearance", "mean.q1"])
     """
     return tuple(Spread(name, sd=abs(system[name]) * percent / 100.0, mean=system[name]) for name in parameters)
+
+
+def measured_parts(path: str | os.PathLike[str]) -> Spreads:
+    """Read measured parts from a CSV file: a line with names of parameters, then one row for each part.
+
+    The numbers are in the units of the model's parameters. Samples are drawn from the rows, so that whatever
+    correlates in them correlates in the samples.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, or an entry is no finite number.
+
+    Examples
+    --------
+    >>> gw.tolerance(system, "frequency", (1.9, 0.6), gw.analysis.measured_parts("clutches.csv"))
+    """
+    try:
+        with open_file(path) as file:
+            table = parse_csv(file.read(MAX_BYTES + 1), "stage2.clearance,mean.q1", MAX_PARTS)
+            columns = table.numbers({name: place for place, name in enumerate(table.heads)})
+    except OSError as error:
+        raise ModelError(f"parts cannot be read from {os.fspath(path)!r}: {error.strerror or error}") from None
+    except ModelError as error:
+        raise ModelError(f"parts in {os.fspath(path)!r}: {error}") from None
+    if len(columns) != len(table.heads):
+        raise ModelError(f"parts in {os.fspath(path)!r} names a column twice")
+    if not table.rows:
+        raise ModelError(f"parts in {os.fspath(path)!r} has no rows; write one for each measured part")
+    return Spreads(names=table.heads, parts=tuple(map(tuple, np.column_stack([*columns.values()]).tolist())))

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 _SAME = 1e-6  # share of the range within which two values are one point
 _BEYOND = 0.02  # share of the range by which a walk goes on beyond the farthest tracked point
+_FURTHER = (0.0, 0.1)  # shares of the range by which a walk that did not meet all tracked points goes on
 _CLOUD = 3.0  # the curvature of a point, as a multiple of what most solutions showed
 
 
@@ -264,19 +265,27 @@ class Tracker:
     def walked(self, sample: Array, found: Array) -> tuple[SpecialPoint, ...] | None:
         """Walk the branch of a sample; None if the walk fails."""
         asked = self.asked
-        way = np.sign(asked.end - asked.begin)
-        reach = [way * value for value in found[~np.isnan(found)].tolist()]
-        beyond = max([way * asked.end, *(value + _BEYOND * asked.width for value in reach if value > way * asked.end)])
-        try:
-            start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
-            branch = follow(start, asked.parameter, float(way * beyond), walk=asked.walk)
-        except (ModelError, NumericalError):
-            return None
-        return branch.special_points if branch.ends[-1].reason is EndReason.RANGE else None
+        way = float(np.sign(asked.end - asked.begin))
+        known = found[~np.isnan(found)]
+        farthest = max([way * asked.end, *(way * value + _BEYOND * asked.width for value in known)])
+        special: tuple[SpecialPoint, ...] | None = None
+        for further in _FURTHER:
+            try:
+                start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
+                to = way * (farthest + further * asked.width)
+                branch = follow(start, asked.parameter, to, walk=asked.walk)
+            except (ModelError, NumericalError):
+                break
+            if branch.ends[-1].reason is not EndReason.RANGE:
+                break
+            special = branch.special_points
+            values = np.array([each.value for each in special])
+            # a branch may leave the range and come back: the points of that part are tracked, but not yet met
+            if all(np.any(np.abs(values - value) <= _SAME * asked.width) for value in known):
+                break
+        return special
 
-    def match(
-        self, walked: Sequence[SpecialPoint], sample: Array, found: Array
-    ) -> tuple[list[Further], list[Origin]]:
+    def match(self, walked: Sequence[SpecialPoint], sample: Array, found: Array) -> tuple[list[Further], list[Origin]]:
         """Write the values of a walk into `found`, each to the nominal point with which it fits."""
         asked, lost = self.asked, np.isnan(found)
         expected = np.where(lost, [self.predicted_value(j, sample) for j in range(len(found))], found)
@@ -376,10 +385,10 @@ def walk_sample(asked: Tracking, piece: tuple[Array, Array]) -> tuple[float, tup
     if walked is None:
         return None
     further, _ = tracker.match(walked, sample, mine)
+    way = np.sign(asked.end - asked.begin)
     differences = [
         min((abs(special.value - value) for special in walked if label_of(special)[:2] == label[:2]), default=np.inf)
-        for label, value, own in zip(asked.labels, values.tolist(), mine.tolist(), strict=True)
-        if not np.isnan(value) and not (value == own and not np.any([special.value == value for special in walked])
-        and (value - asked.end) * (asked.end - asked.begin) > 0.0)
+        for label, value in zip(asked.labels, values.tolist(), strict=True)
+        if way * (value - asked.begin) >= 0.0  # a walk does not meet those before its beginning
     ]
     return max(differences, default=0.0), tuple(further)
