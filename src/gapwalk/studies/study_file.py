@@ -308,7 +308,9 @@ def _validated(
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
     system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed)
+    surroundings = Surroundings(
+        system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, os.path.dirname(source.name)
+    )
     return validate(study_schema(kind_of(kind)), tables[at], source, at, lambda: surroundings)
 
 

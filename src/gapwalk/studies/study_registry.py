@@ -73,6 +73,7 @@ _HOMES = {
     "sweep": "sweep_study.SweepStudy",
     "basins": "basin_study.BasinStudy",
     "regimes": "regime_study.RegimeStudy",
+    "tolerance": "tolerance_study.ToleranceStudy",
     "rattle": "rattle_study.RattleStudy",
     "threshold": "threshold_study.ThresholdStudy",
 }

@@ -99,6 +99,8 @@ class Surroundings:
         Returns the keys of all kinds of study, which are not allowed as names of studies.
     guessed
         True if the numbers of the system are placeholders: then values of parameters are not checked.
+    folder
+        Folder of the model file, in which a study may name other files.
     """
 
     system: System | None
@@ -107,6 +109,7 @@ class Surroundings:
     taken: tuple[str, ...] = ()
     all_keys: Callable[[], frozenset[str]] = frozenset
     guessed: bool = False
+    folder: str = ""
 
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
