@@ -370,7 +370,10 @@ class Switchboard:
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        near, on = self._are_near(depths, state, _ON), self._are_near(depths, state, _ROUNDING)
+        near = self._are_near(depths, state, _ON)
+        if True not in near:
+            return
+        on = self._are_near(depths, state, _ROUNDING)
         for other in others:
             # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
             if not near[other] or theta - self._changed[other] <= _REPEATED or self.dry.holds(other):
