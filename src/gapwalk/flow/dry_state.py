@@ -429,6 +429,14 @@ class DryState:
         """Return the derivative of the slip rate of friction over time, with a limit that is constant."""
         return self.acceleration(self.equations.dry[place], now, theta)
 
+    def rigid_rate(self, place: int, theta: float) -> float:
+        """Return the slip rate of friction without a spring, over time."""
+        contact, slots = self.equations.dry[place], self.slots[place]
+        rate = float(self.vectors[contact].dot(self.state[self.n : 2 * self.n])) - self.base.item(slots.numbers["speed"])
+        if slots.sway is not None:
+            rate += float(Angles(self.layout, self.base, theta).sway(slots, 0, 1))
+        return rate
+
     def gap(self, number: int, theta: float) -> tuple[float, float, float]:
         """Return the deflection beyond a stop, by its reaction; its rate over time; and the size of its clearance."""
         n, (contact, switch) = self.n, self.layout.structure.reactions[number]
@@ -441,7 +449,7 @@ class DryState:
     def speed(self) -> float:
         """Return the size of the velocities, now or a quarter of a period later."""
         numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
-        return max(*numbers[self.n :], max(numbers[: self.n]) / float(self.base[0]))
+        return max(*numbers[self.n :], max(numbers[: self.n]) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

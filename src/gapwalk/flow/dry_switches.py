@@ -111,20 +111,19 @@ class DrySwitches(DryState):
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
         still = _STILL * self.speed()
-        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
+        candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
-            rate = now.friction[place][0]
             if number is None:
                 continue
+            rate = self.rigid_rate(place, theta)
             if abs(rate) <= still:
                 candidates.append(number)
             else:
                 self.slips[place] = 1 if rate > 0.0 else -1
-        known: Readings | None = now
         if candidates:
-            self._hold(theta, candidates, now)
+            self._hold(theta, candidates)
             project(self, theta)
-            known = None
+        known: Readings | None = None
         for place, memory in enumerate(self.memory_of):
             if memory is not None:
                 known = self._begin_memory(place, memory, theta, known)
@@ -341,12 +340,13 @@ class DrySwitches(DryState):
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
-        if side:
-            self._slip(place, side, theta)
-            self.hold(())
-        else:
+        if not side:
             self.slips[place], self.sticks[place] = 0, True
             self.hold((self.reaction_of[place],))
+        else:
+            self._slip(place, side, theta)
+            if self.held:
+                self.hold(())
         self.apply()
         self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
@@ -558,6 +558,9 @@ class DrySwitches(DryState):
 
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
+        if not any(self.sticks) and not self._springs:
+            rates = [side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)]
+            return not rates or min(rates) >= -_NEAR * self.speed()
         now, velocity = self.read(theta), self.speed()
         for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:
