@@ -367,7 +367,10 @@ class Switchboard:
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        near, on = self._are_near(depths, state, _ON), self._are_near(depths, state, _ROUNDING)
+        near = self._are_near(depths, state, _ON)
+        if True not in near:
+            return
+        on = self._are_near(depths, state, _ROUNDING)
         for other in others:
             # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only; and where a motion
             # has hardly left since a switch changed, its own event follows
