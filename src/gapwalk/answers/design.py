@@ -382,7 +382,9 @@ class _Search:
         constraint = {"type": "ineq", "fun": lambda z: values + slopes @ z, "jac": lambda z: slopes}
         start = np.append(np.zeros(count), now.missing)
         options = {"ftol": 1e-15, "maxiter": 200}
-        solved = minimize(target, start, jac=True, bounds=limits, constraints=[constraint], method="SLSQP", options=options)
+        solved = minimize(
+            target, start, jac=True, bounds=limits, constraints=[constraint], method="SLSQP", options=options
+        )
         step = np.clip(solved.x[:-1], [each[0] for each in limits[:-1]], [each[1] for each in limits[:-1]])
         return step, max(0.0, float(-(values + slopes[:, :-1] @ step).min()))
 

@@ -337,7 +337,9 @@ class Resonance(Goal):
         """Describe the goal."""
         unit = f" {system.units.parameter(system.structure.pace)}" if system.units else ""
         parts = [
-            f"{word} {value:g}{unit}" for word, value in (("above", self.above), ("below", self.below)) if value is not None
+            f"{word} {value:g}{unit}"
+            for word, value in (("above", self.above), ("below", self.below))
+            if value is not None
         ]
         return f"resonance {self.number} with order {self.order:g} {' and '.join(parts)}"
 

@@ -233,7 +233,9 @@ class RunUp(Shown):
             beside = values[np.argsort(far, kind="stable")[:_BESIDE]]
             if sign[0] * (np.mean(beside) - special.value) > 0.0:
                 continue  # the stable motion ends there for the other direction
-            steps = np.flatnonzero(stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value)))
+            steps = np.flatnonzero(
+                stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value))
+            )
             shares = (special.value - values[steps]) / (values[steps + 1] - values[steps])
             others = sizes[steps] + shares * (sizes[steps + 1] - sizes[steps])
             others = others[np.abs(others - before) > _OTHER * np.ptp(sizes)]

@@ -432,7 +432,9 @@ class DryState:
     def rigid_rate(self, place: int, theta: float) -> float:
         """Return the slip rate of friction without a spring, over time."""
         contact, slots = self.equations.dry[place], self.slots[place]
-        rate = float(self.vectors[contact].dot(self.state[self.n : 2 * self.n])) - self.base.item(slots.numbers["speed"])
+        rate = float(self.vectors[contact].dot(self.state[self.n : 2 * self.n])) - self.base.item(
+            slots.numbers["speed"]
+        )
         if slots.sway is not None:
             rate += float(Angles(self.layout, self.base, theta).sway(slots, 0, 1))
         return rate

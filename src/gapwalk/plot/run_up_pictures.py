@@ -33,9 +33,7 @@ def signal_to_show(run: RunUp) -> str:
 
 
 @draws(RunUp, panels=True, size=_run_up_size)
-def draw_run_up(
-    run: RunUp, figure: AnyFigure, signal: str | None = None, *, branch: Branch | None = None
-) -> Finish:
+def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, branch: Branch | None = None) -> Finish:
     """Draw a signal of a run-up over the speed, and half its range per period over the response below.
 
     Parameters
@@ -50,7 +48,9 @@ def draw_run_up(
     """
     signal = signal or signal_to_show(run)
     if branch is not None and signal not in run.system.coordinates:
-        raise ModelError(f"{signal} is no coordinate; a response below needs one of {', '.join(run.system.coordinates)}")
+        raise ModelError(
+            f"{signal} is no coordinate; a response below needs one of {', '.join(run.system.coordinates)}"
+        )
     panels = figure.subplots(1 + (branch is not None), 1, squeeze=False, sharex=True)[:, 0]
     draw_history_over_speed(run, panels[0], signal)
     if branch is None:
