@@ -50,7 +50,7 @@ class Severity:
     Attributes
     ----------
     gap, met
-        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``any``.
+        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
     value
         Value of the parameter.
     state
@@ -124,7 +124,7 @@ class RattleBands(Shown):
     reference
         Acceleration to which levels in dB refer.
     sweeps
-        The settled motions met by slow sweeps.
+        The settled motions met by slow sweeps, then others that were found from random starts.
     bands
         The bands, by gap, then by how they are met (see `RattleBand.met`).
     severities
@@ -285,7 +285,8 @@ def bands_of_sweeps(sweeps: Sequence[SettledSweep], gaps: Iterable[str]) -> tupl
         for sweep in sweeps:
             spans = spans_of(sweep, gap)
             every += spans
-            found += bands_of_spans(spans, gap, str(sweep.direction))
+            if not sweep.name:
+                found += bands_of_spans(spans, gap, sweep.met)
         for band in bands_of_spans(every, gap, "any"):
             low, high = (known.setdefault(id(end), end.with_movers()) for end in (band.low, band.high))
             found.append(RattleBand(gap, "any", low, high, band.spans))
@@ -350,7 +351,7 @@ def _rows_at(
         except FlowError:
             return []
         period, what = motion.motion.period or 0, motion
-    met, value = str(sweep.direction), motion.value
+    met, value = sweep.met, motion.value
     return [severity_of(whole, gap, met, value, state_of(what, gap), period, reference) for gap in gaps]
 
 
