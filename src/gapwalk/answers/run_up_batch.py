@@ -106,9 +106,7 @@ def run_batch(
     pilot = len(courses) > 4 * LANES and options.steps is None
     while True:
         chosen = few if pilot else np.arange(len(courses))
-        found = _carry(
-            ramped, [courses[k] for k in chosen], phases[chosen], states[chosen], bins, options, per_time
-        )
+        found = _carry(ramped, [courses[k] for k in chosen], phases[chosen], states[chosen], bins, options, per_time)
         if options.steps is not None or not found.error > options.error:
             if not pilot:
                 return found

@@ -246,9 +246,15 @@ def run_ups(
     Examples
     --------
     >>> import gapwalk as gw
-    >>> mass = gw.System(["x"], mass=[1.0], damping=[0.1], stiffness=[1.0],
-    ...                  contacts=[gw.stop("wall", {"x": 1.0}, 0.5, 20.0)],
-    ...                  harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=1.0)
+    >>> mass = gw.System(
+    ...     ["x"],
+    ...     mass=[1.0],
+    ...     damping=[0.1],
+    ...     stiffness=[1.0],
+    ...     contacts=[gw.stop("wall", {"x": 1.0}, 0.5, 20.0)],
+    ...     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
+    ...     frequency=1.0,
+    ... )
     >>> found = gw.run_ups(mass, [gw.SpeedCourse.ramp(0.5, 1.5, rate) for rate in (0.01, 0.02)])
     >>> found.peaks("wall").shape
     (2,)
@@ -279,9 +285,7 @@ def run_ups(
     )  # fmt: skip
 
 
-def starts_of(
-    system: System, courses: Sequence[SpeedCourse], phases: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def starts_of(system: System, courses: Sequence[SpeedCourse], phases: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the state of the motion that settles at the first speed of each course, at its phase."""
     found, firsts = np.empty((len(courses), 2 * system.size)), np.array([float(each.speed[0]) for each in courses])
     for first in np.unique(firsts):

@@ -73,6 +73,7 @@ _HOMES = {
     "sweep": "sweep_study.SweepStudy",
     "basins": "basin_study.BasinStudy",
     "regimes": "regime_study.RegimeStudy",
+    "run-up": "run_up_study.RunUpStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
