@@ -93,7 +93,9 @@ def _time(value: object, info: ValidationInfo[Surroundings]) -> object:
 
 def _is_positive(value: float | None) -> float | None:
     if value is not None and not value > 0.0:
-        raise ValueError(f"is {value:g}; it must be > 0: the excitation is given over its angle, which stands still at 0")
+        raise ValueError(
+            f"is {value:g}; it must be > 0: the excitation is given over its angle, which stands still at 0"
+        )
     return value
 
 
@@ -204,8 +206,8 @@ class RunUpStudy(StudyKind):
         """Speed over time at each rate."""
         if self.times:
             return [SpeedCourse(np.array(self.times), np.array(self.speeds))]
-        assert self.begin is not None and self.end is not None
-        return [SpeedCourse.ramp(self.begin, self.end, rate, self.hold) for rate in self.rates]
+        first, last = self.begin or 0.0, self.end or 0.0  # both are given where there is no trace
+        return [SpeedCourse.ramp(first, last, rate, self.hold) for rate in self.rates]
 
     @property
     def count(self) -> int:
