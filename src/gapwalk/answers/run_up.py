@@ -167,6 +167,16 @@ class RunUp(Shown):
         found = train_histories(self.system, self.theta, q, v, np.zeros_like(q), self.forces)
         return found[:, train_signals(self.system.structure).index(name)]
 
+    @property
+    def loudest(self) -> str:
+        """The coordinate that the contact with the largest force deflects most; else the first one."""
+        names = self.system.coordinates
+        place = int(np.argmax([abs(each.force) for each in self.peaks])) if self.peaks else 0
+        if not self.peaks or not self.peaks[place].force:
+            return names[0]
+        layout, numbers = layout_of(self.system.structure), coefficients_of(self.system)
+        return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
+
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces, shape (samples, contacts)."""
@@ -230,9 +240,9 @@ class RunUp(Shown):
                 continue
             before = special.point.measure(measure)
             far = np.hypot((values - special.value) / np.ptp(values), (sizes - before) / (np.ptp(sizes) or 1.0))
-            beside = values[np.argsort(far, kind="stable")[:_BESIDE]]
-            if sign[0] * (np.mean(beside) - special.value) > 0.0:
-                continue  # the stable motion ends there for the other direction
+            beside = np.argsort(far, kind="stable")[:_BESIDE]
+            if sign[0] * (np.mean(values[beside]) - special.value) > 0.0 or not stable[beside].any():
+                continue  # a stable motion ends there for the other direction, or none does
             steps = np.flatnonzero(
                 stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value))
             )

@@ -150,6 +150,7 @@ class RunUps(Shown):
         """The largest force of each contact with its spread, in sentences."""
         system, found = self.system, []
         unit = " N m" if system.units else ""
+        per = f" {system.units.parameter(system.structure.pace)}/s" if system.units else " per unit of time"
         for name in self.touching:
             peaks, places = self.peaks(name), self.places(name)
             middle, most = np.nanquantile(peaks, (0.5, 0.95))
@@ -157,7 +158,7 @@ class RunUps(Shown):
             where = value_words(float(places[worst]), system.structure.pace, system.units)
             found.append(
                 f"{name}: peak {middle:.4g}{unit} in half of the run-ups, {most:.4g}{unit} in 95 %; at most "
-                f"{peaks[worst]:.4g}{unit}, at {where} of the run-up at {self.rates[worst]:.4g} per unit of time"
+                f"{peaks[worst]:.4g}{unit}, at {where} of the run-up at {self.rates[worst]:.4g}{per}"
             )
         return tuple(found)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.measured_table import WantedColumn, read_table
+from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind
 
@@ -95,7 +95,7 @@ class SpeedCourse:
         return cls(*np.array(points).T)
 
     @classmethod
-    def read(cls, file: str | os.PathLike[str] | io.StringIO, system: System) -> SpeedCourse:
+    def read(cls, file: str | os.PathLike[str] | io.StringIO | NamedFile, system: System) -> SpeedCourse:
         """Read a trace from a CSV file with a column of times and one of speeds, such as ``time (s), speed (rpm)``.
 
         Parameters

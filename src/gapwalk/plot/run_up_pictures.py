@@ -22,16 +22,6 @@ def _run_up_size(run: RunUp, signal: str | None = None, *, branch: Branch | None
     return 8.0, 4.2 + 3.6 * (branch is not None)
 
 
-def signal_to_show(run: RunUp) -> str:
-    """Return the signal that a picture shows by default: the coordinate of the contact with the largest force."""
-    names = run.system.coordinates
-    loudest = max(run.peaks, key=lambda peak: abs(peak.force), default=None)
-    if loudest is None or not loudest.force:
-        return names[0]
-    vector = run.system.equations.vector(run.system.structure.contacts[run.peaks.index(loudest)].vectors[0])
-    return names[int(np.argmax(np.abs(vector)))]
-
-
 @draws(RunUp, panels=True, size=_run_up_size)
 def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, branch: Branch | None = None) -> Finish:
     """Draw a signal of a run-up over the speed, and half its range per period over the response below.
@@ -46,7 +36,7 @@ def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, bra
     branch
         A response over the speed, of the same system: then the signal must be a coordinate.
     """
-    signal = signal or signal_to_show(run)
+    signal = signal or run.loudest
     if branch is not None and signal not in run.system.coordinates:
         raise ModelError(
             f"{signal} is no coordinate; a response below needs one of {', '.join(run.system.coordinates)}"
@@ -56,15 +46,15 @@ def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, bra
     if branch is None:
         return None
     panels[0].set_xlabel("")
-    finish = draw_branches(branch, panels[1], f"half.{signal}", legend=False)
+    finish = draw_branches(branch, panels[1], f"half.{signal}", legend=False, labels=False)
     speed, half = run.half(signal)
     panels[1].set_autoscale_on(True)
-    panels[1].plot(speed, half, zorder=6, **dots(3.0, VERMILLION), label="run-up")
+    panels[1].plot(speed, half, zorder=6, **dots(4.5, VERMILLION), label="run-up")
     panels[1].autoscale_view()
     panels[1].set_autoscale_on(False)
     for delay in run.delays(branch, signal):
         panels[1].axvspan(*sorted((delay.fold, delay.jump)), color=VERMILLION, alpha=0.12, linewidth=0)
-    run_up = ("run-up: each period", dots(3.0, VERMILLION))
+    run_up = ("run-up: each period", dots(4.5, VERMILLION))
     write_legend(panels[1], [("response", stroke(BLACK, 1.4)), run_up], "inside")
     return finish
 

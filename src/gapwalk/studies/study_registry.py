@@ -76,6 +76,7 @@ _HOMES = {
     "tolerance": "tolerance_study.ToleranceStudy",
     "rattle": "rattle_study.RattleStudy",
     "threshold": "threshold_study.ThresholdStudy",
+    "run-up": "run_up_study.RunUpStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
