@@ -48,6 +48,7 @@ _MODULES = {
     "diagrams": ("Diagram",),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
+    "tolerances": ("Tolerance",),
     "models": ("System",),
     "rattle_picture": ("RattleBands",),
     "motions": (
