@@ -33,10 +33,10 @@ Array = NDArray[np.float64]
 
 _STEPS = 8  # of Newton's method at one system
 _EXACT = 1e-6  # scaled step after which the error is about the square of it, of any point
-_ENOUGH = 1e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
+_ENOUGH = 5e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
 _LONGEST = 0.5  # scaled step that leaves the neighbourhood of a prediction
 _SHRINKS = 0.5  # by which steps must shrink after the second
-_PATH, _SHORTEST = 0.25, 1.0 / 64.0  # first and smallest step along the path between two systems
+_PATH, _SHORTEST = 0.25, 1.0 / 16.0  # first and smallest step along the path between two systems
 _TOUCH = 0.05  # radians around a grazing angle within which crossings of the breakpoint are the touch itself
 _FEATURES = 2.0  # samples needed for each coefficient of a fitted predictor
 _DEGREES = (3, 2)  # of fitted predictors

@@ -49,6 +49,7 @@ _MODULES = {
     "run_up_pictures": ("RunUp", "RunUps"),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
+    "tolerances": ("Tolerance",),
     "models": ("System",),
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
