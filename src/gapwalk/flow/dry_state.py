@@ -159,6 +159,46 @@ class CompiledReadings:
         """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
 
     @cached_property
+    def _is_plain(self) -> bool:
+        """True if deflections alone decide which stages are closed, and nothing else has a mode."""
+        layout = self._equations.layout
+        varies = any(slots.sway is not None or any(stage.waves for stage in slots.stages) for slots in layout.contacts)
+        return not (self._equations.modes or layout.cycles or self._equations.formulas or varies)
+
+    def along(self, coefficients: Array, states: Array, thetas: Array, slips: Array) -> Array | None:
+        """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow.
+        states, thetas : shape (samples, state_size), (samples,)
+            The states, and their angles.
+        slips : shape (contacts that are friction,)
+            The modes of friction, the same at all samples: 1 or -1 in slip, 0 in stick.
+
+        Returns
+        -------
+        shape (samples, values)
+            None where stages close by more than deflections, as with displacements of a base.
+        """
+        if not self._is_plain:
+            return None
+        equations, n = self._equations, self._equations.layout.structure.size
+        parameters = np.zeros((equations.first_coefficient + len(equations.active), len(states)))
+        for switch, (contact, place) in enumerate(equations.switches):
+            slots = equations.layout.contacts[contact]
+            stage = slots.stages[place]
+            depths = stage.sign * (states[:, :n] @ coefficients[slots.deflection]) - coefficients[stage.clearance]
+            parameters[equations.first_switch + switch] = depths > 0.0
+        parameters[equations.first_slip : equations.first_slip + len(slips)] = slips[:, None]
+        parameters[equations.first_stick : equations.first_stick + len(slips)] = slips[:, None] == 0
+        parameters[equations.length] = 1.0
+        parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
+        given = np.vstack((states.T, thetas[None], parameters[self.used]))
+        return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
+
+    @cached_property
     def _tangents(self) -> Any:
         variables, expressions = self._equations.tangents
         with kept(f"{self._equations.text} tangents"):
