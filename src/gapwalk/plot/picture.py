@@ -46,6 +46,7 @@ _MODULES = {
     "cells": ("Basins", "Regimes", "Sweep"),
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
+    "designs": ("Design",),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),

@@ -73,6 +73,7 @@ _HOMES = {
     "sweep": "sweep_study.SweepStudy",
     "basins": "basin_study.BasinStudy",
     "regimes": "regime_study.RegimeStudy",
+    "design": "design_study.DesignStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 
