@@ -47,6 +47,7 @@ _MODULES = {
     "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
     "diagrams": ("Diagram",),
     "run_up_pictures": ("RunUp", "RunUps"),
+    "designs": ("Design",),
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "tolerances": ("Tolerance",),
