@@ -48,10 +48,11 @@ INSTEAD = {
 
 def uses(text: str) -> list[str]:
     """List the lines of a text that use one of the words, with what to write instead."""
+    seen = {word: instead for word, instead in INSTEAD.items() if re.search(word, text)}  # few, and quick to find
     return [
         f"{number}: {found[0]!r}: write {instead}"
-        for number, line in enumerate(text.splitlines(), start=1)
-        for word, instead in INSTEAD.items()
+        for number, line in enumerate(text.splitlines() if seen else (), start=1)
+        for word, instead in seen.items()
         if (found := re.search(rf"(?<![\\\w])({word})(?!\w)", line))
     ]
 

@@ -366,7 +366,7 @@ def hysteresis() -> Sketch:
     s.line((165, 100), (165, 130), width=2.4)
     s.line((185, 100), (185, 130), width=2.4)
     s.spring(185, 115, 315, 115)
-    s.text(230, 98, "second stage")
+    s.text(250, 96, "second stage")
     s.arrow(165, 140, 185, 140, both=True)
     s.line((85, 170), (210, 170))
     s.line((315, 176), (190, 176))

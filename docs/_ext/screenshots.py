@@ -24,7 +24,7 @@ from tests.explorer.browser import until as wait_until
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 EDGE = 6  # pixels round a panel
-EXAMPLES = ("clutch.toml", "diagram.toml", "drivetrain.toml", "settle.toml")
+EXAMPLES = ("clutch.toml", "den_hartog.toml", "diagram.toml", "drivetrain.toml", "settle.toml")
 
 
 @dataclass(frozen=True)
@@ -124,6 +124,16 @@ def drive(page: Page) -> None:
     rest(page)
 
 
+def stick(page: Page) -> None:
+    """Show a motion that sticks."""
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
+    choose_special(page, "crossing-sliding")
+    for _ in range(2):
+        page.keyboard.press("Shift+ArrowLeft")
+    rest(page)
+
+
 def follow(page: Page) -> None:
     """Show the locus of a flip over frequency and excitation, with the points at which it meets other curves."""
     page.focus("#diagram")
@@ -186,6 +196,11 @@ SCENES = (
     Scene("clutch.toml", search, (Shot("search", "Results"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
     Scene("drivetrain.toml", drive, (Shot("train", "Moving parts, gaps"),)),
+    Scene(
+        "den_hartog.toml",
+        stick,
+        (Shot("strip", "Time history"), Shot("hysteresis", "Hysteresis loop"), Shot("energy", "Energy")),
+    ),
     Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
 )
 SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)

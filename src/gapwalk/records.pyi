@@ -13,6 +13,7 @@ from .answers.settled_sweep import Sample as Sample
 from .answers.settled_sweep import SettledSweep as SettledSweep
 from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
 from .answers.settled_sweep import Stretch as Stretch
+from .answers.threshold import Confirmation as Confirmation
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
 from .attractors.basins import BasinShares as BasinShares

@@ -108,6 +108,15 @@ def test_gradient_by_harmonic_balance(clutch: gw.Branch) -> None:
     assert theirs.gradient(*names).slopes == pytest.approx(ours.gradient(*names).slopes, abs=1e-3)
 
 
+def test_the_gradients_of_a_branch_are_a_table(clutch: gw.Branch) -> None:
+    found = gw.analysis.gradients(clutch.special_points[:3], ["mean.q1", "stage2.stiffness"])
+    header, *rows = found.tables()["gradients"]()
+    assert len(rows) == 6
+    assert list(header)[2:] == ["parameter", "value", "slope", "error", "percent.per.percent"]
+    assert [row[4] for row in rows] == [slope for each in found.found for slope in each.slopes]
+    assert "stage2.stiffness" in str(found.summary())
+
+
 def test_what_has_no_gradient_is_refused(clutch: gw.Branch) -> None:
     point = clutch.special_points[0]
     with pytest.raises(gw.errors.ModelError, match="name other parameters"):

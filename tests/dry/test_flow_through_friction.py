@@ -131,6 +131,30 @@ def test_den_hartogs_amplitudes(ratio: float, amplitude: float) -> None:
     assert [orbit.measure("max.x"), -orbit.measure("min.x")] == pytest.approx([amplitude] * 2, abs=1e-11)
 
 
+@pytest.mark.parametrize(
+    ("limit", "frequency", "stops"),
+    [(0.3, 0.8, 0), (0.5, 0.4, 1), (0.2, 0.2, 1), (0.2, 0.12, 2), (0.25, 0.12, 2)],
+)
+def test_den_hartogs_motions_with_stops(limit: float, frequency: float, stops: int) -> None:
+    """Motions without a stop, with one, and with two stops per half period, and what becomes of their changes."""
+    system = one(friction("f", {"x": 1.0}, limit), damping=0.0, frequency=frequency)
+    orbit, reference = gw.find_orbit(system), Reference(system)
+    assert [event.slip for event in orbit.slips[1:]].count(0) == 2 * stops
+
+    def around(state: np.ndarray) -> np.ndarray:
+        return reference.integrate(state, 0.0, PERIOD).state
+
+    assert around(orbit.state) == pytest.approx(orbit.state, abs=1e-9)
+    for event in orbit.slips[1:]:
+        position = flow_of(system).integrate(coefficients_of(system), orbit.state, 0.0, event.theta).state[0]
+        assert position == pytest.approx(reference.integrate(orbit.state, 0.0, event.theta).state[0], abs=1e-9)
+    h = 1e-5
+    steps = h * np.eye(2)
+    slopes = np.column_stack([(around(orbit.state + step) - around(orbit.state - step)) / (2.0 * h) for step in steps])
+    found, expected = (np.sort_complex(each) for each in (orbit.multipliers, np.linalg.eigvals(slopes)))
+    assert found == pytest.approx(expected, abs=1e-7)
+
+
 @pytest.mark.parametrize("periods", [1, 2])
 def test_one_impact_in_n_periods(periods: int) -> None:
     """Budd and Dux (1994): W = 2n, one impact in n periods; its velocity in closed form, and det M = r^2."""
@@ -153,3 +177,29 @@ def test_chatter_ends_where_the_geometric_series_does() -> None:
     assert hits[:20] == pytest.approx(times, abs=1e-11)
     assert hits[-1] == pytest.approx(end, abs=1e-6)
     assert arc.state == pytest.approx([0.0, 0.0], abs=1e-15)
+
+
+def test_changes_before_a_stop_that_is_held_move_dampers_on_their_way_to_it() -> None:
+    """A motion that begins h before its stop bounces to it in a time of the order of the root of h."""
+    system = System(
+        ["x", "y"],
+        [[0.8, -0.3], [-0.3, 0.5]],
+        [[0.3, -0.2], [-0.2, 0.25]],
+        mass=np.diag([1.3, 0.7]),
+        contacts=[wall(0.2, 0.6), friction("f", {"y": 1.0}, 0.05)],
+        mean={"x": 1.5},
+        harmonics=[Harmonic(0.4, {"y": 1.0})],
+        frequency=0.5,
+    )
+    start, flow = np.array([0.2, 0.1, 0.0, 0.4]), flow_of(system)
+    found = flow_of(system, transition=True).integrate(coefficients_of(system), start, 0.0, 0.8)
+    assert found.transition is not None
+
+    def slope(h: float) -> np.ndarray:
+        before = start - np.array([h, 0.0, 0.0, 0.0])
+        return (found.state - flow.integrate(coefficients_of(system), before, 0.0, 0.8).state) / h
+
+    # the remainder has the powers 1/2 and 1 of h
+    once = [2.0 * slope(h / 4.0) - slope(h) for h in (1e-6, 2.5e-7)]
+    assert found.transition[:, 0] == pytest.approx((4.0 * once[1] - once[0]) / 3.0, abs=1e-6)
+    assert np.abs(found.transition[:, 0]).max() > 0.1

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.flow.flow import flow_of
@@ -26,7 +27,7 @@ def test_both_turn_round_whichever_event_comes_first(contacts) -> None:
     for _ in range(6):
         state = np.array([*numbers.normal(size=2), 0.0])
         expected = reference.integrate(state, 0.0, TURN).state
-        for _ in range(20):  # rounding decides which comes first
+        for _ in range(8):  # rounding decides which comes first
             near = state * (1.0 + 1e-15 * numbers.normal(size=3))
             found = flow.integrate(coefficients, near, 0.0, TURN).state
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10)
@@ -79,3 +80,29 @@ def test_a_stop_stays_held_where_friction_beside_it_turns_round() -> None:
         state = np.array([*(0.3 * numbers.normal(size=2) - [0.0, 0.5]), *numbers.normal(size=2)])
         expected = reference.integrate(state, 0.0, 2.0 * TURN).state
         np.testing.assert_allclose(flow.integrate(coefficients, state, 0.0, 2.0 * TURN).state, expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.8])
+def test_a_mass_at_rest_on_a_stop_is_pressed_on_it_again_when_friction_gives_way(restitution: float) -> None:
+    """Friction keeps the mass on the stop while the load pulls, and gives way where it pushes: then the stop holds."""
+    contacts = [
+        Contact("stop", {"x": 1.0}, [Stage(0.2, side=Side.POSITIVE)], law="rigid", restitution=restitution),
+        friction("brake", {"x": 1.0}, 0.7),
+    ]
+    system = gw.System(["x"], [[0.1]], contacts=contacts, harmonics=[gw.Harmonic(1.0, {"x": 1.0})], frequency=0.3)
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    # the load pushes with cos(theta) - .02: it exceeds the friction around 0, and pulls harder than it around pi
+    away = math.acos(-0.68)
+    free = solve_ivp(
+        lambda theta, y: [y[1] / 0.3, (math.cos(theta) - 0.1 * y[0] + 0.7) / 0.3],
+        (away, math.pi),
+        [0.2, 0.0],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    )
+    for start in (-away + 0.01, -1.5, -0.9, 0.0, 1.0):
+        arc = flow.integrate(coefficients, np.array([0.2, 0.0]), start, away - 0.01)
+        np.testing.assert_allclose(arc.state, [0.2, 0.0], atol=1e-15)
+        arc = flow.integrate(coefficients, np.array([0.2, 0.0]), start, math.pi)
+        np.testing.assert_allclose(arc.state, free.y[:, -1], atol=1e-10)

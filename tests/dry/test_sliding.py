@@ -15,6 +15,8 @@ from gapwalk.orbit.friction_phases import text_of
 from tests.flow.dry_systems import clutch
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
+LONG = gw.WalkOptions(largest_step=0.1)
+"""Long steps, for walks of which only the special points count."""
 
 
 def oscillator(*, amplitude=0.1, damping=C, mean=0.0, **options):
@@ -27,8 +29,7 @@ def oscillator(*, amplitude=0.1, damping=C, mean=0.0, **options):
 @pytest.fixture(scope="module")
 def walked():
     """Walk the branch of the clutch with friction over the frequencies of its points of sliding."""
-    start = gw.follow(gw.find_orbit(clutch(0.02)), "frequency", 0.6).points[-1].orbit
-    return gw.follow(start, "frequency", 0.2)
+    return gw.follow(gw.find_orbit(clutch(0.02), frequency=0.6), "frequency", 0.2)
 
 
 def sliding(branch):
@@ -45,7 +46,7 @@ SLIDING = (
 
 
 def test_a_mass_at_rest_begins_to_slip_where_the_load_equals_the_limit():
-    branch = gw.follow(gw.find_orbit(oscillator(damping=0.05)), "harmonic1.amplitude", 0.36)
+    branch = gw.follow(gw.find_orbit(oscillator(damping=0.05)), "harmonic1.amplitude", 0.36, walk=LONG)
     found = sliding(branch)
     assert {each.kind for each in found} == {Kind.SLIP_ONSET}
     assert {each.contact for each in found} == {"pad +", "pad -"}
@@ -57,7 +58,7 @@ def test_a_mass_at_rest_begins_to_slip_where_the_load_equals_the_limit():
 
 
 def test_a_jenkins_element_begins_to_slip_where_the_linear_motion_reaches_its_limit():
-    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.7)
+    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.7, walk=LONG)
     exact = LIMIT / SPRING * abs(K + SPRING - W**2 + 1j * C * W)
     found = sliding(branch)
     assert [each.kind for each in found] == [Kind.SLIP_ONSET] * 2
@@ -72,7 +73,7 @@ def test_friction_off_its_middle_begins_to_slip_earlier_and_keeps_no_position_fr
     """Beyond the first touch, the extension of a Jenkins element moves so that its force just reaches its limit."""
     load = 0.1
     start = gw.find_orbit(oscillator(amplitude=0.4, mean=load, stiffness=SPRING))
-    branch = gw.follow(start, "harmonic1.amplitude", 0.6)
+    branch = gw.follow(start, "harmonic1.amplitude", 0.6, walk=LONG)
     state = branch.points[0].orbit.state
     slider = state[0] - state[2]
     size = abs(K + SPRING - W**2 + 1j * C * W)
@@ -121,7 +122,7 @@ def den_hartog(frequency):
 
 def test_crossing_sliding_is_where_den_hartogs_oscillator_begins_to_stop():
     system = oscillator(amplitude=1.0, damping=0.0)
-    branch = gw.follow(gw.find_orbit(system), "pad.limit", 0.9)
+    branch = gw.follow(gw.find_orbit(system), "pad.limit", 0.9, walk=LONG)
     found = sliding(branch)
     assert [each.kind for each in found] == [Kind.CROSSING_SLIDING] * 2
     for each in found:
@@ -169,7 +170,7 @@ def test_changes_are_the_shortest_phases_that_one_orbit_lacks(walked):
 
 
 def test_the_onset_of_a_jenkins_element_over_the_frequency_is_its_closed_form():
-    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.6)
+    branch = gw.follow(gw.find_orbit(oscillator(stiffness=SPRING)), "harmonic1.amplitude", 0.6, walk=LONG)
     locus = gw.follow_locus(sliding(branch)[0], "frequency", "harmonic1.amplitude", ((0.6, 1.4), (0.05, 1.0)))
     assert len(locus.points) > 20
     for point in locus.points:
@@ -179,7 +180,7 @@ def test_the_onset_of_a_jenkins_element_over_the_frequency_is_its_closed_form():
 
 
 def test_den_hartogs_boundary_is_a_locus_of_crossing_sliding():
-    branch = gw.follow(gw.find_orbit(oscillator(amplitude=1.0, damping=0.0)), "pad.limit", 0.85)
+    branch = gw.follow(gw.find_orbit(oscillator(amplitude=1.0, damping=0.0)), "pad.limit", 0.85, walk=LONG)
     locus = gw.follow_locus(sliding(branch)[0], "frequency", "pad.limit", ((0.7, 0.95), (0.5, 0.95)))
     assert len(locus.points) > 20
     for point in locus.points[::4]:
@@ -195,6 +196,6 @@ def test_loci_of_the_clutch_agree_with_walks_at_other_limits(walked, kind):
         frequency, limit = point.values
         assert abs(limit - 0.02) > 1e-4
         system = point.orbit.system.at(frequency=frequency + 2e-4)
-        again = gw.follow(gw.find_orbit(system, start=point.orbit.state), "frequency", frequency - 2e-4)
+        again = gw.follow(gw.find_orbit(system, start=point.orbit.state), "frequency", frequency - 2e-4, walk=LONG)
         values = [each.value for each in sliding(again) if each.kind is kind]
         assert values == pytest.approx([frequency], abs=1e-10)

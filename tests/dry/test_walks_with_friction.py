@@ -6,7 +6,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.continuation.walk import EndReason
+from gapwalk.flow.flow import Flow
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
@@ -39,15 +41,37 @@ def test_the_clutch_with_friction_has_the_points_of_another_program() -> None:
     assert not places(branch, "neimark-sacker")
 
 
-@pytest.mark.parametrize("phase", [1.0, 2.5])
-def test_the_points_do_not_depend_on_where_the_section_is(phase: float) -> None:
+@pytest.mark.parametrize(("phase", "first"), [(1.0, 0.7), (2.5, 2.0)])
+def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: float) -> None:
     """At the first phase a corner of grazing-sliding ends the steps; at the second the section falls into stick."""
-    branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase)), "frequency", 0.3)
+    branch = gw.follow(gw.find_orbit(clutch(0.02, phase=phase), frequency=first), "frequency", 0.3)
     folds, flips = places(branch, "fold"), places(branch, "flip")
     assert branch.points[-1].value == pytest.approx(0.3)
     assert folds == pytest.approx([0.6180155557, 0.6381430507, 0.4268292830, 0.4375494545], abs=1e-9)
-    assert flips[:4] == pytest.approx([1.3319012039, 1.2421425130, 0.7844917143, 0.6491234235], abs=1e-9)
+    expected = [each for each in (1.3319012039, 1.2421425130, 0.7844917143, 0.6491234235) if each < first]
+    assert flips[: len(expected)] == pytest.approx(expected, abs=1e-9)
     assert places(branch, "grazing-sliding")[0] == pytest.approx(0.4325314254, abs=1e-9)
+
+
+@pytest.mark.parametrize(("stiffness", "sliding", "calls"), [(None, 11, 2600), (10.0, 22, 3300)])
+def test_work_of_a_walk_with_friction_does_not_grow(stiffness: float | None, sliding: int, calls: int) -> None:
+    """Guards the speed of the clutch with friction .02 by counting flow calls; without friction there are 1,860."""
+    orbit = gw.find_orbit(clutch(0.02, stiffness=stiffness))
+    before = Flow.calls
+    branch = gw.follow(orbit, "frequency", 0.15)
+    found = [each for each in branch.special_points if isinstance(each.kind, Sliding)]
+    assert len(found) == sliding
+    assert max(each.uncertainty for each in found) < 1e-6
+    assert len(branch.points) < 340
+    assert Flow.calls - before < calls
+
+
+def test_margins_cost_no_integration_of_their_own() -> None:
+    orbit = gw.find_orbit(clutch(0.02), frequency=0.2)
+    assert orbit.extremes.shape == (2, 4)
+    before = Flow.calls
+    assert {each.what for each in orbit.margins} == {"stop", "rate"}  # no reserve is least within stick
+    assert Flow.calls == before
 
 
 @pytest.mark.slow

@@ -58,6 +58,12 @@ def test_what_makes_no_sense_is_refused(stages, options, message: str) -> None:
     assert message in str(error.value)
 
 
+def test_a_side_may_be_a_text() -> None:
+    assert Stage(1.0, side="positive").side is Side.POSITIVE  # type: ignore
+    with pytest.raises(ModelError, match="side is 'left'; write 'both', 'positive', 'negative'"):
+        Stage(1.0, side="left")  # type: ignore
+
+
 def test_an_undamped_contact_may_soften() -> None:
     stages = (Stage(1.0, 1.0, name="a"), Stage(2.0, -3.0, name="b"))
     assert Contact("gap", X, stages).stages == stages

@@ -18,6 +18,7 @@ from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
 from gapwalk.orbit.harmonic_balance.series import waves
 from tests.dry.event_reference import Reference
 from tests.orbit.two_masses import two_masses
+from tests.tiers import some_of
 
 STAGES = (
     gw.Stage(0.3, 2.0, 0.5, gw.Side.BOTH, "soft", {"hysteresis": 0.15}),
@@ -143,7 +144,7 @@ def test_the_force_is_that_of_a_slider_dragged_along_a_fine_sample(name):
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-@pytest.mark.parametrize("seed", [7, 8])
+@pytest.mark.parametrize("seed", some_of([7, 8], 7))
 def test_the_derivatives_are_those_of_central_differences(name, seed):
     system, step = SYSTEMS[name](), 1e-6
     x = real_form(lines_of(system, 6, seed)).ravel()
@@ -252,12 +253,12 @@ def test_an_orbit_whose_element_never_slips_has_a_multiplier_1_that_does_not_cou
     assert not branch.special_points
 
 
-@pytest.mark.parametrize(("name", "error", "near"), [("Iwan", 1e-4, 1e-3), ("stages", 1e-3, 5e-3)])
-def test_a_walk_over_the_frequency_meets_the_orbits_of_shooting(name, error, near):
+@pytest.mark.parametrize(("name", "to", "error", "near"), [("Iwan", 1.6, 1e-4, 1e-3), ("stages", 1.3, 1e-3, 5e-3)])
+def test_a_walk_over_the_frequency_meets_the_orbits_of_shooting(name, to, error, near):
     system = SYSTEMS[name]()
     start = gw.find_orbit(system, start=np.zeros(system.structure.state_size), method=gw.Balance(error=error))
-    branch = gw.follow(start, "frequency", 1.6)
-    assert branch.points[-1].value == pytest.approx(1.6)
+    branch = gw.follow(start, "frequency", to, walk=gw.WalkOptions(largest_step=0.1))
+    assert branch.points[-1].value == pytest.approx(to)
     for point in branch.points[:: max(1, len(branch.points) // 3)]:
         exact = gw.find_orbit(point.orbit.system, start=point.orbit.state)
         assert point.orbit.state == pytest.approx(exact.state, abs=near)
@@ -284,12 +285,6 @@ def test_a_walk_over_the_frequency_meets_the_orbits_of_shooting(name, error, nea
             (),
             gw.Balance(5, stability="hill"),
             r"'fr' has a memory.*stability = \"variational\"",
-        ),
-        (
-            [friction("fr", {"q1": 1.0}, 0.3, stiffness=2.0, speed=0.1)],
-            (gw.Harmonic(0.4, varies={"fr.speed": 1.0}, name="wave"),),
-            gw.Balance(5),
-            r"'fr': its speed varies.*Vary its deflection.*shooting",
         ),
     ],
 )

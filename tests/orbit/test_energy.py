@@ -200,7 +200,7 @@ def test_energy_is_refused_where_it_is_unknown():
     )
     with pytest.raises(ModelError, match="mass matrix is not symmetric"):
         energy(gw.find_orbit(found))
-    balanced = gw.find_orbit(SYSTEMS["jenkins"].at(frequency=0.5), method=gw.Balance())
+    balanced = gw.find_orbit(SYSTEMS["jenkins"].at(frequency=0.5), method=gw.Balance(5, error=1.0))
     with pytest.raises(ModelError, match="neglects higher harmonics"):
         energy(balanced)
     with pytest.raises(ModelError, match="nothing named 'brake'"):

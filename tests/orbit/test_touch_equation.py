@@ -64,3 +64,24 @@ def test_where_no_acceleration_turns_the_deflection_no_depth_can_be_held():
     touch = touches(orbit)[0]._replace(acceleration=0.0)
     with pytest.raises(ConvergenceError, match="segment before the touch is too short"):
         TouchEquation(equation, orbit, [touch], np.array([16.0, 16.0, 1.0]))
+
+
+def struck(amplitude):
+    stop = Contact("stop", {"x": 1.0}, (Stage(1.0, side=Side.POSITIVE),), law="rigid", restitution=0.8)
+    return System(["x"], [[1.0]], [[DAMPING]], contacts=[stop], harmonics=[Harmonic(amplitude, {"x": 1.0})])
+
+
+def test_an_impact_on_a_rigid_stop_is_one_touch_with_the_depth_of_its_velocity():
+    # a state at the angle of an impact may be the one before it or the one after it
+    for amplitude in (0.1002, 0.11, 0.3, 1.0):
+        orbit = find_orbit(struck(amplitude))
+        impacts = [event for event in orbit.events if event.enters]
+        found = [touch for touch in touches(orbit) if touch.depth > 0.0]
+        assert len(found) == len(impacts) > 0
+        for touch, event in zip(sorted(found, key=lambda each: each.theta), impacts, strict=True):
+            assert touch.theta == event.theta
+            # x'' = A cos(theta) - 0.1 x' - 1 at the stop, just before the impact or just after it
+            drive, rate = amplitude * math.cos(event.theta) - 1.0, event.velocity
+            turning = min((drive - DAMPING * v for v in (rate, -0.8 * rate)), key=lambda a: abs(a - touch.acceleration))
+            assert touch.acceleration == pytest.approx(turning, abs=1e-9)
+            assert touch.depth == pytest.approx(-0.5 * rate**2 / turning, rel=1e-8)

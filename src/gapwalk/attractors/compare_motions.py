@@ -210,7 +210,8 @@ def agreement(
     counted = float(turns or 1) * orders
     pairs = zip(counted.tolist(), *(np.abs(values).tolist() for values in lines), shifts.tolist(), strict=True)
     correlation = float(np.mean(first * second)) / both if both else 0.0
-    return Agreement(rms, rms / size if size else np.inf, correlation, tuple(LinePair(*pair) for pair in pairs))
+    relative = rms / size if size else np.inf if rms else 0.0
+    return Agreement(rms, relative, correlation, tuple(LinePair(*pair) for pair in pairs))
 
 
 def lines_of(

@@ -18,8 +18,10 @@ from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
 from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
 from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, batch_flow_of, judge
+from gapwalk.ensemble.kernel_source import Form, Source
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -108,6 +110,15 @@ def motions_of(
         return ExactMotions(system, values)
     block_plan = BlockPlan(batch.linear, batch.pattern, steps)
     return BatchMotions(batch, block_plan, None if block_plan.shared else np.arange(batch.count), [])
+
+
+def has_kernel(system: System) -> bool:
+    """Return True if the batch integrator can include a system."""
+    try:
+        Source(Form(system.structure, (coefficients_of(system) != 0.0).tobytes(), False, True, False))
+    except UnfitError:
+        return False
+    return True
 
 
 class ExactMotions:

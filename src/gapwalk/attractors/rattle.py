@@ -89,7 +89,7 @@ class Rattle:
             _table(("contact", "closed", peak, of("rms force", "N m"), of("power", "W")), loads),
             _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
         )
-        return "\n\n".join(tables)
+        return "\n\n".join(table for table in tables if table)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ class ContactLoad:
     closed
         Fraction of the time for which it is closed; nan for a force without stages, such as a formula.
     peak, rms
-        Largest magnitude and root mean square of its force.
+        Largest magnitude and root mean square of its force; infinite on a rigid stop that is struck.
     power
         Mean power dissipated by its damping law.
     """
@@ -185,6 +185,7 @@ class Impulsiveness:
         Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled motion).
     crest
         Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
+        All four are infinite where a rigid stop gives it impulses.
     kurtosis
         Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
         harmonic motion, 3 for Gaussian noise, more for rattle.
@@ -394,8 +395,9 @@ def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tupl
         peaks = [impact.peak for impact in own if not contact.law.rebounds]
         lost = sum(impact.loss for impact in own) / along.weights.sum() if contact.law.rebounds else 0.0
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
+        peak, size = (math.inf, math.inf) if contact.law.rebounds and own else (peak, float(rms[k]))
         share_closed = float(closed[k]) if contact.stages else math.nan
-        rows.append(ContactLoad(contact.name, share_closed, peak, float(rms[k]), unit * float(power[k]) + float(lost)))
+        rows.append(ContactLoad(contact.name, share_closed, peak, size, unit * float(power[k]) + float(lost)))
     return tuple(rows)
 
 
@@ -408,6 +410,9 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     rows = []
     unit = signal_factor(along.motion.system, "''")
     for k, name in enumerate(along.motion.system.coordinates):
+        if len(along.motion.impulses(f"{name}''")[0]):
+            rows.append(Impulsiveness(name, math.inf, math.inf, math.inf, math.inf))
+            continue
         rms = unit * float(np.sqrt(second[k]))
         peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
         crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
@@ -416,8 +421,10 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
-    """Format a text table: first column flush left, numbers flush right."""
-    cells = [head, *((row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows)]
+    """Format a text table: first column flush left, numbers flush right; nothing if it has no rows."""
+    if not rows:
+        return ""
+    cells = [head, *((row[0], *("" if math.isnan(value) else f"{value:.4g}" for value in row[1:])) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = [
         "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])

@@ -19,6 +19,7 @@ from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import check_count
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
 from gapwalk.orbit.orbit import Orbit
@@ -237,8 +238,9 @@ def _refined(
     """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
     samples, coarse = _FIRST, None
     while True:
-        values = sampled(samples).signal(signal)[:-1]
-        lines = _lines(values, window)
+        motion = sampled(samples)
+        values = motion.signal(signal)[:-1]
+        lines = _lines(values, motion.impulses(signal), length, window)
         if coarse is not None:
             folding = float(np.abs(lines[: len(coarse)] - coarse).max())
             largest = float(np.abs(lines).max())
@@ -247,12 +249,26 @@ def _refined(
         samples, coarse = 2 * samples, lines
 
 
-def _lines(values: NDArray[np.float64], window: Callable[[int], NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform."""
-    mean, weights = values.mean(), window(len(values))
+def _lines(
+    values: NDArray[np.float64],
+    impulses: tuple[NDArray[np.float64], NDArray[np.float64]],
+    length: int,
+    window: Callable[[int], NDArray[np.float64]],
+) -> NDArray[np.complex128]:
+    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform.
+
+    Impulses between the samples, of rigid stops, have the lines of their exact angles.
+    """
+    weights, step = window(len(values)), PERIOD * length / len(values)
+    theta, sizes = impulses
+    mean = values.mean() + sizes.sum() / (PERIOD * length)
     lines = 2.0 * np.fft.rfft((values - mean) * weights) / weights.sum()
+    lines = lines[: len(values) // _CLEAN + 1]
+    heights = 2.0 * sizes / step * np.interp(theta / step, np.arange(len(values)), weights) / weights.sum()
+    for each, height in zip(theta, heights, strict=True):
+        lines += height * np.exp(-1j * each / length * np.arange(len(lines)))
     lines[0] = mean
-    return lines[: len(values) // _CLEAN + 1]
+    return lines
 
 
 def waterfall(

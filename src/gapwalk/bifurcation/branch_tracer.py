@@ -18,8 +18,8 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
+from gapwalk.bifurcation.discontinuity import discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
-from gapwalk.bifurcation.friction_margins import margins_of
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
@@ -149,6 +149,8 @@ class BranchTracer(Iterator[Step]):
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return step
+                if stuck and self._jumps(first):
+                    raise
                 if stuck and self.walk.persist():
                     continue
                 if stuck:
@@ -383,6 +385,14 @@ class BranchTracer(Iterator[Step]):
         self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))
         return True
 
+    def _jumps(self, last: BranchPoint) -> bool:
+        """End the walk if the motion jumps just ahead; return whether it does."""
+        ahead = discontinuity_ahead(self.beginning.corrector, last) if last.orbit.slips else None
+        if ahead is None:
+            return False
+        self.walk.finish(last, End(EndReason.JUMPS, ahead.value, ahead.words))
+        return True
+
     def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:
         """Give the cause of a walk that got stuck: its parent, or a contact that grazes and turns it within a step."""
         end = self.walk.end
@@ -395,7 +405,7 @@ class BranchTracer(Iterator[Step]):
             detail = f"{end.detail}; an impact comes to the start of the period, and {advice}"
             self.walk.finish(last, End(end.reason, end.value, detail))
             return
-        for each in margins_of(last) if last.orbit.is_exact else []:
+        for each in last.orbit.margins if last.orbit.is_exact else []:
             if each.what == "reserve" and abs(each.value) <= _GRAZES * each.range:
                 name = last.orbit.system.structure.contacts[each.contact].name
                 advice = "beyond, it slips at once over a finite distance: start there"

@@ -18,28 +18,19 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gapwalk.bifurcation.friction_margins import may_change
+from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.flow.dry_motion import DryModes, modes_along
-from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import Course, FrictionGauge
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, text_of
 from gapwalk.orbit.measures import apart
 from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
-_SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
-_SAMPLES, _ZOOM = 16, 16  # samples of a phase per radian, before refinement, and the least number of them
-_TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
-_SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
-_AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
@@ -47,40 +38,12 @@ _APPROACHES = 60
 _RESERVE = 1e-8  # share of its bound by which a force must fall short of it not to have reached it
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
+_MOVED = 0.5  # radians by which a margin may move between two points
+_DOUBT = 0.5  # share of its bend by which a margin may have moved between two points; 1/8 for a parabola
+_NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
+_FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
+_BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
-
-
-class Change(NamedTuple):
-    """A phase of friction that appears or vanishes.
-
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    before, mode, after
-        Mode of the phase before it, its own, and that of the phase after it.
-    theta
-        The angle at which it begins.
-    alone
-        True if friction never slips without it.
-    """
-
-    contact: int
-    before: int
-    mode: int
-    after: int
-    theta: float
-    alone: bool
-
-    @property
-    def side(self) -> int:
-        """Direction of slip that the change concerns: 1 or -1."""
-        return self.before or self.mode
-
-    @property
-    def reverses(self) -> bool:
-        """True if it begins where the slip rate reverses its sign, not where a quantity touches zero."""
-        return self.before != self.after
 
 
 def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
@@ -90,7 +53,8 @@ def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
     found: list[Change] = []
     for contact in sorted({*first.friction, *last.friction}):
         poor, rich = sorted((each.friction.get(contact, []) for each in (first, last)), key=len)
-        removed = _removed(contact, rich, text_of(poor), _MOST)
+        tries = (_removed(contact, rich, text_of(poor), most) for most in range(_MOST + 1))
+        removed = next((each for each in tries if each is not None), None)  # with the fewest phases
         if removed is None:
             return None
         found += removed or _reached(contact, first, last)
@@ -117,7 +81,7 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
 
 def _bound(orbit: Orbit, change: Change) -> float:
     """Return the force at which slip begins, at the angle of a change."""
-    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), _instant(orbit, change.theta)
+    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), instant_of(orbit, change.theta)
     return float(
         gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))[0]
     )
@@ -138,7 +102,8 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
             rest = [merged] if len(rest) == 1 else [*rest[1:-1], merged]
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
-            return [Change(contact, past.mode, phase.mode, following.mode, phase.start, text == "0"), *others]
+            around = past.mode, phase.mode, following.mode
+            return [Change(contact, *around, phase.start, text == "0", modes_around(rest).count(around)), *others]
     return None
 
 
@@ -163,7 +128,7 @@ def find_changes(
         If an orbit between the two points cannot be found.
     """
     changes, length = changes_between(first.orbit, last.orbit), last.arclength - first.arclength
-    if changes == [] and not (length > interval.finest and may_change(before, first, last)):
+    if changes == [] and not (length > interval.finest and _may_change(before, first, last)):
         return []
     if changes:
         found = [_locate(interval, first, last, change) for change in changes]
@@ -175,6 +140,42 @@ def find_changes(
         return [Located(last, change, length) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
+
+
+def _may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
+    if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
+        return False
+    full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
+    now, then = first.orbit.margins, last.orbit.margins
+    past = None if before is None or first.arclength <= before.arclength else before.orbit.margins
+    ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
+    for own in now:
+        following = _become(own, then, full)
+        if following is None:
+            continue
+        preceding = None if past is None else _become(own, past, full)
+        if preceding is not None:
+            bend = abs((following.value - own.value) - ratio * (own.value - preceding.value))
+            if min(abs(own.value), abs(following.value)) < _DOUBT * bend:
+                return True
+    if length <= _BIRTH:
+        return False
+    lonely = [each for each in now if _become(each, then, full) is None]
+    lonely += [each for each in then if _become(each, now, full) is None]
+    near = _NEAR if length <= _LONG else _FAR
+    return any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely)
+
+
+def _become(own: Margin, others: Sequence[Margin], full: float) -> Margin | None:
+    """Return the margin among others that one has become."""
+    alike = [
+        each
+        for each in others
+        if (each.contact, each.what, each.side) == (own.contact, own.what, own.side)
+        and apart(each.theta, own.theta, full) < _MOVED
+    ]
+    return min(alike, key=lambda each: apart(each.theta, own.theta, full), default=None)
 
 
 def _refined(
@@ -228,7 +229,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
             return None
     except LookupError:
         return None
-    return Located(interval.at(root), change._replace(theta=tracked[root][0]), 1e-12)
+    point, found = interval.at(root), change._replace(theta=tracked[root][0])
+    point.memo[found] = tracked[root][1]
+    return Located(point, found, 1e-12)
 
 
 def never_slips(orbit: Orbit, contact: int) -> bool:
@@ -250,17 +253,20 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
     corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
     length, theta = abs(far.arclength - stuck.arclength), change.theta
 
-    def beside(distance: float) -> BranchPoint | None:
-        correction = corrector.correct(stuck.x + way * distance * stuck.tangent, stuck.tangent)
+    def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
+        # from the last point: a guess from farther away may slip, and then leads to another position
+        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
         if correction is None:
             return None
-        point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
-        return point if never_slips(point.orbit, change.contact) else None
+        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
+        # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
+        reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
+        return point if never_slips(point.orbit, change.contact) and not reaches else None
 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
     for _ in range(_APPROACHES):
-        nearer = beside(distance + step)
+        nearer = ahead(point, step)
         if nearer is None:
             step *= 0.5
             continue
@@ -282,150 +288,7 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
 
 
 def _has(orbit: Orbit, change: Change) -> bool:
-    return _own_phase(orbit, change, change.theta) is not None
-
-
-def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
-    """Return the phase of a change nearest to an angle, if an orbit has it."""
-    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    found = []
-    for place, phase in enumerate(phases):
-        around = phases[place - 1].mode, phase.mode, phases[(place + 1) % len(phases)].mode
-        if around == (change.before, change.mode, change.after) and apart(phase.start, near, full) < _SAME:
-            found.append(phase)
-    return min(found, key=lambda phase: apart(phase.start, near, full), default=None)
-
-
-def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
-    """Return the angle nearest to another one at which a change happens, and its margin there.
-
-    Raises
-    ------
-    LookupError
-        If the motion has nothing of the kind there.
-    """
-    full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
-    coefficients = coefficients_of(orbit.system)
-    if change.reverses:
-        phases = orbit.friction.get(change.contact, [])
-        theta = min(
-            (
-                phase.start
-                for place, phase in enumerate(phases)
-                if phases[place - 1].mode == change.before and phase.mode in (change.mode, change.after)
-            ),
-            key=lambda start: apart(start, near, full),
-            default=math.inf,
-        )
-        if not apart(theta, near, full) < _SAME:
-            raise LookupError
-        now = _instant(orbit, theta)
-        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
-        return theta, float(reserve)
-    quantity = _Quantity(orbit, gauge, change)
-    own = _own_phase(orbit, change, near)
-    if own is not None:
-        course = quantity.course(_instant(orbit, own.start))
-        # the angle is that of the vertex, which the least value has on the other side of the change
-        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
-    return _least(orbit, quantity, change, near)
-
-
-class _Instant(NamedTuple):
-    """One instant of an orbit: its angle, its state, and the modes just before it."""
-
-    theta: float
-    state: NDArray[np.float64]
-    modes: DryModes
-
-
-def _instant(orbit: Orbit, theta: float) -> _Instant:
-    return _instants(orbit, [theta])[0]
-
-
-def _instants(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> list[_Instant]:
-    """Return the states of an orbit, and its modes, at angles, which may lie beyond its period."""
-    full = PERIOD * orbit.period
-    # the modes before the start of the period are those at its end
-    angles = [angle if (angle := theta % full) > _AT_START else angle + full for theta in map(float, thetas)]
-    grid, places = np.unique([0.0, *angles], return_inverse=True)
-    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)
-    modes = modes_along(orbit.system.structure, grid, found.slips, found.holds, before=True)
-    return [_Instant(float(grid[place]), found.states[place], modes.at(place)) for place in places[1:].tolist()]
-
-
-class _Quantity:
-    """Slip rate or reserve of one orbit, whose least value is the margin of a change."""
-
-    def __init__(self, orbit: Orbit, gauge: FrictionGauge, change: Change) -> None:
-        self._gauge, self._change, self._coefficients = gauge, change, coefficients_of(orbit.system)
-        self._function = gauge.rate if change.before else gauge.reserve
-
-    def _modes(self, now: _Instant) -> DryModes:
-        """Return the modes with the friction as it is before the phase of the change."""
-        before = self._change.before
-        return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
-
-    def values(self, instants: list[_Instant]) -> NDArray[np.float64]:
-        """Return it at some instants between which no modes of other friction change."""
-        thetas, states = (np.array([each[place] for each in instants]) for place in (0, 1))
-        modes = self._modes(instants[len(instants) // 2])
-        return self._function(self._coefficients, thetas, states, modes, self._change.side)
-
-    def course(self, now: _Instant) -> Course:
-        """Return it at an instant, with its derivatives."""
-        at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
-        return self._gauge.course(self._function, *at)
-
-    def turned(self, course: Course) -> float:
-        """Return the angle from an instant to the vertex of the parabola there."""
-        return course.vertex / float(self._coefficients[0])
-
-
-def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
-    """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
-    full = PERIOD * orbit.period
-    hosts = [
-        phase
-        for phase in orbit.friction.get(change.contact, [])
-        if phase.mode == change.before and phase.contains(near, full, _SAME)
-    ]
-    if not hosts:
-        raise LookupError
-    host = max(hosts, key=lambda phase: phase.length)
-    if host.contains(near, full):
-        found = _vertex(orbit, quantity, near, _TRACKED)
-        if found is not None:
-            return found
-    count = max(_ZOOM, math.ceil(_SAMPLES * host.length))
-    thetas = np.linspace(host.start, host.stop, count + 1)
-    values = quantity.values(_instants(orbit, thetas))
-    lowest = (values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])
-    places = 1 + np.flatnonzero(lowest)
-    if host.length >= full and values[0] <= min(values[1], values[-2]):
-        places = np.append(places, 0)
-    near_ones = [place for place in places if apart(float(thetas[place]), near, full) < _SAME]
-    if not near_ones:
-        raise LookupError
-    best = min(near_ones, key=lambda place: values[place])
-    found = _vertex(orbit, quantity, float(thetas[best]), 2.0 * float(thetas[1] - thetas[0]))
-    if found is None:
-        raise LookupError
-    return found
-
-
-def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:
-    """Return angle and value of the minimum of a quantity near an angle, by Newton's method; None if it is far off."""
-    start = theta
-    for _ in range(_REFINEMENTS):
-        course = quantity.course(_instant(orbit, theta))
-        shift = quantity.turned(course)
-        if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
-            return None
-        theta += shift
-        if abs(shift) < _SETTLED:
-            return theta % (PERIOD * orbit.period), course.value - course.depth
-    return None
+    return own_phase(orbit, change, change.theta) is not None
 
 
 def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], int]) -> list[str]:
@@ -454,6 +317,8 @@ def located_again(orbit: Orbit, change: Change) -> Callable[[BranchPoint], float
     """Return the margin of a change as a function of a point of the branch near an orbit; nan if it is not found."""
 
     def function(point: BranchPoint) -> float:
+        if change in point.memo:
+            return point.memo[change]
         try:
             return margin(point.orbit, change, change.theta)[1]
         except LookupError:

@@ -1,8 +1,4 @@
-"""How far friction is, all over an orbit, from a change of its sequence of slip and stick.
-
-Two changes that cancel each other within one step of a walk are not visible in the sequences at its ends. The margins
-at its ends, and those of the point before it, show where there may be some.
-"""
+"""The margin of one change of the sequence of slip and stick: zero where its phase appears or vanishes."""
 
 from __future__ import annotations
 
@@ -13,168 +9,185 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.flow.dry_motion import DryModes
-from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.friction_gauge import FrictionGauge
+from gapwalk.flow.dry_motion import DryModes, modes_along
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.friction_gauge import Course, FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.friction_phases import FrictionPhase
 from gapwalk.orbit.measures import apart
-from gapwalk.orbit.orbit import Orbit, survey_of
+from gapwalk.orbit.orbit import Orbit
 
-_SAME = 0.5  # radians by which a margin may move between two points
-_DOUBT = 0.5  # share of its bend by which a margin may have moved between two points; 1/8 for a parabola
-_NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
-_FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
-_BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
+_SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
+_TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
+_ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
+_SMALL = 1e-4  # share of a value that does not matter far from its zero
+_SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
+_AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 
-Array = NDArray[np.float64]
 
-
-class Margin(NamedTuple):
-    """Distance of friction from a change at one instant.
+class Change(NamedTuple):
+    """A phase of friction that appears or vanishes.
 
     Attributes
     ----------
     contact
         Number of the contact.
-    what
-        What vanishes at the change: ``rate`` within slip, ``reserve`` within stick, ``stop`` where slip ends.
-    side
-        The direction of slip concerned.
-    theta, value
-        The angle, and the distance: for ``rate`` and ``reserve`` the least value nearby.
-    range
-        Largest value of the same quantity.
+    before, mode, after
+        Mode of the phase before it, its own, and that of the phase after it.
+    theta
+        The angle at which it begins.
+    alone
+        True if friction never slips without it.
+    others
+        Number of the other phases of the same mode between phases of the same modes.
     """
 
     contact: int
-    what: str
-    side: int
+    before: int
+    mode: int
+    after: int
     theta: float
-    value: float
-    range: float
+    alone: bool
+    others: int = 0
+
+    @property
+    def side(self) -> int:
+        """Direction of slip that the change concerns: 1 or -1."""
+        return self.before or self.mode
+
+    @property
+    def reverses(self) -> bool:
+        """True if it begins where the slip rate reverses its sign, not where a quantity touches zero."""
+        return self.before != self.after
 
 
-def margins_of(point: BranchPoint) -> list[Margin]:
-    """Return all margins of the orbit of a point; they are computed once."""
-    found = point.memo.get("friction margins")
+def modes_around(phases: Sequence[FrictionPhase]) -> list[tuple[int, int, int]]:
+    """Return the modes before, in and after each phase of a period."""
+    modes = [phase.mode for phase in phases]
+    return list(zip([*modes[-1:], *modes[:-1]], modes, [*modes[1:], *modes[:1]], strict=True))
+
+
+def own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
+    """Return the phase of a change nearest to an angle, if an orbit has it."""
+    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
+    own = (change.before, change.mode, change.after)
+    alike = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == own]
+    if len(alike) <= change.others:
+        return None
+    found = [(phase.away(near, full), phase) for phase in alike]
+    return min((pair for pair in found if pair[0] < _SAME), key=lambda pair: pair[0], default=(0.0, None))[1]
+
+
+def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
+    """Return the angle nearest to another one at which a change happens, and its margin there.
+
+    Raises
+    ------
+    LookupError
+        If the motion has nothing of the kind there.
+    """
+    full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
+    coefficients = coefficients_of(orbit.system)
+    if change.reverses:
+        phases = orbit.friction.get(change.contact, [])
+        theta = min(
+            (
+                phase.start
+                for place, phase in enumerate(phases)
+                if phases[place - 1].mode == change.before and phase.mode in (change.mode, change.after)
+            ),
+            key=lambda start: apart(start, near, full),
+            default=math.inf,
+        )
+        if not apart(theta, near, full) < _SAME:
+            raise LookupError
+        now = instant_of(orbit, theta)
+        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
+        return theta, float(reserve)
+    quantity = _Quantity(orbit, gauge, change)
+    own = own_phase(orbit, change, near)
+    if own is not None:
+        course = quantity.course(instant_of(orbit, own.start))
+        # the angle is that of the vertex, which the least value has on the other side of the change
+        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
+    return _least(orbit, quantity, change, near)
+
+
+class _Instant(NamedTuple):
+    """One instant of an orbit: its angle, its state, and the modes just before it."""
+
+    theta: float
+    state: NDArray[np.float64]
+    modes: DryModes
+
+
+def instant_of(orbit: Orbit, theta: float) -> _Instant:
+    """Return the state of an orbit, and its modes, at an angle, which may lie beyond its period."""
+    # the modes before the start of the period are those at its end
+    full = PERIOD * orbit.period
+    angle = theta % full if theta % full > _AT_START else theta % full + full
+    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, np.array([0.0, angle]))
+    modes = modes_along(orbit.system.structure, np.array([angle]), found.slips, found.holds, before=True)
+    return _Instant(angle, found.states[1], modes.at(0))
+
+
+class _Quantity:
+    """Slip rate or reserve of one orbit, whose least value is the margin of a change."""
+
+    def __init__(self, orbit: Orbit, gauge: FrictionGauge, change: Change) -> None:
+        self._gauge, self._change, self._coefficients = gauge, change, coefficients_of(orbit.system)
+        self._function = gauge.rate if change.before else gauge.reserve
+
+    def _modes(self, now: _Instant) -> DryModes:
+        """Return the modes with the friction as it is before the phase of the change."""
+        before = self._change.before
+        return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
+
+    def course(self, now: _Instant) -> Course:
+        """Return it at an instant, with its derivatives."""
+        at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
+        return self._gauge.course(self._function, *at)
+
+    def turned(self, course: Course) -> float:
+        """Return the angle from an instant to the vertex of the parabola there."""
+        return course.vertex / float(self._coefficients[0])
+
+
+def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
+    """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
+    full, what = PERIOD * orbit.period, "rate" if change.before else "reserve"
+    found = _vertex(orbit, quantity, near, _TRACKED) if _is_within(orbit, change, near) else None
     if found is None:
-        found = point.memo["friction margins"] = margins_of_orbit(point.orbit)
+        own = [
+            each
+            for each in orbit.margins
+            if (each.contact, each.what, each.side) == (change.contact, what, change.side)
+        ]
+        own = [each for each in own if apart(each.theta, near, full) < _SAME]
+        if own:
+            found = _vertex(orbit, quantity, min(own, key=lambda each: each.value).theta, _ROUGH)
+    if found is None:
+        raise LookupError
     return found
 
 
-def margins_of_orbit(orbit: Orbit) -> list[Margin]:
-    """Return all margins of an orbit, from the samples of its survey."""
-    return [each for contact in orbit.friction for each in _Margins(orbit, contact).all()]
+def _is_within(orbit: Orbit, change: Change, theta: float) -> bool:
+    """Return True if an angle is within a phase like that before a change."""
+    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
+    return any(phase.mode == change.before and phase.contains(theta, full) for phase in phases)
 
 
-class _Margins:
-    """Margins of one contact that is friction, from the samples of an orbit's survey."""
-
-    def __init__(self, orbit: Orbit, contact: int) -> None:
-        self._contact, self._phases, self._full = contact, orbit.friction[contact], PERIOD * orbit.period
-        self._survey, self._coefficients = survey_of(orbit), coefficients_of(orbit.system)
-        self._gauge = FrictionGauge(layout_of(orbit.system.structure), contact)
-
-    def all(self) -> list[Margin]:
-        """Return all margins."""
-        thetas, found = self._survey.thetas, []
-        rates = self._gauge.rate(self._coefficients, thetas, self._survey.states, None, 1)
-        inside = [self._inside(phase) for phase in self._phases]
-        sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
-        ends = [
-            place for place, phase in enumerate(self._phases) if self._phases[place - 1].mode not in (0, phase.mode)
-        ]
-        starts = [int(np.searchsorted(thetas, self._phases[place].start % self._full)) for place in ends]
-        asked = [(inside[place], int(inside[place][len(inside[place]) // 2])) for place in sticks]
-        if self._gauge.memory is None:
-            asked += [(np.array([start]), start) for start in starts]
-        bounds = self._bounds(asked)
-        for place, (own, phase) in enumerate(zip(inside, self._phases, strict=True)):
-            if phase.mode and len(own) > 2:
-                found += self._least(phase, phase.mode, own, phase.mode * rates[own])
-            elif place in sticks:
-                bound, force = bounds[sticks.index(place)]
-                for side in (1, -1):
-                    found += self._least(phase, side, own, bound - side * force)
-        for place, start, (bound, force) in zip(ends, starts, bounds[len(sticks) :], strict=False):
-            side = self._phases[place - 1].mode
-            own, other = float(bound[0] + side * force[0]), float(bound[0] - side * force[0])
-            found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
-        return found
-
-    def _inside(self, phase: FrictionPhase) -> NDArray[np.intp]:
-        """Return the samples within a phase, in the order of time."""
-        after = (self._survey.thetas[:-1] - phase.start) % self._full
-        inside = np.flatnonzero(after <= phase.length)
-        return inside[np.argsort(after[inside], kind="stable")]
-
-    def _bounds(self, asked: list[tuple[NDArray[np.intp], int]]) -> list[tuple[Array, Array]]:
-        """Return the force at which slip begins, and that in stick, at sets of samples with the modes at one each."""
-        groups: dict[bytes, tuple[DryModes, list[int]]] = {}
-        for number, (_, at) in enumerate(asked):
-            modes = self._gauge.sticking(self._survey.modes.at(at))
-            groups.setdefault(modes.slips.tobytes() + modes.held.tobytes(), (modes, []))[1].append(number)
-        found: dict[int, tuple[Array, Array]] = {}
-        for modes, numbers in groups.values():
-            samples = np.concatenate([asked[number][0] for number in numbers])
-            states, thetas = self._survey.states[samples], self._survey.thetas[samples]
-            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
-            cuts = np.cumsum([len(asked[number][0]) for number in numbers])[:-1]
-            parts = zip(np.split(np.broadcast_to(bound, force.shape), cuts), np.split(force, cuts), strict=True)
-            found |= dict(zip(numbers, parts, strict=True))
-        return [found[number] for number in range(len(asked))]
-
-    def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
-        """Return the least values of a quantity within a phase, by parabolas."""
-        thetas = self._survey.thetas[samples]
-        if phase.length >= self._full:
-            thetas, values = np.append(thetas, thetas[:2] + PERIOD), np.append(values, values[:2])
-        lowest = (values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])
-        found, what, largest = [], "rate" if phase.mode else "reserve", float(values.max())
-        for place in np.flatnonzero(lowest).tolist():
-            before, here, after = values[place : place + 3].tolist()
-            slope, bend = 0.5 * (after - before), before - 2.0 * here + after
-            value = here - (0.5 * slope**2 / bend if bend > 0.0 else 0.0)
-            # the samples are even but for those at events
-            at, width = float(thetas[place + 1]), float(thetas[place + 1] - thetas[place]) % PERIOD
-            shift = -width * slope / bend if bend > 0.0 else 0.0
-            found.append(Margin(self._contact, what, side, at + shift, value, largest))
-        return found
-
-
-def may_change(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Return True if changes that cancel each other may hide between two points of a walk with the same sequence."""
-    if not any(any(phase.mode for phase in phases) for phases in first.orbit.friction.values()):
-        return False
-    full, length = PERIOD * first.orbit.period, last.arclength - first.arclength
-    now, then = margins_of(first), margins_of(last)
-    past = None if before is None or first.arclength <= before.arclength else margins_of(before)
-    ratio = math.nan if past is None or before is None else length / (first.arclength - before.arclength)
-    for own in now:
-        following = _same(own, then, full)
-        if following is None:
-            continue
-        preceding = None if past is None else _same(own, past, full)
-        if preceding is not None:
-            bend = abs((following.value - own.value) - ratio * (own.value - preceding.value))
-            if min(abs(own.value), abs(following.value)) < _DOUBT * bend:
-                return True
-    if length <= _BIRTH:
-        return False
-    lonely = [each for each in now if _same(each, then, full) is None]
-    lonely += [each for each in then if _same(each, now, full) is None]
-    near = _NEAR if length <= _LONG else _FAR
-    return any(each.what != "stop" and 0.0 <= each.value < near * each.range for each in lonely)
-
-
-def _same(own: Margin, others: Sequence[Margin], full: float) -> Margin | None:
-    """Return the margin among others that one has become."""
-    alike = [
-        each
-        for each in others
-        if (each.contact, each.what, each.side) == (own.contact, own.what, own.side)
-        and apart(each.theta, own.theta, full) < _SAME
-    ]
-    return min(alike, key=lambda each: apart(each.theta, own.theta, full), default=None)
+def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:
+    """Return angle and value of the minimum of a quantity near an angle, by Newton's method; None if it is far off."""
+    start = theta
+    for _ in range(_REFINEMENTS):
+        course = quantity.course(instant_of(orbit, theta))
+        shift = quantity.turned(course)
+        if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
+            return None
+        theta += shift
+        value = course.value - course.depth
+        # what the parabola leaves out grows with the cube of the shift
+        if abs(shift) < _SETTLED or course.depth * abs(shift) < _SMALL * abs(value):
+            return theta % (PERIOD * orbit.period), value
+    return None

@@ -31,6 +31,7 @@ from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
 _MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits are sought that miss a rigid stop
+_BEHIND = (1e-7, 1e-6)  # arclengths behind a point at which orbits are sought whose impact has a depth
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
 _LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
 _GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
@@ -72,12 +73,29 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
     by_touches = cast("OrbitEquation", corrector.equation).by_touches
     if by_touches is None:
         return None
-    for at_once in (True, False):
-        try:
-            return _Corner(corrector, by_touches, point, at_once).passage()
-        except NumericalError:
-            continue
+    for start in (point, *_behind(corrector, point)):
+        for at_once in (True, False):
+            try:
+                return _Corner(corrector, by_touches, start, at_once).passage(point)
+            except NumericalError:
+                continue
     return _leave_impact(corrector, by_touches, point)
+
+
+def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
+    """Iterate over points a little behind one that has an impact on a rigid stop.
+
+    A walk approaches the graze by the velocity of the impact, to a depth that is rounding and cannot be prescribed.
+    """
+    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
+        return
+    for aside in _BEHIND:
+        correction = corrector.correct(point.x - aside * point.tangent, point.tangent)
+        if correction is not None:
+            length = length_of(correction.x - point.x)
+            start = corrector.point(correction, point.tangent, point.arclength - length)
+            if start.orbit.closings == point.orbit.closings and length < 2.0 * aside:
+                yield start
 
 
 def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint) -> Passage | None:
@@ -134,8 +152,8 @@ class _Corner:
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
-    def passage(self) -> Passage:
-        """Compute the step over the graze."""
+    def passage(self, point: BranchPoint) -> Passage:
+        """Compute the step over the graze from a point of the walk, which may be ahead of the first orbit."""
         label = begin = next(iter(self._held))
         while label < -_BLUR:
             label = min(label + self._growth(label), -_BLUR)
@@ -145,11 +163,16 @@ class _Corner:
             raise ConvergenceError("the graze is behind the walk, and far enough away")
         label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
+            try:
+                self._at(label + self._growth(label))
+            except NumericalError:  # where the acceleration is about to vanish, a deflection does not turn any more
+                break
             label += self._growth(label)
-        self._at(label)
-        if length_of(self._at(label).x - self._first.x) < _LITTLE:
+        if length_of(self._at(label).x - point.x) < _LITTLE:
             raise ConvergenceError("the graze is passed, but the walk does not advance")
         special = list(self._special(begin, label))
+        if point is not self._first:  # what lies between the two has been found before
+            special = [each for each in special if each.point.arclength > point.arclength]
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
 

@@ -154,7 +154,9 @@ def run(
 
 
 @command(5)
-def show(result: Path, /, *, points: Flag = False, json: Json = False, debug: Debug = False) -> int:
+def show(
+    result: Path, /, *, points: Flag = False, gradients: Flag = False, json: Json = False, debug: Debug = False
+) -> int:
     """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
 
     Parameters
@@ -163,10 +165,12 @@ def show(result: Path, /, *, points: Flag = False, json: Json = False, debug: De
         The result file.
     points
         Also show the special points of a diagram or a map.
+    gradients
+        Also show which parameters move each special point most.
     """
     from gapwalk.cli.file_commands import show_result
 
-    return show_result(result, points=points, json=json)
+    return show_result(result, points=points, gradients=gradients, json=json)
 
 
 @command(6)

@@ -12,8 +12,10 @@ from gapwalk.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from gapwalk.bifurcation.loci.gradient import Gradients
     from gapwalk.model.measured.curve_contact import MeasuredCurve
     from gapwalk.plot.style import SizeName
+    from gapwalk.studies.result import Result
     from gapwalk.studies.study_file import Study
 
 _PICTURES = ("png", "svg", "pdf")
@@ -91,14 +93,16 @@ def draw_model(study: Study, curves: Sequence[MeasuredCurve], picture: Path) -> 
     save(system, picture, points=points, title=study.title)
 
 
-def show_result(path: Path, *, points: bool, json: bool) -> int:
-    """Show the contents of a result file; special points of a diagram or a map only if requested."""
+def show_result(path: Path, *, points: bool, gradients: bool, json: bool) -> int:
+    """Show the contents of a result file; special points of a diagram or a map, and gradients, only if requested."""
     from gapwalk.cli.run_command import show_heading
     from gapwalk.studies.read_result import load_result
 
     result = load_result(path)
+    found = _gradients(result) if gradients else None
     if json:
-        print_json(result.to_dict(points=False))
+        more = {} if found is None else {"gradients": [row for each in found.found for row in each.rows]}
+        print_json({**result.to_dict(points=False), **more})
         return DONE
     screen, missed = console(), result.failures if result.complete else ()
     show_heading(result.study, screen)
@@ -109,7 +113,17 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
     changes = (f"changed: {name} = {value}" for name, value in result.study.changes)
     show([f"{path}: {state}", *(f"  {text}" for text in missed), f"computed with {versions}", *changes], screen)
     show(result.summary(points=points or (result.diagram is None and result.map is None)), screen)
+    if found is not None:
+        show(found.summary(), screen)
     return DONE
+
+
+def _gradients(result: Result) -> Gradients:
+    from gapwalk.bifurcation.loci.gradient import gradients
+
+    if not result.branches:
+        raise ModelError("--gradients concerns special points of branches, and this result has no branches")
+    return gradients(point for branch in result.branches for point in branch.special_points)
 
 
 def export_result(

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from gapwalk.errors import GapwalkError, NumericalError
+from gapwalk.results.plain import plain
 from gapwalk.summary import SummaryParts, printable, render
 
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
@@ -98,8 +99,8 @@ def report_error(error: Exception, *, json: bool = False, debug: bool = False) -
 
 
 def print_json(document: object) -> None:
-    """Print the JSON document of a command."""
-    print(json_format.dumps(document, allow_nan=False))
+    """Print the JSON document of a command; numbers that are not finite become null."""
+    print(json_format.dumps(plain(document), allow_nan=False))
 
 
 def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:

@@ -25,6 +25,7 @@ _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated
 _BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a contact law can cause that at a graze
 _SHORT = 2e-8  # step at which a walk first stops, so that its caller can try another way to continue
+_SHORTER = 0.1  # share of a shorter step that another method has left, at which it stops then
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
 _BEND = 1.3  # largest turn at a sharp bend, in radians
 _NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is negligible against the branch's curvature
@@ -43,6 +44,7 @@ class EndReason(Enum):
     JOINED = "the branch joined the branch from which it had branched off"
     FLOATING = "a part floats freely within its clearance"
     GIVES_WAY = "friction that never slipped slips to one side, so that no motion remains at its position"
+    JUMPS = "the motion jumps, so that the branch ends"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
@@ -167,7 +169,8 @@ class Walk(Iterator[BranchPoint]):
         """Continue from a point that another method has reached from a state, with the given next step."""
         self.previous, self.point, self.count = state.point, point, state.count + 1
         self.step = min(step, self._longest(point, self.options.largest_step))
-        self.end, self._least = None, max(self.options.smallest_step, _SHORT)
+        least = _SHORT if self.step > _SHORT else _SHORTER * self.step  # it must be able to take the step
+        self.end, self._least = None, max(self.options.smallest_step, least)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it was wrong, and continue with shorter steps."""

@@ -21,7 +21,7 @@ from gapwalk.model.words import signal_words
 from gapwalk.orbit.energy import Energy, EnergyItem, energy
 from gapwalk.orbit.orbit import Orbit
 
-_BESIDE = 1e-9  # radians before and after an event, at which a motion is sampled
+_BESIDE = 1e-5  # radians before and after an event, at which a motion is sampled; orbits know their events to 1e-8
 _EVENTS = 400  # of a period, beside which it is sampled
 _BOOKED = 60  # coordinates of a system whose energy is computed at a click
 _NOTHING = 1e-12  # of the work, below which an energy is rounding

@@ -14,11 +14,13 @@ rows of coefficients too.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout
+from gapwalk.model.coefficients import CoefficientLayout, layout_of
+from gapwalk.model.structure import Structure
 
 _DEPENDENT = 1e-9  # share of its own size that is left of a constraint which depends on others
 _ROUNDING = 8e-16  # share of two terms within which their difference is rounding
@@ -50,22 +52,34 @@ class Constraint:
     def __init__(self, layout: CoefficientLayout, coefficients: NDArray, held: Sequence[int]) -> None:
         self._layout, self._coefficients, n = layout, coefficients, layout.structure.size
         contacts = [layout.structure.reactions[number][0] for number in held]
-        vectors = np.array([coefficients[layout.contacts[k].deflection] for k in contacts]).reshape(len(held), n)
-        pushes = np.array([coefficients[layout.contacts[k].force] for k in contacts]).reshape(len(held), n)
-        chosen: list[int] = []
-        for place in range(len(held)):
-            trial = [*chosen, place]
-            inner = np.real(vectors[trial] @ pushes[trial].T)
-            size = abs(inner[-1, -1])
-            left = inner[-1, -1] - (inner[-1, :-1] @ np.linalg.solve(inner[:-1, :-1], inner[:-1, -1]) if chosen else 0)
-            if abs(left) > _DEPENDENT * size:
-                chosen = trial
+        self._deflections = np.array([layout.contacts[k].deflection for k in contacts], np.intp).reshape(-1, n)
+        self._forces = np.array([layout.contacts[k].force for k in contacts], np.intp).reshape(-1, n)
+        inner = coefficients[self._deflections] @ coefficients[self._forces].T
+        chosen = _independent(np.real(inner).tolist())
+        if len(chosen) < len(held):
+            self._deflections, self._forces = self._deflections[chosen], self._forces[chosen]
+            inner = inner[chosen][:, chosen]
         self.independent = [held[place] for place in chosen]
         self.contacts = [contacts[place] for place in chosen]
-        self.vectors, self.impulses = vectors[chosen], np.zeros((n, 0), coefficients.dtype)
-        if chosen:
-            self._inverse = np.linalg.inv(vectors[chosen] @ pushes[chosen].T)
-            self.impulses = pushes[chosen].T @ self._inverse
+        self.vectors, self._pushes = coefficients[self._deflections], coefficients[self._forces].T
+        self._inverse = 1.0 / inner if len(chosen) < 2 else np.linalg.inv(inner)
+        self.impulses = self._pushes @ self._inverse
+
+    @cached_property
+    def _rows(self) -> NDArray:
+        """Rows of coefficients of the accelerations of their deflections, without the reactions."""
+        layout, coefficients = self._layout, self._coefficients
+        rows = self.vectors @ coefficients[layout.accelerations]
+        for row, contact in zip(rows, self.contacts, strict=True):
+            if (sway := layout.contacts[contact].sway) is not None:
+                row[len(row) - len(sway) :] -= self._squares * coefficients[sway]
+        return rows
+
+    @property
+    def _squares(self) -> NDArray:
+        """Squares of the angular frequencies of all orders, for cosines and sines: second derivatives of waves."""
+        orders = np.array(self._layout.orders * 2, dtype=float)
+        return (orders / self._coefficients[0]) ** 2
 
     def coefficients(self) -> NDArray:
         """Return the coefficients of the system while these contacts are held."""
@@ -75,20 +89,56 @@ class Constraint:
         if not self.independent:
             return found
         table = found[layout.accelerations]
-        rows = self.vectors @ table
-        count, frequency = len(layout.orders), 1.0 / found[0]
-        squares = (np.array(layout.orders, dtype=float) * frequency) ** 2
-        for row, contact in zip(rows, self.contacts, strict=True):
-            if (sway := layout.contacts[contact].sway) is not None:
-                row[len(row) - 2 * count :] -= np.concatenate((squares, squares)) * found[sway]
-        moved = self.impulses @ rows
+        moved = self.impulses @ self._rows
         difference = table - moved
         sizes = np.abs(np.real(table)) + np.abs(np.real(moved))
         small = np.abs(np.real(difference)) <= _ROUNDING * sizes
         difference[small] -= np.real(difference[small])  # what is 0 must not grow from rounding
         found[layout.accelerations] = difference
-        found[layout.reactions[self.independent]] = self._inverse @ rows
+        found[layout.reactions[self.independent]] = self.reactions
         return found
+
+    @property
+    def reactions(self) -> NDArray:
+        """Rows of coefficients of the reactions that are `independent`."""
+        return self._inverse @ self._rows
+
+    def changes(self, directions: NDArray) -> NDArray:
+        """Return the changes of `coefficients` for changes of the system without constraints, one in each row."""
+        layout, found = self._layout, directions.copy()
+        found[:, layout.reactions] = 0.0
+        if not self.independent:
+            return found
+        table, moved = self._coefficients[layout.accelerations], directions[:, layout.accelerations]
+        vectors, pushes = directions[:, self._deflections], directions[:, self._forces].swapaxes(1, 2)
+        rows = vectors @ table + self.vectors @ moved
+        for place, contact in enumerate(self.contacts):
+            if (sway := layout.contacts[contact].sway) is not None:
+                growth = (
+                    directions[:, sway]
+                    - np.outer(2.0 * directions[:, 0], self._coefficients[sway]) / self._coefficients[0]
+                )
+                rows[:, place, rows.shape[2] - len(sway) :] -= self._squares * growth
+        reactions = self.reactions
+        inner = vectors @ self._pushes + self.vectors @ pushes
+        changed = self._inverse @ (rows - inner @ reactions)
+        found[:, layout.accelerations] = moved - self._pushes @ changed - pushes @ reactions
+        found[:, layout.reactions[self.independent]] = changed
+        return found
+
+
+def _independent(left: list[list[float]]) -> list[int]:
+    """Return the places of the constraints that do not depend on those before them, by elimination from ``E W``."""
+    chosen, sizes = [], [row[place] for place, row in enumerate(left)]
+    for place, row in enumerate(left):
+        if not abs(row[place]) > _DEPENDENT * abs(sizes[place]):
+            continue
+        chosen.append(place)
+        for other in left[place + 1 :]:
+            factor = other[place] / row[place]
+            for column in range(place + 1, len(row)):
+                other[column] -= factor * row[column]
+    return chosen
 
 
 def reachable(layout: CoefficientLayout, pattern: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -146,3 +196,12 @@ def reachable_changes(
     for slots in (layout.accelerations[pushed], layout.reactions):
         found[slots] |= pattern[slots]
     return found
+
+
+@lru_cache(maxsize=256)
+def reachable_masks(structure: Structure, masks: tuple[bytes, ...]) -> tuple[bytes, ...]:
+    """Return the masks of `reachable` and `reachable_changes`, from those of a system and of each parameter."""
+    pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
+    layout = layout_of(structure)
+    pattern = reachable(layout, pattern)
+    return pattern.tobytes(), *(reachable_changes(layout, pattern, mask).tobytes() for mask in directions)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 from weakref import ref
 
@@ -24,11 +25,13 @@ from gapwalk.flow.equations import Equations
 from gapwalk.flow.event_rule import Quotient, jump_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.impacts import Impacts
-from gapwalk.flow.mode_switches import ModeSwitches, taylor_reach
+from gapwalk.flow.mode_switches import ModeSwitches, taylor_beginning, taylor_reach
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
+_LATE = 1e-6  # radians by which a slow crossing may be reported after it was set beside another event
+_ROUNDING = 1e-15  # the same, by rounding of the positions
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _LEAVING = (
@@ -114,6 +117,8 @@ class Switchboard:
         stages = [layout.contacts[k].stages[j] for k, j in equations.switches]
         self.n, self.size = layout.structure.size, layout.structure.state_size
         self.count = len(stages)
+        ends = [0, *accumulate(len(contact.stages) for contact in layout.contacts)]
+        self._own_switches = [slice(*each) for each in pairwise(ends)]  # of each contact
         self.signs = np.array([stage.sign for stage in stages], dtype=float)
         self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
@@ -140,7 +145,7 @@ class Switchboard:
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
 
-        `readings` are those of `DrySwitches.compile`.
+        `readings` are those of friction and rigid stops, if there are any.
         """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
@@ -149,12 +154,18 @@ class Switchboard:
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
 
-    def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
-        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
+    def start(
+        self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
+    ) -> None:
+        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`.
+
+        `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
+        """
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = self._system = coefficients
+        self._system_directions = directions
         if not self.count:
             self.modes.start(coefficients, theta, unit)
             self._start_dry(theta)
@@ -166,7 +177,7 @@ class Switchboard:
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
         self.modes.start(coefficients, theta, unit)
-        self._changed = [theta] * self.count
+        self._changed, self._speeds = [theta] * self.count, [math.inf] * self.count
         self._left = self._changed.copy()
         self._start_dry(theta)
         near = self._are_near(depths, state, _ON)
@@ -199,7 +210,7 @@ class Switchboard:
             switches._of_motion.clear()
 
         self.dry.closed = self._closed()
-        self.dry.start(self._system, self._directions(), theta, self._unit, change)
+        self.dry.start(self._system, self._system_directions, theta, self._unit, change)
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -276,9 +287,10 @@ class Switchboard:
 
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
-        if self.dry.count and self.dry.let_go(switch, theta):
-            self.log.append(ContactEvent(theta, switch, False, 0.0))
-            self._left[switch] = theta + _LEAVING
+        if self.dry.count and self.dry.holds(switch):
+            if self.dry.let_go(switch, theta):
+                self.log.append(ContactEvent(theta, switch, False, 0.0))
+                self._left[switch] = theta + _LEAVING
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
@@ -301,7 +313,8 @@ class Switchboard:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
             return False
-        self._changed[switch] = theta
+        # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
+        self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
             for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
@@ -325,16 +338,13 @@ class Switchboard:
         return True
 
     def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
-        """Return True if an event repeats the last change of its switch, within time or distance that is rounding.
-
-        Another event may have set the switch where a motion turns within rounding of the breakpoint: its own follows.
-        """
+        """Return True if an event follows the last change of its switch within time or distance that is rounding."""
         passed = theta - self._changed[switch]
         if passed <= _REPEATED:
             return True
         state = self._state[: 2 * self.n].tolist()
         near = 4.0 * _ON * (self._scales[switch] + self._size(state))
-        return abs(velocity) * passed * float(self._coefficients[0]) <= near
+        return max(abs(velocity), self._speeds[switch]) * passed * float(self._coefficients[0]) <= near
 
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
@@ -358,14 +368,19 @@ class Switchboard:
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
         near = self._are_near(depths, state, _ON)
+        if True not in near:
+            return
+        on = self._are_near(depths, state, _ROUNDING)
         for other in others:
-            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
-            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
-                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
-                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
-                    if reach < -depths[other]:
-                        continue
-                self._settle(other, theta, reported=False)
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only; and where a motion
+            # has hardly left since a switch changed, its own event follows
+            if not near[other] or self._repeats(other, 0.0, theta) or self.dry.holds(other):
+                continue
+            if (depths[other] > 0.0) is self._inside[other] and not on[other]:
+                reach = COOLDOWN * float(self._coefficients[0]) * abs(self._rate(other, theta))
+                if abs(depths[other]) > reach:
+                    continue  # a slow crossing comes later, or not at all, and is then reported
+            self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
         """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.
@@ -386,7 +401,7 @@ class Switchboard:
                     powers = range(1, series.shape[1] + 1)
                     depths += [self._sway(switch, theta, power) / math.factorial(power) for power in powers]
                 depths *= self.signs[switch]
-                time, depth = _beginning(depths, distance, longest)
+                time, depth = taylor_beginning(depths, distance, COOLDOWN, longest)
                 self._inside[switch], self._left[switch] = start + depth > 0.0, theta + time
             if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
                 return
@@ -481,31 +496,12 @@ class Switchboard:
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""
-        contacts = [index for index, _ in self.equations.switches]
-        return [
-            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
-            for contact in range(len(self.equations.layout.contacts))
-        ]
+        return [self._inside[own] for own in self._own_switches]
 
     def _directions(self) -> NDArray[np.float64]:
-        """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
+        """Return the present directions of the coefficients of the sensitivities, shape (directions, number)."""
         directions = np.zeros((len(self.equations.varying), len(self._coefficients)))
         for index, varying in enumerate(self.equations.varying):
             first = self.equations.first_component(index)
             directions[index, varying] = self._parameters[first : first + len(varying)]
         return directions
-
-
-def _beginning(series: NDArray, distance: float, longest: float) -> tuple[float, float]:
-    """Return when a motion has covered a distance by its Taylor series (without the constant), and its position.
-
-    If it does not cover the distance, they are those where the series ceases to hold; 0, 0 if it does not move.
-    """
-    powers, time, depth = np.arange(1.0, len(series) + 1.0), min(COOLDOWN, longest), 0.0
-    if not series.any():
-        return 0.0, 0.0
-    while True:
-        depth = float(series @ time**powers)
-        if abs(depth) > distance or time >= longest:
-            return time, depth
-        time = min(2.0 * time, longest)

@@ -5,7 +5,8 @@ While contacts are held, the motion is that of a system with other coefficients 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -14,9 +15,8 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
+from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, Dry
-
-_STEP = 1e-150  # of the complex step
 
 Array = NDArray[np.float64]
 
@@ -84,15 +84,23 @@ class Readings(NamedTuple):
         Rates of the extensions.
     reactions : shape (reactions,)
         The reactions; 0 of those that are not held.
-    friction : shape (contacts that are friction, 3)
-        Slip rate, force in slip, and force at which slip begins, of each.
+    friction
+        Slip rate, force in slip, and force at which slip begins, of each contact that is friction.
+    columns
+        What the columns of the accelerations multiply: positions, velocities, forces of all contacts, 1, waves.
     """
 
     velocities: Array
     accelerations: Array
     extending: Array
     reactions: Array
-    friction: Array
+    friction: list[list[float]]
+    columns: Array
+
+
+def largest(values: Array) -> float:
+    """Return the largest absolute value of a few numbers."""
+    return max(map(abs, values.tolist()))
 
 
 class _Held(NamedTuple):
@@ -105,6 +113,116 @@ class _Held(NamedTuple):
     directions: Array
     constraint: Constraint
     table: Array
+
+
+class Push(NamedTuple):
+    """What a unit of the force of rigid friction does.
+
+    Attributes
+    ----------
+    moved : shape (n,)
+        Accelerations against which it acts.
+    on_itself
+        That of its own deflection.
+    stopping : shape (n,)
+        Change of the velocities by which the rate of its deflection changes by 1.
+    """
+
+    moved: Array
+    on_itself: float
+    stopping: Array
+
+
+class CompiledReadings:
+    """The compiled readings of some equations, which all their integrators share, and derivatives of them.
+
+    Parameters
+    ----------
+    equations
+        The equations.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self._equations = equations
+        self.state = [*equations.positions, *equations.velocities, *equations.extensions]
+        readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
+        used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
+        places = range(min(used, default=0), max(used, default=-1) + 1)
+        self.used = slice(places.start, places.stop)
+        """The run-time parameters on which the readings depend."""
+        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k}") for k in places}
+        functions = hy.subs(readings, {hy.time: angle, **numbers})
+        # heyoka calls a function of one array twice as fast as one of a state, a time and parameters
+        self.readings = hy.cfunc(functions, vars=[*self.state, angle, *numbers.values()])
+        memories = equations.layout.structure.memories
+        self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
+        """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
+
+    @cached_property
+    def _is_plain(self) -> bool:
+        """True if deflections alone decide which stages are closed, and nothing else has a mode."""
+        layout = self._equations.layout
+        varies = any(slots.sway is not None or any(stage.waves for stage in slots.stages) for slots in layout.contacts)
+        return not (self._equations.modes or layout.cycles or self._equations.formulas or varies)
+
+    def along(self, coefficients: Array, states: Array, thetas: Array, slips: Array) -> Array | None:
+        """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow.
+        states, thetas : shape (samples, state_size), (samples,)
+            The states, and their angles.
+        slips : shape (contacts that are friction,)
+            The modes of friction, the same at all samples: 1 or -1 in slip, 0 in stick.
+
+        Returns
+        -------
+        shape (samples, values)
+            None where stages close by more than deflections, as with displacements of a base.
+        """
+        if not self._is_plain:
+            return None
+        equations, n = self._equations, self._equations.layout.structure.size
+        parameters = np.zeros((equations.first_coefficient + len(equations.active), len(states)))
+        for switch, (contact, place) in enumerate(equations.switches):
+            slots = equations.layout.contacts[contact]
+            stage = slots.stages[place]
+            depths = stage.sign * (states[:, :n] @ coefficients[slots.deflection]) - coefficients[stage.clearance]
+            parameters[equations.first_switch + switch] = depths > 0.0
+        parameters[equations.first_slip : equations.first_slip + len(slips)] = slips[:, None]
+        parameters[equations.first_stick : equations.first_stick + len(slips)] = slips[:, None] == 0
+        parameters[equations.length] = 1.0
+        parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
+        given = np.vstack((states.T, thetas[None], parameters[self.used]))
+        return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
+
+    @cached_property
+    def _tangents(self) -> Any:
+        variables, expressions = self._equations.tangents
+        with kept(f"{self._equations.text} tangents"):
+            return hy.cfunc(expressions, vars=variables)
+
+    def tangents(self, state: Array, parameters: Array, theta: float, changes: Sequence[Array]) -> Array:
+        """Return the derivatives of what the accelerations consist of, and of the limits, along some changes.
+
+        Parameters
+        ----------
+        state, parameters, theta
+            The state, all run-time parameters, and the angle.
+        changes
+            Each is a change of the state, of theta, and of the coefficients `Equations.tangent_slots`.
+
+        Returns
+        -------
+        shape (changes, columns)
+            For each change, that of the forces of all contacts, of 1, and of the waves; then those of the force in slip
+            and of the force at which slip begins, of each contact that is friction.
+        """
+        function = self._tangents
+        given = parameters[: function.nparams]
+        return np.array([function(np.concatenate((state, each)), pars=given, time=theta) for each in changes])
 
 
 class DryState:
@@ -136,6 +254,12 @@ class DryState:
         The number of the reaction of each switch of a rigid stop.
     columns
         Number of sensitivity columns.
+    vectors
+        Deflection vector of each contact that is friction or a rigid stop.
+    column_signs : shape (columns,)
+        Signs with which the columns of coefficients enter accelerations and reactions.
+    is_moved
+        For each of them, True if a direction changes its deflection, or the rate of its base.
     closed
         For each contact which of its stages are closed.
     """
@@ -143,6 +267,9 @@ class DryState:
     closed: list[list[bool]]
     coefficients: Array
     entry: _Held
+    vectors: dict[int, Array]
+    is_moved: dict[int, bool]
+    pushes: dict[int, Push]
 
     def __init__(self, equations: Equations) -> None:
         layout, structure = equations.layout, equations.layout.structure
@@ -160,31 +287,46 @@ class DryState:
             for number, (contact, switch) in enumerate(structure.reactions)
             if switch >= 0
         }
+        self._order = [*self.sign_of, *sorted(self.friction_of)]  # of what is held: stops before friction
         self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.held: tuple[int, ...] = ()
         self.hold_log: list[Hold] = []
         self._known: dict[tuple[int, ...], _Held] = {}
+        self._applied: _Held | None = None
+        self._applied_modes: list[Any] = []
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
         self._numbers = (b"", b"")
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
         self._columns_end = layout.accelerations.shape[1]
+        self.column_signs = np.ones(self._columns_end)
+        self.column_signs[: 2 * self.n + len(layout.contacts)] = -1.0
         self._friction_end = self._columns_end + 3 * len(self.slots)
-        self._width = self._friction_end + len(structure.memories)
-        self._sways = any(layout.contacts[contact].sway is not None for contact, _ in structure.reactions)
+        self._rigid_columns = [
+            (place, 2 * self.n + contact)
+            for place, contact in enumerate(equations.dry)
+            if self.memory_of[place] is None
+        ]
+        self._springs = [equations.dry.index(contact) for contact in structure.memories]
+        # the dry contacts and those of stops, with the slots of their deflection, its displacement, and their speed
+        self._contacts: dict[int, list[int]] = {}
+        for contact in [*equations.dry, *(contact for contact, switch in structure.reactions if switch >= 0)]:
+            slots = layout.contacts[contact]
+            speed = [slots.numbers["speed"]] if "speed" in slots.numbers else []
+            sway = [] if slots.sway is None else [0, *slots.sway.tolist()]
+            self._contacts[contact] = [*slots.deflection.tolist(), *sway, *speed]
+        self._sways = any(layout.contacts[contact].sway is not None for contact in self._contacts)
 
-    def compile(self) -> Any:
-        """Return the compiled readings, for `attach`; integrators of the same equations share them."""
-        if not self.count:
-            return None
-        variables = [*self.equations.positions, *self.equations.velocities, *self.equations.extensions]
-        return hy.cfunc(self.equations.readings, vars=variables)
-
-    def attach(self, integrator: Any, columns: int, compiled: Any) -> None:
+    def attach(self, integrator: Any, columns: int, compiled: CompiledReadings | None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
         self.integrator, self.state, self._parameters = integrator, integrator.state, integrator.pars
-        self.columns, self._compiled = columns, compiled
-        self._read_from = self._parameters[: compiled.nparams] if self.count else self._parameters
+        self._own = self.state[: self.size]
+        self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
+        self.columns = columns
+        if compiled is not None:
+            self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
+            self._numbers_used = self._parameters[compiled.used]
+            self._given = np.empty(self.size + 1 + len(self._numbers_used))
 
     def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -199,56 +341,112 @@ class DryState:
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
         else:
-            self._known = {}
-        self.slips, self.sticks, self.held = [0] * len(self.slots), [False] * len(self.slots), ()
+            self._known, self.pushes = {}, {}
+            self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
+            self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
+        was_held, self.held = bool(self.held), ()
+        self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.entry = self._entry_of(())
+        # a start may be decided twice: then the integrator may still have what the first one held
+        self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
         changed(self.coefficients)
-        self.apply()
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
         known = self._known.get(held)
         if known is not None:
             return known
-        layout, n = self.layout, self.n
-        constraint, directions = Constraint(layout, self.base, held), self.directions.copy()
+        layout = self.layout
+        constraint = Constraint(layout, self.base, held)
+        directions = constraint.changes(self.directions)
         coefficients = constraint.coefficients()
-        if held and len(directions):
-            step = 1j * _STEP
-            changes = [np.imag(Constraint(layout, self.base + step * each, held).coefficients()) for each in directions]
-            directions = np.array(changes) / _STEP
         table = np.vstack((coefficients[layout.accelerations], coefficients[layout.reactions]))
-        table[:, : 2 * n + len(layout.contacts)] *= -1.0
+        table *= self.column_signs
         self._known[held] = found = _Held(coefficients, directions, constraint, table)
         return found
 
+    def push_of(self, place: int) -> Push:
+        """Return what a unit of the force of rigid friction does, by its place."""
+        slots = self.slots[place]
+        moved = self.base[slots.force]
+        on_itself = float(moved.dot(self.base[slots.deflection]))
+        return Push(moved, on_itself, moved / on_itself if on_itself else moved)
+
+    def hold(self, held: Iterable[int]) -> None:
+        """Hold some contacts, by the numbers of their reactions; the integrator does not know before `apply`."""
+        self.held = tuple(sorted(held, key=self._order.index))
+        self.entry = self._entry_of(self.held)
+
     def apply(self) -> None:
         """Give the integrator the present modes, and the coefficients of what is held."""
-        equations, entry, count = self.equations, self._entry_of(self.held), len(self.slots)
-        if self.entry is not entry:
-            self.entry, self.coefficients = entry, entry.coefficients
+        entry, modes = self.entry, [*self.slips, *self.sticks, *(number in self.held for number in self.sign_of)]
+        if modes != self._applied_modes:
+            self._applied_modes = modes
+            self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
+        if self._applied is not entry:
+            equations, self._applied, self.coefficients = self.equations, entry, entry.coefficients
             self._parameters[self._first_coefficient :] = entry.coefficients[equations.active]
             if len(entry.directions):
                 self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
-        held = [number in self.held for number in self.sign_of]
-        first = self._first_slip
-        self._parameters[first : first + 2 * count + len(held)] = [*self.slips, *self.sticks, *held]
 
-    def read(self, theta: float) -> Readings:
-        """Return the values at the present state under the present modes."""
-        n, columns, last = self.n, self._columns_end, self._friction_end
-        found, state = np.empty(self._width), self.state[: self.size]
-        found[: 2 * n] = state[: 2 * n]
-        self._compiled(state, outputs=found[2 * n :], pars=self._read_from, time=theta)
-        values = self.entry.table @ found[:columns]
-        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], found[columns:last].reshape(-1, 3))
+    def read(self, theta: float, known: Readings | None = None) -> Readings:
+        """Return the values at the present state under the present modes.
+
+        `known` are those at the same state under other modes. They differ by the forces of friction that slips only,
+        which are its limits, so no law need be evaluated again.
+        """
+        if known is not None and not self._follows:
+            return self._changed_modes(known)
+        self.apply()
+        n, size, columns, last, given = self.n, self.size, self._columns_end, self._friction_end, self._given
+        given[:size] = self._own
+        given[size] = theta
+        given[size + 1 :] = self._numbers_used
+        found = self._read(given)
+        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
+        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+
+    def _changed_modes(self, known: Readings) -> Readings:
+        columns, extending = known.columns.copy(), known.extending
+        for place, column in self._rigid_columns:
+            columns[column] = self.slips[place] * known.friction[place][1]
+        if self._springs:
+            rates = [known.friction[place][0] if self.sticks[place] else 0.0 for place in self._springs]
+            extending = np.array(rates)
+        values = self.entry.table.dot(columns)
+        return Readings(known.velocities, values[: self.n], extending, values[self.n :], known.friction, columns)
+
+    def tangents(self, theta: float, rows: Array, along: Array, turn: float = 0.0) -> tuple[Array, Array]:
+        """Return the derivatives of the columns of the accelerations, and of the limits, along some changes.
+
+        Parameters
+        ----------
+        theta
+            The angle.
+        rows, along
+            Changes of the state, and of the coefficients, one in each row.
+        turn
+            The change of theta along each of them.
+
+        Returns
+        -------
+        columns : shape (changes, columns)
+            Those of `Readings.columns`.
+        limits : shape (changes, contacts that are friction, 2)
+            Those of the force in slip, and of the force at which slip begins.
+        """
+        turns = np.full((len(rows), 1), turn)
+        changes = np.hstack((rows, turns, along[:, self.equations.tangent_slots]))
+        found = self._compiled.tangents(self._own, self._parameters, theta, list(changes))
+        split = self._columns_end - 2 * self.n
+        return np.hstack((rows[:, : 2 * self.n], found[:, :split])), found[:, split:].reshape(len(rows), -1, 2)
 
     def rows(self) -> Array:
         """Return the changes of the state, one row for each column of the sensitivities (a live view)."""
-        return self.state[self.size : self.size * (1 + self.columns)].reshape(self.columns, self.size)
+        return self._rows
 
     def along(self) -> Array:
         """Return the change of the system's coefficients along each row."""
@@ -262,8 +460,7 @@ class DryState:
 
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
-        slots = self.layout.contacts[contact]
-        moved = float(self.base[slots.deflection] @ now.accelerations)
+        slots, moved = self.layout.contacts[contact], float(self.vectors[contact].dot(now.accelerations))
         if slots.sway is not None:
             moved += float(Angles(self.layout, self.base, theta).sway(slots, 0, 2))
         return moved
@@ -271,6 +468,16 @@ class DryState:
     def slip_acceleration(self, place: int, now: Readings, theta: float) -> float:
         """Return the derivative of the slip rate of friction over time, with a limit that is constant."""
         return self.acceleration(self.equations.dry[place], now, theta)
+
+    def rigid_rate(self, place: int, theta: float) -> float:
+        """Return the slip rate of friction without a spring, over time."""
+        contact, slots = self.equations.dry[place], self.slots[place]
+        rate = float(self.vectors[contact].dot(self.state[self.n : 2 * self.n])) - self.base.item(
+            slots.numbers["speed"]
+        )
+        if slots.sway is not None:
+            rate += float(Angles(self.layout, self.base, theta).sway(slots, 0, 1))
+        return rate
 
     def gap(self, number: int, theta: float) -> tuple[float, float, float]:
         """Return the deflection beyond a stop, by its reaction; its rate over time; and the size of its clearance."""
@@ -284,7 +491,7 @@ class DryState:
     def speed(self) -> float:
         """Return the size of the velocities, now or a quarter of a period later."""
         numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
-        return max(*numbers[self.n :], max(numbers[: self.n]) / float(self.base[0]))
+        return max(*numbers[self.n :], max(numbers[: self.n]) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

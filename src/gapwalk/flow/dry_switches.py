@@ -20,10 +20,11 @@ from gapwalk.flow.dry_derivatives import (
     depth_changes,
     extension_changes,
     margin_changes,
+    margin_growth,
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
@@ -34,6 +35,8 @@ _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid s
 _BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
+_TURNS = 1e-3  # share of the accelerations below which one may turn at once
+_UNSEEN = 1e-13  # share of its limit by which an extension may be off
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -87,7 +90,7 @@ class DrySwitches(DryState):
             depth, _, scale = self.gap(number, theta)
             if sign * depth <= 0.0:
                 continue
-            if sign * depth > _BEYOND * (scale + float(np.abs(self.state[: self.n]).max())):
+            if sign * depth > _BEYOND * (scale + largest(self.state[: self.n])):
                 name = self.layout.contacts[self.layout.structure.reactions[number][0]].form.name
                 raise FlowError(
                     f"the motion begins {sign * depth * unit:.3g} beyond the rigid stop {name!r}; begin it where the "
@@ -100,7 +103,7 @@ class DrySwitches(DryState):
 
     def _touching(self, theta: float, still: float) -> list[int]:
         """Return the reactions of those stops on which the motion is, at rest."""
-        found, size = [], float(np.abs(self.state[: self.n]).max())
+        found, size = [], largest(self.state[: self.n])
         for number in self.sign_of:
             depth, rate, scale = self.gap(number, theta)
             if abs(depth) <= _STILL * (scale + size) and abs(rate) <= still:
@@ -110,64 +113,82 @@ class DrySwitches(DryState):
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
         still = _STILL * self.speed()
-        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
+        candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
-            rate = float(now.friction[place, 0])
             if number is None:
                 continue
+            rate = self.rigid_rate(place, theta)
             if abs(rate) <= still:
                 candidates.append(number)
             else:
                 self.slips[place] = 1 if rate > 0.0 else -1
-        self._hold(theta, candidates)
-        if self.held:
+        if candidates:
+            self._hold(theta, candidates)
             project(self, theta)
+        known: Readings | None = None
         for place, memory in enumerate(self.memory_of):
             if memory is not None:
-                self._begin_memory(place, memory, theta)
-
-    def _begin_memory(self, place: int, memory: int, theta: float) -> None:
-        """Decide whether a Jenkins element sticks from its extension and slip rate; it is never beyond its limit."""
-        self.slips[place], self.sticks[place] = 0, False
+                known = self._begin_memory(place, memory, theta, known)
         self.apply()
-        rate, limit, _ = self.read(theta).friction[place].tolist()
+
+    def _begin_memory(self, place: int, memory: int, theta: float, known: Readings | None = None) -> Readings | None:
+        """Decide whether a Jenkins element sticks from its extension and slip rate; it is never beyond its limit.
+
+        Return the values at the state, unless that has changed; `known` are those under other modes, if they are known.
+        """
+        self.slips[place], self.sticks[place] = 0, False
+        now = self.read(theta, known)
+        rate, limit, _ = now.friction[place]
         force = self.stiffness(place) * float(self.state[memory])
-        tiny = _ON * self.stiffness(place) * float(np.abs(self.state[: self.n]).max())
+        tiny = _ON * self.stiffness(place) * largest(self.state[: self.n])
         begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
         if limit > 0.0 and abs(force) < limit * (1.0 - _ON) and not begins:
             self.sticks[place] = True
-            self.apply()
-            return
+            return now
         side = 1 if force > 0.0 else -1
         if limit <= 0.0 or begins:
             side = 0 if not begins else 1 if rate > 0.0 else -1
-        self._reset_extension(place, side, theta)
+        self._reset_extension(place, side, theta, limit)
         if side and self._slips_on(place, side, theta):
             self._forgotten[memory] = True
         elif side:
             self._stick(place, theta)
             if begins:
                 self._reset_extension(place, 0, theta)
-        self.apply()
+        return None
 
-    def _slips_on(self, place: int, side: int, theta: float) -> bool:
+    def _slips_on(self, place: int, side: int, theta: float, known: Readings | None = None) -> bool:
         """Let friction in series with a spring slip to one side; return True if its slip rate has that direction.
 
         Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
         """
         self.slips[place], self.sticks[place] = side, False
-        self.apply()
-        now = self.read(theta)
-        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        now = self.read(theta, known)
+        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
-        if abs(change) <= _NEAR * float(np.abs(now.accelerations).max()):
-            kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
-            self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
-            later = self.read(theta + _LATER)
-            change = self.slip_acceleration(place, later, theta + _LATER)
-            self.state[: self.size] = kept
+        change = self._leading(self.equations.dry[place], now, theta)
         return side * change > 0.0
+
+    def _soon(self, now: Readings, theta: float) -> Readings:
+        """Return the values a moment later, under the present modes."""
+        kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
+        self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
+        later = self.read(theta + _LATER)
+        self.state[: self.size] = kept
+        return later
+
+    def _leading(self, contact: int, now: Readings, theta: float) -> float:
+        """Return the acceleration of a deflection; where it vanishes, the one a moment later.
+
+        Where a stop has just let go, all accelerations are rounding, and only those to come tell their size.
+        """
+        change = self.acceleration(contact, now, theta)
+        vanishes = abs(change) <= _NEAR * largest(now.accelerations)
+        if not vanishes and not self.sign_of:
+            return change
+        later = self.acceleration(contact, self._soon(now, theta), theta + _LATER)
+        return later if vanishes or abs(change) <= _NEAR * abs(later) / _LATER else change
 
     def _stick(self, place: int, theta: float) -> None:
         self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
@@ -180,19 +201,23 @@ class DrySwitches(DryState):
         host = self.layout.structure.host(self.equations.dry[place])
         return self.laws[place].by == "normal" and host is not None and any(self.closed[host])
 
-    def _reset_extension(self, place: int, side: int, theta: float) -> None:
+    def _reset_extension(self, place: int, side: int, theta: float, limit: float = 0.0) -> None:
         """Set the extension of a Jenkins element to its limit on one side (0: to zero), with its derivatives."""
         memory = self.memory_of[place]
         assert memory is not None
         if self.columns:
             self.rows()[:, memory] = side * extension_changes(self, place, theta) if side else 0.0
-        self.state[memory] = side * float(self.read(theta).friction[place, 1]) / self.stiffness(place) if side else 0.0
+        self.state[memory] = side * limit / self.stiffness(place)
         self._forgotten[memory] = False
 
-    def _hold(self, theta: float, candidates: Iterable[int]) -> Readings | None:
+    def _hold(
+        self, theta: float, candidates: Iterable[int], known: Readings | None = None, pressed: Sequence[int] = ()
+    ) -> Readings:
         """Hold those of the candidates that stay within their bounds; the others slip, or open.
 
-        Return the values with what is held, if anything is.
+        Stops that are `pressed` are held even where their reactions only begin, and have a sign by rounding only.
+
+        Return the values with what is held; `known` are those under other modes, if they are known.
         """
         held, released, back = {*candidates}, list[int](), set[int]()
         self._over: dict[int | None, float] = {}  # share of its bound by which a reaction exceeds it
@@ -200,18 +225,15 @@ class DrySwitches(DryState):
             for number in held:
                 if (place := self.friction_of.get(number)) is not None:
                     self.slips[place], self.sticks[place] = 0, True
-            self.held = tuple(sorted(held, key=lambda number: (number in self.friction_of, number)))
-            self.apply()
-            if not held and not released:
-                return None
-            now = self.read(theta)
+            self.hold(held)
+            known = now = self.read(theta, known)
             worst, excess = -1, 0.0
             for number in self.entry.constraint.independent:
                 reaction, place = float(now.reactions[number]), self.friction_of.get(number)
                 if place is None:
-                    over = np.inf if self.sign_of[number] * reaction < 0.0 else 0.0
+                    over = np.inf if self.sign_of[number] * reaction < 0.0 and number not in pressed else 0.0
                 else:
-                    bound = float(now.friction[place, 2])
+                    bound = now.friction[place][2]
                     over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
                     self._over[number] = over
                 if over > excess:
@@ -219,7 +241,8 @@ class DrySwitches(DryState):
             if worst < 0:  # where others have let go since, one may not slip after all
                 returning = [each for each in released if each not in back and self._returns(each, now, theta)]
                 if not returning:
-                    return now if held else None
+                    self.apply()
+                    return now
                 held.add(returning[0])
                 back.add(returning[0])
                 released.remove(returning[0])
@@ -234,7 +257,7 @@ class DrySwitches(DryState):
         place = self.friction_of.get(number)
         side = -self.sign_of[number] if place is None else self.slips[place]
         acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
-        return side * acceleration < -_NEAR * float(np.abs(now.accelerations).max())
+        return side * acceleration < -_NEAR * largest(now.accelerations)
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
@@ -242,7 +265,13 @@ class DrySwitches(DryState):
         if self.keeps == self.equations.dry[place]:
             return
         theta = self.integrator.time
+        if self.sticks[place] and self._lets_go_alone(place):
+            if direction <= 0:  # otherwise its force returns within the bound
+                self._change_alone(place, -1 if second else 1, theta)
+            return
         now = self.read(theta)
+        if not second and self._turns_alone(place, direction, theta, now):
+            return
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
             if other != place and memory is not None and self._stops_too(other, now, theta):
                 self._at_memory(other, False, -self.slips[other], theta, now)
@@ -254,12 +283,74 @@ class DrySwitches(DryState):
             ]
             self._at_memory(place, bool(second), direction, theta, now)
             if hidden:  # it lets the others stop with it
-                self._stop(hidden[0], theta, now)
+                self._stop(hidden[0], theta, self.read(theta))
         elif self.sticks[place]:
             if direction <= 0:  # otherwise its force returns within the bound
                 self._release(place, -1 if second else 1, theta, now)
         elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
+
+    def _lets_go_alone(self, place: int) -> bool:
+        """Return True if rigid friction sticks, and slips with a force that does not jump and moves nothing else."""
+        number = self.reaction_of[place]
+        if self.held != (number,) or self.sign_of or self._springs:
+            return False
+        return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
+
+    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
+        """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
+
+        This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
+        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it changes
+        nothing.
+        """
+        number, side = self.reaction_of[place], self.slips[place]
+        if self.held or self._springs or number is None or not side:
+            return False
+        if theta - self._begun[place] <= _SETTLING and direction != -side:
+            return False
+        acceleration = self.slip_acceleration(place, now, theta)
+        _, limit, bound = now.friction[place]
+        push = self.pushes.get(place)
+        if push is None:
+            push = self.pushes[place] = self.push_of(place)
+        if side * acceleration >= 0.0 or not bound > 0.0 or not push.on_itself > 0.0:
+            return False
+        needed = side * limit + acceleration / push.on_itself
+        beyond = abs(needed) / bound - 1.0
+        if abs(beyond) < 2.0 * _BARELY or side * needed > bound:
+            return False
+        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
+            return False
+        if self.columns:
+            changes = rate_changes(self, self.equations.dry[place], theta)
+        if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
+            jump = 2.0 * side * limit * push.moved
+            if self.columns:
+                self.rows()[:, self.n : 2 * self.n] += np.multiply.outer(changes / acceleration, jump)
+            self._change_alone(place, -side, theta)
+        else:
+            jump = -acceleration * push.stopping
+            if self.columns:
+                self.rows()[:, self.n : 2 * self.n] -= np.multiply.outer(changes, push.stopping)
+            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
+            self._change_alone(place, 0, theta)
+        if not self.columns:
+            velocities, turning = (now.velocities,) * 2, (now.accelerations, now.accelerations + jump)
+            self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+        return True
+
+    def _change_alone(self, place: int, side: int, theta: float) -> None:
+        """Let one friction slip to a side (0: stick) where nothing else is held."""
+        if not side:
+            self.slips[place], self.sticks[place] = 0, True
+            self.hold((self.reaction_of[place],))
+        else:
+            self._slip(place, side, theta)
+            if self.held:
+                self.hold(())
+        self.apply()
+        self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def stop_simultaneous(self, theta: float) -> None:
         """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
@@ -283,31 +374,31 @@ class DrySwitches(DryState):
             if number is not None and other != place and self._stops_too(other, before, theta):
                 candidates.append(number)
         modes = self.slips.copy()
-        after = self._hold(theta, [number for number in candidates if number is not None])
+        after = self._hold(theta, [number for number in candidates if number is not None], before)
         if abs(self._over.get(self.reaction_of[place], 1.0)) < _BARELY:
-            after = self._settle_briefly(place, theta)
+            after = self._settle_briefly(place, theta, after)
         project(self, theta)
         if self.columns:
             add_delay(self, before, theta, shifts, acceleration, after=after)
         else:
-            self.kink(before, theta)
+            self.kink(before, theta, after)
         self._report(modes, theta)
 
-    def _settle_briefly(self, place: int, theta: float) -> Readings | None:
+    def _settle_briefly(self, place: int, theta: float, now: Readings) -> Readings:
         """Leave out a stick, or a slip back before a stick, that is shorter than events can be told apart.
 
-        Return the values with what is held, if anything is.
+        Return the values with what is held then.
         """
         number = self.reaction_of[place]
         assert number is not None
         sticks, others = self.sticks[place], [each for each in self.held if each != number]
         if not sticks:
             self.slips[place], self.sticks[place] = 0, True
-            self.held = tuple(sorted([*others, number], key=lambda each: (each in self.friction_of, each)))
+            self.hold([*others, number])
             self.apply()
-        now = self.read(theta)
-        reaction, bound = float(now.reactions[number]), float(now.friction[place, 2])
-        beyond, growth = abs(reaction) - bound, margin_changes(self, place, now, theta)[1] * float(self.base[0])
+            now = self.read(theta, now)
+        reaction, bound = float(now.reactions[number]), now.friction[place][2]
+        beyond, growth = abs(reaction) - bound, margin_growth(self, place, now, theta) * float(self.base[0])
         if sticks:
             lasts = -beyond / growth if growth > 0.0 else np.inf
         else:  # a slip back that begins with the rate 0 lasts twice as long as the force exceeds its bound
@@ -315,11 +406,11 @@ class DrySwitches(DryState):
         if lasts > _BRIEF if sticks else 0.0 < lasts < _BRIEF:
             return now
         self._slip(place, 1 if reaction > 0.0 else -1, theta)
-        return self._hold(theta, others)
+        return self._hold(theta, others, now)
 
-    def kink(self, before: Readings, theta: float) -> None:
+    def kink(self, before: Readings, theta: float, after: Readings | None = None) -> None:
         """Record an instant at which velocities or accelerations jump."""
-        after = self.read(theta)
+        after = after or self.read(theta)
         velocities, turning = (before.velocities, after.velocities), (before.accelerations, after.accelerations)
         self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
 
@@ -327,7 +418,7 @@ class DrySwitches(DryState):
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
         if not self.slips[place] or theta - self._begun[place] <= _SETTLING:
             return False
-        rate, change = float(now.friction[place, 0]), self.slip_acceleration(place, now, theta)
+        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
         return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
 
     def _release(self, place: int, side: int, theta: float, before: Readings) -> None:
@@ -336,13 +427,27 @@ class DrySwitches(DryState):
         static = float(self.base[self.slots[place].numbers["static"]])
         # otherwise no force jumps, and nothing else may let go
         jumps = self.columns and (static != 1.0 or len(self.held) > 1)
-        gradient = margin_changes(self, place, before, theta) if jumps else None
+        shifts = margin_changes(self, place, before, theta) if jumps else None
+        growth = margin_growth(self, place, before, theta) if jumps else 0.0
         self._slip(place, side, theta)
-        after = self._hold(theta, [each for each in self.held if each != number])
-        if gradient is not None:
-            add_delay(self, before, theta, *gradient, after=after)
+        others = [each for each in self.held if each != number]
+        after = self._hold(theta, others, before)
+        if self.sign_of and (pressed := self._pressed(theta)):
+            after = self._hold(theta, [*others, *pressed], after, pressed)
+        if shifts is not None:
+            add_delay(self, before, theta, shifts, growth, after=after)
         self._let_memories_slip(theta)
         self._report(modes, theta)
+
+    def _pressed(self, theta: float) -> list[int]:
+        """Return the reactions of open stops at which the motion rests, and into which it now accelerates."""
+        resting = [number for number in self._touching(theta, _STILL * self.speed()) if number not in self.held]
+        if not resting:
+            return []
+        now, reactions = self.read(theta), self.layout.structure.reactions
+        return [
+            number for number in resting if self.sign_of[number] * self._leading(reactions[number][0], now, theta) > 0.0
+        ]
 
     def _let_memories_slip(self, theta: float) -> None:
         """Let springs slip that are at their limit, and that something which stuck has set free to move on.
@@ -352,32 +457,34 @@ class DrySwitches(DryState):
         for place, memory in enumerate(self.memory_of):
             if memory is None or not self.sticks[place]:
                 continue
-            force, limit = self.stiffness(place) * float(self.state[memory]), float(self.read(theta).friction[place, 1])
+            now = self.read(theta)
+            force, limit = self.stiffness(place) * float(self.state[memory]), now.friction[place][1]
             if abs(force) < limit * (1.0 - _NEAR):
                 continue
             side = 1 if force > 0.0 else -1
-            if self._slips_on(place, side, theta):
-                self._reset_extension(place, side, theta)
+            if self._slips_on(place, side, theta, now):
+                self._reset_extension(place, side, theta, limit)
                 self._begun[place] = theta
             else:
                 self.slips[place], self.sticks[place] = 0, True
-                self.apply()
+            self.apply()
 
     def _at_memory(self, place: int, second: bool, direction: int, theta: float, now: Readings) -> None:
         """Change the mode of a Jenkins element."""
         modes = self.slips.copy()
         if self.sticks[place]:
             side = -1 if second else 1
-            if not self._slips_on(place, side, theta):
+            if not self._slips_on(place, side, theta, now):
                 self.slips[place], self.sticks[place] = 0, True
                 self.apply()
                 return  # where slip has just ended, the force is at its limit, and leaves it
-            self._reset_extension(place, side, theta)
+            self._reset_extension(place, side, theta, now.friction[place][1])
             self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= _SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies
-            if just or (steady and self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0):
+            turning = self.slips[place] * self.slip_acceleration(place, now, theta)
+            if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
                 return
             self._stick(place, theta)
             if not self.columns:
@@ -386,6 +493,19 @@ class DrySwitches(DryState):
             return
         self.apply()
         self._report(modes, theta)
+
+    def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
+        """Return True if a spring whose slip rate vanishes would be back at its limit before rounding shows.
+
+        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
+        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
+        """
+        if not -_TURNS * largest(now.accelerations) < turning < 0.0:
+            return False
+        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + _LATER)
+        bend = (later - turning) / (_LATER * float(self.base[0]))
+        away = 2.0 / 3.0 * abs(turning) ** 3
+        return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
 
     def _report(self, before: list[int], theta: float) -> None:
         """Log the modes that have changed."""
@@ -398,11 +518,11 @@ class DrySwitches(DryState):
         return self.stop_reaction.get(switch) in self.held
 
     def let_go(self, switch: int, theta: float) -> bool:
-        """Open a stop that is held where its reaction vanishes; return False if it is not held."""
-        number = self.stop_reaction.get(switch)
-        if number is None or number not in self.held:
+        """Open a stop that is held where its reaction vanishes; return False if the reaction only begins there."""
+        number = self.stop_reaction[switch]
+        sign, now, modes = self.sign_of[number], self.read(theta), self.slips.copy()
+        if sign * float(self._soon(now, theta).reactions[number]) > 0.0:
             return False
-        modes = self.slips.copy()
         self._hold(theta, [each for each in self.held if each != number])
         self._report(modes, theta)
         return True
@@ -413,7 +533,7 @@ class DrySwitches(DryState):
         candidates = [number for number in self._touching(theta, still) if number in {*self.held, *stops}]
         now = self.read(theta)
         for place, number in enumerate(self.reaction_of):
-            rate = float(now.friction[place, 0])
+            rate = now.friction[place][0]
             if number is None:
                 continue
             if abs(rate) <= still and self.sticks[place]:
@@ -422,7 +542,7 @@ class DrySwitches(DryState):
                 self._slip(place, 1 if rate > 0.0 else -1, theta - 2.0 * _SETTLING)
         self._hold(theta, candidates)
         for place, memory in enumerate(self.memory_of):
-            if memory is not None and self.slips[place] * float(now.friction[place, 0]) < 0.0:
+            if memory is not None and self.slips[place] * now.friction[place][0] < 0.0:
                 self._stick(place, theta)
         self.apply()
         self._let_memories_slip(theta)
@@ -454,8 +574,11 @@ class DrySwitches(DryState):
 
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
+        if not any(self.sticks) and not self._springs:
+            rates = [side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)]
+            return not rates or min(rates) >= -_NEAR * self.speed()
         now, velocity = self.read(theta), self.speed()
-        for place, (rate, _, bound) in enumerate(now.friction.tolist()):
+        for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:
                 if self.slips[place] * rate < -_NEAR * velocity:
                     return False

@@ -65,7 +65,8 @@ class Equations(RunTimeParameters):
         ]
         variations = [(*variation[:4], [load for load, _ in variation.loads]) for variation in structure.variations]
         slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
-        return f"{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
+        ramp = "ramp " if self.ramp else ""
+        return f"{ramp}{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
 
     @cached_property
     def positions(self) -> list:
@@ -80,7 +81,13 @@ class Equations(RunTimeParameters):
     @cached_property
     def rate(self) -> hy.expression:
         """Symbol of ``r = 1/W``, by which derivatives over t become derivatives over theta."""
-        return self._coefficient(0)
+        return 1.0 / self._speed if self.ramp else self._coefficient(0)
+
+    @cached_property
+    def _speed(self) -> hy.expression:
+        """The speed W of a ramp: its square grows linearly with theta."""
+        growth, square = (hy.par[self.indices[len(self.pattern) - place]] for place in (2, 1))
+        return hy.sqrt(square + growth * hy.time)
 
     def gap(self, contact: int, stage: int) -> hy.expression:
         """Return the weighted deflection of a contact past a breakpoint: the stage's event function.
@@ -125,13 +132,13 @@ class Equations(RunTimeParameters):
         contact = self.dry[place]
         law = self.layout.contacts[contact].form.law
         rate = self._base_rate(contact)
-        return rate - hy.par[self.first_slip + place] * self._creep(contact) if law.has_memory else rate
+        return rate - hy.par[self.first_slip + place] * self.creep(contact) if law.has_memory else rate
 
     def _base_rate(self, contact: int) -> hy.expression:
         slots = self.layout.contacts[contact]
         return self._deflection_rate(slots) - self._coefficient(slots.numbers["speed"])
 
-    def _creep(self, contact: int) -> hy.expression:
+    def creep(self, contact: int) -> hy.expression:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
         limit = self._contact_laws[contact].limits[0]
         known, parts = dict(zip(map(str, [*self.positions, *self.velocities]), self._motion, strict=True)), []
@@ -160,11 +167,51 @@ class Equations(RunTimeParameters):
         The columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves. Then for
         each friction: its slip rate, the force in slip, and that at which slip begins. Then rates of the extensions.
         """
-        found = [*(law.force for law in self._contact_laws), hy.expression(1.0), *self._waves]
+        found = self._columns.copy()
         for place, contact in enumerate(self.dry):
             found += [self.slip_rate(place), *self._contact_laws[contact].limits]
         found += self._extension_rates
         return [hy.expression(0.0) + each for each in found]
+
+    @cached_property
+    def _columns(self) -> list[hy.expression]:
+        """Columns of the accelerations other than positions and velocities: forces of all contacts, 1, waves."""
+        return [*(law.force for law in self._contact_laws), hy.expression(1.0), *self._waves]
+
+    @cached_property
+    def tangents(self) -> tuple[list, list[hy.expression]]:
+        """Changes of the columns of the accelerations and of the limits of friction, and the symbols that they need.
+
+        Those are the state, its change, the change of theta, and those of the coefficients of `tangent_slots`.
+        """
+        state = [*self.positions, *self.velocities, *self.extensions]
+        moved = [hy.make_vars(f"d{symbol}") for symbol in state]
+        turned, found = hy.make_vars("dtheta"), []
+        changed = {int(slot): hy.make_vars(f"dp{slot}") for slot in self.tangent_slots}
+        angle = hy.make_vars("angle")
+        for function in self._bounded:
+            used = {int(str(each).removeprefix("p")) for each in hy.get_params(function)}
+            parts = [
+                hy.diff(function, hy.par[self.indices[slot]]) * change
+                for slot, change in changed.items()
+                if self.indices[slot] in used
+            ]
+            explicit = hy.diff(hy.subs(function, {hy.time: angle}), angle)
+            parts += [self._changed(function, moved), hy.subs(explicit, {angle: hy.time}) * turned]
+            found.append(hy.expression(0.0) + hy.sum(parts))
+        return [*state, *moved, turned, *changed.values()], found
+
+    @cached_property
+    def _bounded(self) -> list[hy.expression]:
+        limits = [limit for contact in self.dry for limit in self._contact_laws[contact].limits]
+        return [hy.expression(0.0) + each for each in [*self._columns, *limits]]
+
+    @cached_property
+    def tangent_slots(self) -> list[int]:
+        """Slots of the coefficients that directions change, and that `tangents` depend on."""
+        used = {int(str(each).removeprefix("p")) for function in self._bounded for each in hy.get_params(function)}
+        varying = sorted({int(slot) for slots in self.varying for slot in slots})
+        return [slot for slot in varying if self.indices[slot] in used]
 
     @cached_property
     def extensions(self) -> list:
@@ -189,7 +236,7 @@ class Equations(RunTimeParameters):
         for contact in self.layout.structure.memories:
             place = self.dry.index(contact)
             slip, stick = hy.par[self.first_slip + place], hy.par[self.first_stick + place]
-            found.append(stick * self._base_rate(contact) + slip * self._creep(contact))
+            found.append(stick * self._base_rate(contact) + slip * self.creep(contact))
         return found
 
     def fundamental(self) -> list:
@@ -236,7 +283,11 @@ class Equations(RunTimeParameters):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
             return hy.expression(0.0)
-        return hy.par[self.indices[int(slot)]]
+        found, count = hy.par[self.indices[int(slot)]], len(self.layout)
+        for power in (1, 2) if self.ramp else ():
+            if self.pattern[slot + power * count]:
+                found = found + hy.par[self.indices[slot + power * count]] * self._speed**power
+        return found
 
     def _terms(self, slots, symbols) -> list[hy.expression]:
         """Return the products of coefficients and symbols, without those that are zero."""

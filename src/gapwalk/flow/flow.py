@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.constraints import reachable, reachable_changes
+from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import DryState, Hold, Kink, SlipEvent
+from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
@@ -39,6 +39,7 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TOLERANCE = 1e-15
+_LONGEST_STEPS = (math.inf, PERIOD / 128, PERIOD / 2048)  # tried in turn where an event is missed
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
@@ -170,7 +171,7 @@ class Flow:
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
-        self.readings = DryState(equations).compile()
+        self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
         self._lengths = LengthUnit(equations.layout)
         self._idle: list[_Integrator] = []
 
@@ -287,21 +288,19 @@ class _Integrator:
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
             self._switchboard.listener = WeakMethod(self._turns.at_stop)
+        self._still = np.zeros((self.directions, len(self.equations.pattern)))
         self._identity = np.zeros(len(self._state) - self.size)
         if self.has_transition:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
     def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
-        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
+        for longest_step in _LONGEST_STEPS:
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps = keeps
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps)
-        raise FlowError(
-            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
-            f"state {_short(state)}; please report this system"
-        )
+        self._refuse_missed(state, start, stop)
 
     def sample(self, coefficients, state, thetas):
         return self.vary(coefficients, state, thetas, None)
@@ -324,7 +323,7 @@ class _Integrator:
         dry = self._switchboard.dry
         return dry.log, dry.hold_log, [kink.scaled(self._unit) for kink in dry.kinks if kink.is_impact]
 
-    def _sampled(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sampled(self, thetas: NDArray[np.float64], longest_step: float = math.inf) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
         start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
         changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
@@ -333,7 +332,9 @@ class _Integrator:
             own, done = thetas[done:end], end
             grid = np.unique([self._taylor.time, *own, angle])
             try:
-                outcome, *_, found = self._taylor.propagate_grid(grid, max_steps=self._max_steps)
+                outcome, *_, found = self._taylor.propagate_grid(
+                    grid, max_steps=self._max_steps, max_delta_t=longest_step
+                )
             except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
                 self._refuse(hy.taylor_outcome.err_nf_state, start)
             if outcome != hy.taylor_outcome.time_limit:
@@ -350,17 +351,16 @@ class _Integrator:
         return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
 
     def survey(self, coefficients, state, thetas):
-        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), None)
-        rows = self._sampled(np.asarray(thetas, dtype=float))
-        if self._switchboard.is_right():
-            states, last = rows[:, : self.size] * self._unit, rows[-1]
-            found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)
-        else:
-            found = self._vary_piecewise(coefficients, state, thetas, None)
-            self.integrate(coefficients, state, float(thetas[0]), float(thetas[-1]))
-            last = self._state
-        units = np.array([[self._unit], [self._unit**2]])
-        return last[self.size :].reshape(2, -1) * units, self._turns.found(), found
+        start, stop = float(thetas[0]), float(thetas[-1])
+        for longest_step in _LONGEST_STEPS:
+            self._prepare(coefficients, state, start, stop, None)
+            rows = self._sampled(np.asarray(thetas, dtype=float), longest_step)
+            if self._switchboard.is_right():
+                units = np.array([[self._unit], [self._unit**2]])
+                states, integrals = rows[:, : self.size] * self._unit, rows[-1, self.size :].reshape(2, -1) * units
+                found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)
+                return integrals, self._turns.found(), found
+        self._refuse_missed(state, start, stop)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
         """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
@@ -401,10 +401,10 @@ class _Integrator:
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         self._turns.start(coefficients, unit)
-        self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
-        if self.equations.formulas and not math.isfinite(
-            self._taylor.time
-        ):  # the Taylor series of the first step is not finite
+        along = self._still if direction is None else direction.reshape(self.directions, -1)
+        self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
+        # otherwise the Taylor series of the first step is finite
+        if self.equations.formulas and not math.isfinite(self._taylor.time):
             raise FlowError(
                 f"the motion cannot begin in the state {_short(state * unit)}: a formula has no finite value or slope "
                 "there. Begin in another state, or write the formula so that it has one: k*(1 - g/sqrt(max(x**2 + "
@@ -424,6 +424,12 @@ class _Integrator:
             if change:
                 self._switchboard.change_level(angle, *change)
         return total
+
+    def _refuse_missed(self, state, start: float, stop: float) -> NoReturn:
+        raise FlowError(
+            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
+            f"state {_short(state)}; please report this system"
+        )
 
     def _refuse(self, outcome, start: float) -> NoReturn:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
@@ -471,10 +477,7 @@ def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:
         pattern |= mask
-    layout = layout_of(system.structure)
-    pattern = reachable(layout, pattern)
-    directions = [reachable_changes(layout, pattern, mask) for mask in directions]
-    masks = tuple(mask.tobytes() for mask in (pattern, *directions))
+    masks = reachable_masks(system.structure, tuple(mask.tobytes() for mask in (pattern, *directions)))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)
 

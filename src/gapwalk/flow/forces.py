@@ -161,9 +161,10 @@ def contact_forces(
             stages.extension = 0.0 if dry is None else dry.extensions[..., place]
         friction += 1
         forces.append(slots.form.law.force(rate, stages, angles.named(slots.numbers, slots.waves)))
-    # a law may leave all of its force out, as where a stop only rebounds
-    shape = q.shape[:-1]
-    return np.stack([np.broadcast_to(force, shape) for force in forces], axis=-1) if forces else np.zeros((*shape, 0))
+    found = np.empty((*q.shape[:-1], len(forces)), np.result_type(float, *forces))
+    for index, force in enumerate(forces):  # a law may leave all of its force out, as where a stop only rebounds
+        found[..., index] = force
+    return found
 
 
 def contact_force(

@@ -19,7 +19,7 @@ from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coeffici
 from gapwalk.model.contact import Contact
 from gapwalk.model.laws import Law
 from gapwalk.model.structure import ContactForm
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 
 _NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the force is a trigonometric polynomial
 _GRID, _HALVINGS = 4096, 52  # phases at which the modes of a law are compared, and bisections between two of them
@@ -108,6 +108,7 @@ def hysteresis(
     if isinstance(system, Contact):  # a system of one coordinate, its deflection
         alone = replace(system, deflection={"x": 1.0}, force=None)
         system = System(("x",), [[0.0]], contacts=[alone])
+    check_system(system, "hysteresis")
     name, form, slots = pick_contact(system, contact)
     frequency = system.frequency if frequency is None else frequency
     for what, value in (("amplitude", amplitude), ("frequency", frequency)):

@@ -227,3 +227,19 @@ def taylor_reach(series: NDArray) -> float:
     before = float(np.abs(series[:, -2]).max())
     radii = [(size / tail) ** (1.0 / power) for tail, power in ((last, order), (before, order - 1)) if tail > 0.0]
     return min([1.0, *(radius / math.e**2 for radius in radii)])
+
+
+def taylor_beginning(series: NDArray, distance: float, shortest: float, longest: float) -> tuple[float, float]:
+    """Return when a motion has covered a distance by its Taylor series (without the constant), and its position.
+
+    Times from `shortest` on are tried. If it does not cover the distance, they are those where the series ceases to
+    hold; 0, 0 if it does not move.
+    """
+    powers, time, depth = np.arange(1.0, len(series) + 1.0), min(shortest, longest), 0.0
+    if not series.any():
+        return 0.0, 0.0
+    while True:
+        depth = float(series @ time**powers)
+        if abs(depth) > distance or time >= longest:
+            return time, depth
+        time = min(2.0 * time, longest)

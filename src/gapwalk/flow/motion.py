@@ -124,6 +124,11 @@ class Motion:
             return modes_along(self.system.structure, self.theta, self.slips, self.holds)
         return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
 
+    @property
+    def modes_before(self) -> DryModes:
+        """Modes just before each sample, of one period of a motion that repeats."""
+        return modes_along(self.system.structure, self.theta, self.slips, self.holds, before=True)
+
     @cached_property
     def rates(self) -> NDArray[np.float64]:
         """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""
@@ -171,6 +176,8 @@ class Motion:
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
 
+        Where a rigid stop strikes, accelerations and its force are infinite for no time: `impulses` has the integrals.
+
         Raises
         ------
         ModelError
@@ -184,6 +191,41 @@ class Motion:
                 return getattr(self, kind)[:, place] * signal_factor(self.system, name)
             place -= width
         return self._of_train[:, place] * signal_factor(self.system, name)
+
+    def impulses(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the impulses of a signal where rigid stops strike, which `signal` leaves out.
+
+        An acceleration or a force is infinite there for no time; its integral is that of the jump of velocities.
+
+        Parameters
+        ----------
+        name
+            As in `signal`.
+
+        Returns
+        -------
+        theta : shape (impacts,)
+            The angles of the excitation at which it has impulses, in radians.
+        sizes : shape (impacts,)
+            Integrals of the signal over theta.
+        """
+        place, structure, size = signal_place(self.system, name), self.system.structure, self.system.size
+        theta = np.array([impact.theta for impact in self.impacts])
+        jumps = np.array([after - before for before, after in (impact.velocities for impact in self.impacts)])
+        jumps = jumps.reshape(len(theta), size)
+        layout, forces = layout_of(structure), np.zeros((len(theta), len(structure.contacts)))
+        stops = [index for index, contact in enumerate(structure.contacts) if contact.law.rebounds]
+        if stops:  # M times the jump of velocities is the sum of the impulses, each along its vector
+            pushes = np.array([self._coefficients[layout.contacts[index].force] for index in stops])
+            forces[:, stops] = -np.linalg.lstsq(pushes.T, jumps.T, rcond=None)[0].T
+        rest = np.zeros_like(jumps)
+        columns = [rest, rest, jumps, forces, *(np.zeros((len(theta), 1)),) * (structure.state_size - 2 * size)]
+        columns += [np.zeros((len(theta), len(structure.friction)))]
+        if train_signals(structure):
+            still = train_histories(self.system, theta, rest, rest, rest, np.zeros_like(forces))
+            columns.append(train_histories(self.system, theta, rest, rest, jumps, forces) - still)
+        sizes = self.system.frequency * np.hstack(columns)[:, place] * signal_factor(self.system, name)
+        return theta[sizes != 0.0], sizes[sizes != 0.0]
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:

@@ -112,6 +112,12 @@ class Misfit:
 
     def __init__(self, orbit: Orbit, record: Record, signal: Signal, order: float = 1.0) -> None:
         self.record, self.signal, self.period, self._order = record, signal, orbit.period, order
+        motion = orbit.motion(1)
+        if struck := [name for name, _ in signal.terms if len(motion.impulses(name)[0])]:
+            raise ModelError(
+                f"{struck[0]} is infinite where a rigid stop strikes, so it cannot be compared sample by sample; give "
+                "the stop a stiffness, or compare a velocity or a position"
+            )
         length = PERIOD * orbit.period
         turned = record.angles(orbit.system.frequency, order)
         step = float(turned[-1]) / (len(turned) - 1)

@@ -96,7 +96,7 @@ class Equilibrium:
     stable: bool
 
     def __str__(self) -> str:
-        texts = [str(contact) for contact in self.contacts] or ["there are no contacts"]
+        texts = [str(contact) for contact in self.contacts] or ["no contacts"]
         texts += [f"free to move in {self.loose} direction{'s' if self.loose > 1 else ''}"] * bool(self.loose)
         return ", ".join([*texts, *["unstable"] * (not self.stable)])
 

@@ -144,8 +144,8 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
     parameter = next((each for each in law.stage_parameters if each.name == name), None)
     if name == "stiffness" and isinstance(law, Rigid) and value is not None:
         raise ValueError(
-            f'is {given(value)}, but restitution belongs to a rigid stop; write stiffness = "rigid", or leave '
-            "restitution out and write impact_damping"
+            f'is {given(value)}, but by its restitution or its law the contact is rigid; write stiffness = "rigid", or '
+            "leave those out: a spring loses energy by impact_damping"
         )
     if parameter is None and value is not None:
         raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")

@@ -1,12 +1,26 @@
-"""The phases of dry friction over one period of an orbit: slip in one direction, slip in the other, and stick."""
+"""The phases of dry friction over one period of an orbit, and how far they are from a change of their sequence.
+
+A phase is slip in one direction, slip in the other, or stick. Two changes of the sequence that cancel each other within
+one step of a walk are not visible at its ends; the margins there show where there may be some.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from gapwalk.flow.dry_state import SlipEvent
+import numpy as np
+from numpy.typing import NDArray
 
+from gapwalk.flow.constraints import Constraint
+from gapwalk.flow.dry_motion import DryModes
+from gapwalk.flow.dry_state import CompiledReadings, SlipEvent
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.friction_gauge import FrictionGauge
+from gapwalk.flow.motion import Motion
+from gapwalk.model.coefficients import coefficients_of, layout_of
+
+Array = NDArray[np.float64]
 _SIGNS = {1: "+", -1: "-", 0: "0"}
 
 
@@ -28,6 +42,11 @@ class FrictionPhase(NamedTuple):
     def contains(self, theta: float, full: float, margin: float = 0.0) -> bool:
         """Return True if an angle lies within it, on a circle of circumference `full`."""
         return (theta - self.start + margin) % full <= self.length + 2.0 * margin
+
+    def away(self, theta: float, full: float) -> float:
+        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it."""
+        after = (theta - self.start) % full
+        return 0.0 if after <= self.length else min(after - self.length, full - after)
 
 
 def friction_phases(slips: Sequence[SlipEvent], contact: int, full: float) -> list[FrictionPhase]:
@@ -62,3 +81,143 @@ def stick_words(phases: Sequence[FrictionPhase]) -> str:
         return "sticks"
     count = modes.count(0)
     return "slips" if not count else f"{count} stick{'s' if count > 1 else ''}"
+
+
+class Margin(NamedTuple):
+    """Distance of friction from a change at one instant.
+
+    Attributes
+    ----------
+    contact
+        Number of the contact.
+    what
+        What vanishes at the change: ``rate`` within slip, ``reserve`` within stick, ``stop`` where slip ends.
+    side
+        The direction of slip concerned.
+    theta, value
+        The angle, and the distance: for ``rate`` and ``reserve`` the least value nearby.
+    range
+        Largest value of the same quantity.
+    """
+
+    contact: int
+    what: str
+    side: int
+    theta: float
+    value: float
+    range: float
+
+
+def margins_of(
+    motion: Motion, friction: Mapping[int, list[FrictionPhase]], readings: CompiledReadings | None = None
+) -> list[Margin]:
+    """Return the margins of all friction over one period.
+
+    Parameters
+    ----------
+    motion
+        The period, sampled evenly and where the phases begin.
+    friction
+        The phases of each contact that is friction, by its number.
+    readings
+        The compiled readings of a flow of the system; they only make it faster.
+    """
+    layout = layout_of(motion.system.structure)
+    return [
+        each
+        for contact, phases in friction.items()
+        for each in _Margins(motion, FrictionGauge(layout, contact), phases, readings).all()
+    ]
+
+
+class _Margins:
+    """Margins of one contact that is friction."""
+
+    def __init__(
+        self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase], readings: CompiledReadings | None
+    ) -> None:
+        self._readings = readings
+        self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
+        self._thetas, self._states, self._full = motion.theta, motion.states, float(motion.theta[-1])
+        self._coefficients = coefficients_of(motion.system)
+        self._modes = motion.modes_before
+
+    def all(self) -> list[Margin]:
+        """Return all margins."""
+        thetas, found = self._thetas, list[Margin]()
+        rates = self._gauge.rate(self._coefficients, thetas, self._states, None, 1)
+        inside = [self._inside(phase) for phase in self._phases]
+        sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
+        past = [phase.mode for phase in (self._phases[-1], *self._phases[:-1])]
+        ends = [place for place, phase in enumerate(self._phases) if past[place] not in (0, phase.mode)]
+        starts = [int(np.searchsorted(thetas, self._phases[place].start % self._full)) for place in ends]
+        asked = [(inside[place], int(inside[place][len(inside[place]) // 2])) for place in sticks]
+        if self._gauge.memory is None:
+            asked += [(np.array([start]), start) for start in starts]
+        bounds = self._bounds(asked)
+        for place, (own, phase) in enumerate(zip(inside, self._phases, strict=True)):
+            if phase.mode and len(own) > 2:
+                found += self._least(phase, phase.mode, own, phase.mode * rates[own])
+            elif place in sticks:
+                bound, force = bounds[sticks.index(place)]
+                for side in (1, -1):
+                    found += self._least(phase, side, own, bound - side * force)
+        for place, start, (bound, force) in zip(ends, starts, bounds[len(sticks) :], strict=False):
+            side = past[place]
+            own, other = float(bound[0] + side * force[0]), float(bound[0] - side * force[0])
+            found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
+        return found
+
+    def _inside(self, phase: FrictionPhase) -> NDArray[np.intp]:
+        """Return the samples within a phase, in the order of time."""
+        after = (self._thetas[:-1] - phase.start) % self._full
+        inside = np.flatnonzero(after <= phase.length)
+        return inside[np.argsort(after[inside], kind="stable")]
+
+    def _bounds(self, asked: list[tuple[NDArray[np.intp], int]]) -> list[tuple[Array, Array]]:
+        """Return the force at which slip begins, and that in stick, at sets of samples with the modes at one each."""
+        groups: dict[bytes, tuple[DryModes, list[int]]] = {}
+        for number, (_, at) in enumerate(asked):
+            modes = self._gauge.sticking(self._modes.at(at))
+            groups.setdefault(modes.slips.tobytes() + modes.held.tobytes(), (modes, []))[1].append(number)
+        found: dict[int, tuple[Array, Array]] = {}
+        for modes, numbers in groups.values():
+            samples = np.concatenate([asked[number][0] for number in numbers])
+            states, thetas = self._states[samples], self._thetas[samples]
+            bound, force = self._bound_and_force(thetas, states, modes)
+            cuts = np.cumsum([len(asked[number][0]) for number in numbers])[:-1]
+            parts = zip(np.split(np.broadcast_to(bound, force.shape), cuts), np.split(force, cuts), strict=True)
+            found |= dict(zip(numbers, parts, strict=True))
+        return [found[number] for number in range(len(asked))]
+
+    def _bound_and_force(self, thetas: Array, states: Array, modes: DryModes) -> tuple[Array, Array]:
+        """See `FrictionGauge.bound_and_force`."""
+        gauge, read = self._gauge, None
+        if self._readings is not None and gauge.reaction is not None:
+            read = self._readings.along(self._coefficients, states, thetas, modes.slips)
+        if read is None:
+            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
+        layout, n = gauge.layout, gauge.n
+        constraint = Constraint(layout, self._coefficients, modes.order(layout.structure))
+        if gauge.reaction not in constraint.independent:
+            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
+        row = constraint.reactions[constraint.independent.index(gauge.reaction)].copy()
+        row[: 2 * n + len(layout.contacts)] *= -1.0
+        return read[:, len(row) + 3 * gauge.place + 2], read[:, : len(row)] @ row
+
+    def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
+        """Return the least values of a quantity within a phase, by parabolas."""
+        thetas = self._thetas[samples]
+        if phase.length >= self._full:
+            thetas, values = np.append(thetas, thetas[:2] + PERIOD), np.append(values, values[:2])
+        lowest = (values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])
+        found, what, largest = [], "rate" if phase.mode else "reserve", float(values.max())
+        for place in np.flatnonzero(lowest).tolist():
+            before, here, after = values[place : place + 3].tolist()
+            slope, bend = 0.5 * (after - before), before - 2.0 * here + after
+            value = here - (0.5 * slope**2 / bend if bend > 0.0 else 0.0)
+            # the samples are even but for those at events
+            at, width = float(thetas[place + 1]), float(thetas[place + 1] - thetas[place]) % PERIOD
+            shift = -width * slope / bend if bend > 0.0 else 0.0
+            found.append(Margin(self._contact, what, side, at + shift, value, largest))
+        return found

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
+from gapwalk.orbit.friction_phases import Margin, margins_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
@@ -52,8 +53,14 @@ def measure(orbit: Orbit, name: str) -> float:
         if signal in coordinates:
             row = orbit.extremes[coordinates.index(signal)]
         else:
-            values = orbit.motion(8 * orbit.samples).signal(signal)  # its largest sample is its maximum to about 1e-5
+            motion = orbit.motion(8 * orbit.samples)
+            values = motion.signal(signal)  # its largest sample is its maximum to about 1e-5
             row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
+            impulses = motion.impulses(signal)[1]
+            if len(impulses):  # of rigid stops: it is infinite there
+                struck = [(impulses > 0.0).any(), (impulses < 0.0).any()]
+                high, low = np.where(struck, (np.inf, -np.inf), row[:2])
+                row = high, low, row[2] + impulses.sum() / (PERIOD * orbit.period), np.inf
         if kind == "half":
             return float(row[0] - row[1]) / 2
         return float(row[("max", "min", "mean", "rms").index(kind)])
@@ -80,11 +87,14 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     if line.denominator != 1 or line < 0:
         step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns) / orbit.period}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
-    values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
+    motion = orbit.motion(4 * orbit.samples)
+    values = motion.signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)
     if line >= len(lines):
         raise ModelError(f"harmonic {order} lies beyond the {len(lines) - 1} lines that this orbit resolves")
-    return complex(lines[int(line)]) * (1 if line == 0 else 2)
+    theta, sizes = motion.impulses(signal)
+    pulses = np.sum(sizes * np.exp(-1j * int(line) / orbit.period * theta)) / (PERIOD * orbit.period)
+    return complex(lines[int(line)] + pulses) * (1 if line == 0 else 2)
 
 
 class Survey(NamedTuple):
@@ -98,20 +108,14 @@ class Survey(NamedTuple):
         Positions at the start, and at the turning points of coordinates and deflections.
     means : shape (2, n)
         Mean of each coordinate, and of its square.
-    thetas : shape (samples,)
-        Angles at which it was sampled: evenly, and where phases of friction begin. Without friction, its ends.
-    states : shape (samples, state_size)
-        The states there.
-    modes
-        The modes of friction and of rigid stops just before each of them.
+    margins
+        Distances of friction from changes of its sequence of slip and stick.
     """
 
     turns: tuple[Turns, ...]
     visited: list[list[float]]
     means: NDArray[np.float64]
-    thetas: NDArray[np.float64]
-    states: NDArray[np.float64]
-    modes: DryModes
+    margins: list[Margin]
 
 
 def survey(orbit: Orbit) -> Survey:
@@ -137,8 +141,11 @@ def survey(orbit: Orbit) -> Survey:
             values = (np.array(values) + angles.sway(contact)).tolist()
         contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
-    modes = modes_along(structure, thetas, found.slips, found.holds, before=True)
-    return Survey(tuple(contacts), visited, integrals / length, thetas, found.states, modes)
+    margins = []
+    if structure.friction and orbit.is_exact:
+        motion = Motion.of(orbit.system, thetas, found.states, *found.logs)
+        margins = margins_of(motion, orbit.friction, flow.readings)
+    return Survey(tuple(contacts), visited, integrals / length, margins)
 
 
 def apart(a: float, b: float, full: float) -> float:

@@ -25,7 +25,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, stick_words
+from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, stick_words
 from gapwalk.orbit.measures import Survey, Turns, apart, measure, survey
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.sticking import kept_words, without_kept
@@ -278,6 +278,11 @@ class Orbit(Shown):
         visited, (mean, square) = np.array(self._survey.visited), self._survey.means
         return np.column_stack((visited.max(axis=0), visited.min(axis=0), mean, np.sqrt(square)))
 
+    @property
+    def margins(self) -> list[Margin]:
+        """Distances of friction from changes of its sequence of slip and stick; none if the orbit is not exact."""
+        return self._survey.margins
+
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:
         """Angles at which the deflection of each switch turns, and its depths beyond the breakpoint there.
@@ -324,11 +329,6 @@ class Orbit(Shown):
             f"Orbit(period {self.period} at {pace_text(self.system)}, {stability}, "
             f"contacts {self.pattern}{kept}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
         )
-
-
-def survey_of(orbit: Orbit) -> Survey:
-    """Return turning points, means and samples of an orbit, from one integration; they are computed once."""
-    return orbit._survey
 
 
 def true_period(orbit: Orbit, tolerance: float = SAME) -> int:

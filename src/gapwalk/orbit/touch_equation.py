@@ -30,6 +30,7 @@ from gapwalk.orbit.sticking import released
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
 _SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
+_TURNING = 0.05  # share of the way to where the acceleration vanishes up to which it is almost constant
 _ITERATIONS = 12
 _SIMPLE = 4  # steps of the simplified Newton's method
 _EXACTLY = 2  # steps that give the touches their depth
@@ -95,14 +96,18 @@ def touches(orbit: Orbit) -> list[Touch]:
     For a crossing, the depth is computed from the velocity there. In a rigid stop nothing is deep; an impact has the
     depth that the motion would reach without it.
     """
+    rigid = {switch for _, switch in orbit.system.structure.reactions}
     places: list[tuple[float, int, float | None]] = [
         (theta, switch, depth)
         for switch, turns in enumerate(orbit.turning_depths)
         for theta, depth in zip(*turns, strict=True)
+        if switch not in rigid or depth <= 0.0  # otherwise it is the speed of an impact, of which the event tells more
     ]
     places += [(event.theta, event.switch, None) for event in orbit.events]
+    sides = [side for _, side, _ in orbit.system.breakpoints]
+    # a state at the angle of an impact may be the one before it or the one after it
+    speeds = {(each.theta, each.switch): sides[each.switch] * each.velocity for each in orbit.events if each.enters}
     places = sorted((each for each in places if each[0] > 0.0), key=lambda each: each[:2])
-    rigid = {switch for _, switch in orbit.system.structure.reactions}
     if not places:
         return []
     thetas = sorted({theta for theta, _, _ in places})
@@ -113,6 +118,7 @@ def touches(orbit: Orbit) -> list[Touch]:
             coefficients, theta, states[theta]
         )
         if depth is None:
+            speed = speeds.get((theta, switch), speed) if switch in rigid else speed
             if speed * acceleration < 0.0:
                 found.append(Touch(switch, theta, -0.5 * speed**2 / acceleration, acceleration))
         elif depth * acceleration >= 0.0 or (switch in rigid and acceleration < 0.0):
@@ -166,6 +172,8 @@ class TouchEquation:
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
         )
         """Depth up to which a touch certainly begins after the start of its segment."""
+        self.turns = min(map(self._turns_up_to, touches, leads))
+        """Depth by which a touch may miss the breakpoint, so that its deflection certainly still turns there."""
         self.free = float(np.sign(touches[0].acceleration))
         """Sign of the depths at which the breakpoint is not passed."""
         self._size = equation.system.state_size
@@ -240,7 +248,7 @@ class TouchEquation:
         start
             An orbit nearby.
         depth
-            Absolute depth by which the orbit misses the breakpoint.
+            Absolute depth by which the orbit misses the breakpoint; less if its deflection would not turn there then.
 
         Returns
         -------
@@ -248,7 +256,7 @@ class TouchEquation:
             The orbit with about that depth.
         """
         for _ in range(_CALIBRATIONS):
-            start = self.hold(start, self.free * depth)
+            start = self.hold(start, self.free * min(depth, self.turns))
             unknowns, evaluation = self.evaluation(start)
             depths = self._own.orbit(unknowns, start.value, evaluation).turning_depths
             for number, (switch, theta) in enumerate(zip(self._switches, self._thetas, strict=True)):
@@ -293,6 +301,21 @@ class TouchEquation:
             lead /= 4.0
         raise ConvergenceError(f"the segment before the touch is too short at theta = {touch.theta:.6g}")
 
+    def _turns_up_to(self, touch: Touch, lead: float) -> float:
+        """Return a share of the way from a turn to where the acceleration changes its sign, ``|a|^3 / (3 j^2)``.
+
+        A motion that misses the breakpoint by more may not turn at all. Impacts that follow each other ever faster end
+        where their acceleration vanishes, so there this way is short.
+        """
+        gauge, coefficients = (
+            Gauge(layout_of(self._near.system.structure), touch.switch),
+            coefficients_of(self._near.system),
+        )
+        theta = touch.theta - lead
+        before = gauge.read(coefficients, theta, _states(self._near, [theta])[0])[2]
+        jerk = (touch.acceleration - before) / (float(coefficients[0]) * lead)
+        return _TURNING * abs(touch.acceleration) ** 3 / (3.0 * jerk**2) if jerk else np.inf
+
     def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
         """Solve for a prescribed depth of all touches by Newton's method, down to rounding.
 
@@ -322,10 +345,11 @@ class TouchEquation:
                 # all equations must be satisfied: there may be more of them than unknowns
                 slack = self._own.tolerance * float(np.abs(unknowns[:-1]).max())
                 uneven = np.abs(depth - depths).max() > _UNEVEN * abs(depth) + slack * 1e-3
-                if uneven or np.abs(evaluation.residual).max() > slack:
+                if not uneven and np.abs(evaluation.residual).max() <= slack:
+                    error = abs(float(steps[-1, 0]) * self._scales[-1])
+                    return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
+                if length < _SETTLED:
                     raise ConvergenceError("the touches do not reach the same depth")
-                error = abs(float(steps[-1, 0]) * self._scales[-1])
-                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
             if self._rigid and depth * self.free < 0.0:
                 unknowns = self._at_depth(unknowns, depth)

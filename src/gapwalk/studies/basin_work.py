@@ -20,7 +20,7 @@ from gapwalk.attractors.attractor_catalogue import (
 )
 from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
-from gapwalk.attractors.many_motions import ExactMotions, motions_of
+from gapwalk.attractors.many_motions import ExactMotions, has_kernel, motions_of
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -32,6 +32,8 @@ from gapwalk.studies.study_registry import Counted, check_integers
 
 CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""
+FEW = 64
+"""States in a chunk of a system that only the exact flow can follow."""
 
 _CHECKED = 32  # states of a piece that is followed with the exact flow
 _WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
@@ -140,6 +142,8 @@ class BasinWork(CellWork):
         self.labels = np.full(len(self.states), UNRESOLVED)
         self.checked = BasinCheck(len(self.states))
         self.is_begun = False
+        self._is_exact = not has_kernel(system)
+        self._chunk = FEW if self._is_exact else CHUNK
         self._ends = self.states.copy()  # where the motions have come to
 
     @property
@@ -152,7 +156,7 @@ class BasinWork(CellWork):
     @property
     def total(self) -> int:
         """Number of chunks."""
-        return -(-len(self.states) // CHUNK)
+        return -(-len(self.states) // self._chunk)
 
     def begin(self) -> None:
         """Find the attractors to which some of the states lead."""
@@ -166,12 +170,13 @@ class BasinWork(CellWork):
     def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
         sort = partial(_sort_fast, *self._known, self.options.longest)
-        pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
+        size = self._chunk
+        pieces = [(number, self.states[number * size : (number + 1) * size]) for number in numbers]
         return workers.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
-        place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
+        place = slice(chunk.number * self._chunk, chunk.number * self._chunk + len(chunk.sorted.labels))
         self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
 
     def notes(self, complete: bool) -> tuple[str, ...]:
@@ -233,6 +238,8 @@ class BasinWork(CellWork):
 
     def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and mark those that differ in `changed`; return their number."""
+        if self._is_exact:  # the exact flow has found them already
+            return 0
         exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))
         # a state that has come to no attractor by then keeps its label, but counts as wrong

@@ -180,8 +180,7 @@ class FamilyFinding(Finding):
                     yield [*about, passage.first, passage.value, "", ""]
 
     def _point_rows(self) -> Rows:
-        found, names = self.family, self.family.system.coordinates
-        states = [*(f"{q}(0)" for q in names), *(f"{q}'(0)" for q in names)]
+        found, states = self.family, [f"{name}(0)" for name in self.family.system.state_names]
         rows = (
             {
                 **{"second": member.value, "branch": name, "period": branch.period, **point_row(point)},

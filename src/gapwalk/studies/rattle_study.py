@@ -76,6 +76,15 @@ def _listed(gaps: object) -> object:
     return [gaps] if isinstance(gaps, str) else gaps
 
 
+GAPS = Annotated[
+    list[str] | None,
+    BeforeValidator(_listed),
+    Field(description='write the contacts that may rattle, as in gaps = ["mesh"]'),
+    AfterValidator(_are_gaps),
+]
+"""Names of contacts with a gap in a table; one may be written without a list."""
+
+
 @dataclass(frozen=True)
 class RattleStudy(RattleOptions, RangeStudy):
     """Rattle bands: where gaps open and close over a range of a parameter, and how badly.
@@ -99,12 +108,7 @@ class RattleStudy(RattleOptions, RangeStudy):
 
     kind: ClassVar[str] = "rattle"
     table_types: ClassVar[Mapping[str, Any]] = {
-        "gaps": Annotated[
-            list[str] | None,
-            BeforeValidator(_listed),
-            Field(description='write the contacts that may rattle, as in gaps = ["mesh"]'),
-            AfterValidator(_are_gaps),
-        ],
+        "gaps": GAPS,
         "resolution": key_type(Resolution),
     }
 

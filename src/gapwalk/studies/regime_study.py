@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.many_motions import motions_of
+from gapwalk.attractors.many_motions import has_kernel, motions_of
 from gapwalk.attractors.regime_judge import Finding, RegimeOptions, Verdicts, judge, settle_doubts, take_another_look
 from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes, regime_word
 from gapwalk.errors import ModelError
@@ -125,6 +125,9 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
 
 CHUNK = 1024
 """Cells in a chunk: one piece of work, and what a killed run loses at most."""
+
+FEW = 64
+"""Cells in a chunk of a system that only the exact flow can follow."""
 
 ROWS = 64
 """Rows in a chunk whose states are carried over from column to column."""
@@ -303,7 +306,7 @@ class RegimeWork(CellWork):
             # side by side go systems of about the same frequency: the lowest of them sets the steps of all
             axis = 0 if self.asked.names[1] == self.system.structure.pace else 1
             order = np.argsort(grid[axis], axis=None, kind="stable")
-            cells, size = grid.reshape(2, 1, -1)[..., order], CHUNK
+            cells, size = grid.reshape(2, 1, -1)[..., order], CHUNK if has_kernel(self.system) else FEW
         else:
             cells, size = grid.transpose(0, 2, 1)[:, :: 1 if carry is Carry.UP else -1], ROWS
         starts = range(0, cells.shape[2], size)

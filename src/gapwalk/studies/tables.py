@@ -20,6 +20,7 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
@@ -99,6 +100,8 @@ class Surroundings:
         Returns the keys of all kinds of study, which are not allowed as names of studies.
     guessed
         True if the numbers of the system are placeholders: then values of parameters are not checked.
+    read
+        Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
     """
 
     system: System | None
@@ -107,6 +110,7 @@ class Surroundings:
     taken: tuple[str, ...] = ()
     all_keys: Callable[[], frozenset[str]] = frozenset
     guessed: bool = False
+    read: Callable[[str], NamedFile] | None = None
 
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:

@@ -7,9 +7,9 @@ other side, infinitely many impacts graze one after the other as the point is ap
 arclengths that shrink geometrically. So no orbits are sought there that come ever closer, and the point is located from
 the side on which the stop is held.
 
-Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering, Nonlinear
-Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans. R. Soc. A
-347, 365-389.
+Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering,
+Nonlinear Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans.
+R. Soc. A 347, 365-389.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.flow.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 _SMALLEST = 1e-11  # arclength below which two changes count as one
 _EXACT = 1e-12  # arclength to which a change is located
 _BEYOND = 1.5  # longest distance along the tangents at which it is sought, in lengths of the step, which may be bent
+_RATE = 1e-7  # arclength from which on the rate is known at which a phase becomes shorter
 _ASTRAY = 0.5  # distance of an orbit from its guess, as a share of the distance ahead, beyond which it is another one
 
 
@@ -77,7 +80,7 @@ class HeldStop(Kind):
 
 
 class HeldChange(NamedTuple):
-    """Located change: the last point before it on the side with more phases, the switch, and the bracket's arclength."""
+    """Located change: the last point before it on the side with more phases, the switch, and the arclength of doubt."""
 
     point: BranchPoint
     switch: int
@@ -120,11 +123,12 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     """Locate a change from the side with more phases; None if they do not vanish within the step.
 
     On the other side there may be no orbit at a distance, or several, so that nothing is concluded from them but that
-    the phases of the first side are gone.
+    the phases of the first side are gone. What is left of the phase at the point counts as its error: the flow resolves
+    no phase that is shorter than two events must be apart.
     """
     rich, poor = sorted((first, last), key=lambda point: -sum(point.orbit.held[switch]))
     corrector, way = interval.corrector, math.copysign(1.0, poor.arclength - rich.arclength)
-    point, near, far = rich, 0.0, _BEYOND * abs(poor.arclength - rich.arclength)
+    point, before, near, far = rich, rich, 0.0, _BEYOND * abs(poor.arclength - rich.arclength)
     longest = far
     while far - near > _EXACT:
         ahead = 0.5 * (far - near)
@@ -134,12 +138,25 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
         if correction is not None and length_of(correction.x - guess) <= _ASTRAY * ahead:
             trial = corrector.point(correction, point.tangent, point.arclength + way * ahead)
         if trial is not None and trial.orbit.held == rich.orbit.held:
+            before = point if ahead > _RATE else before
             point, near = trial, near + ahead
         else:
             far = near + ahead
     if far == longest or not first.arclength <= point.arclength <= last.arclength:
         return None
-    return HeldChange(point, switch, far - near)
+    left, shrunk = _shortest(point.orbit, switch), _shortest(before.orbit, switch) - _shortest(point.orbit, switch)
+    rest = left * abs(point.arclength - before.arclength) / shrunk if shrunk > 0.0 else 0.0
+    return HeldChange(point, switch, max(far - near, rest))
+
+
+def _shortest(orbit: Orbit, switch: int) -> float:
+    """Return the length, in radians, of the shortest phase in which a stop is held, or left between two of them."""
+    full, own = PERIOD * orbit.period, [event for event in orbit.events if event.switch == switch]
+    holds = [(own[place - 1].theta, event.theta) for place, event in enumerate(own) if not event.enters]
+    lengths = [(end - begin) % full for begin, end in holds]
+    if len(holds) > 1:
+        lengths += [(begin - holds[place - 1][1]) % full for place, (begin, _) in enumerate(holds)]
+    return min(lengths, default=full)
 
 
 def _no_function(point: BranchPoint) -> float:

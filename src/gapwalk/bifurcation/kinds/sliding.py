@@ -21,7 +21,6 @@ from gapwalk.bifurcation.friction_changes import (
     located_again,
     never_slips,
 )
-from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -42,7 +41,7 @@ class Sliding(Kind):
     turn = 0
     by_multipliers = False
     what: ClassVar[str]
-    """Quantity that vanishes there, as in `gapwalk.bifurcation.friction_margins.Margin`."""
+    """Quantity that vanishes there, as in `gapwalk.orbit.friction_phases.Margin`."""
 
     def owns(self, change: Change) -> bool:
         """Return True if a change of the sequence of phases is a point of this kind."""
@@ -61,7 +60,7 @@ class Sliding(Kind):
                 each.spread,
                 located_again(each.point.orbit, each.change),
                 describe_friction(each.point.orbit, each.change),
-                _EPS * float(np.abs(each.point.orbit.extremes[:, :2]).max()),
+                _EPS * float(np.abs(search.first.orbit.extremes[:, :2]).max()),
             )
             for each in known
             if self.owns(each.change)
@@ -99,7 +98,7 @@ class Sliding(Kind):
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
         """Return the least margin of the kind, as a share of its range."""
-        own = [each for each in margins_of_orbit(orbit) if each.what == self.what]
+        own = [each for each in orbit.margins if each.what == self.what]
         return min((abs(each.value) / each.range for each in own), default=float("nan"))
 
     @property

@@ -350,7 +350,8 @@ def traced_locus(tracing: LocusTracing) -> Locus:
     points, codim2 = in_one_direction(
         walked, tracers[-1].first, _reversed, lambda found: replace(found, point=_reversed(found.point))
     )
-    return Locus(start.kind, *plane.names, plane.period, points, codim2, (ends[0], ends[-1]), start.contact)
+    first, second = plane.names
+    return Locus(start.kind, first, second, plane.period, points, codim2, (ends[0], ends[-1]), start.contact)
 
 
 def _reversed(point: LocusPoint) -> LocusPoint:

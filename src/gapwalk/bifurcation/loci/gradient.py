@@ -9,7 +9,7 @@ Method: docs/numerics/loci.md
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -20,14 +20,15 @@ from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEq
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.method import Method
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.summary import SummaryParts, Table, Tables, remarks, rows_of, summarizes
 
 _STEPS = (3e-5, 3e-6, 3e-7)  # of central differences of the monodromy matrix, in scaled variables
+_FIRST = 4  # parameters that a line of text names
 _BATCH = 4  # parameters whose sensitivities are integrated together
 _MANY = 400  # names above which only those of single numbers, not of vectors and matrices, are taken by default
 _ASIDE = 1e-5  # scaled distance from the special point at which its equations must be solved
@@ -111,8 +112,13 @@ class Gradient(Shown):
         if faint := [self.names[k] for k in self.order if doubts[k] > _FAINT * float(np.abs(shares).max())]:
             yield f"note: not accurate to four digits: {', '.join(faint)}; a contact grazes near the point"
 
-    def to_rows(self) -> list[dict[str, object]]:
-        """Return a row for each parameter, for tables."""
+    def tables(self) -> Tables:
+        """Return the table of slopes, one row for each parameter."""
+        return {"gradient": lambda: rows_of(self.rows)}
+
+    @property
+    def rows(self) -> list[dict[str, object]]:
+        """Row of numbers for each parameter."""
         return [
             {
                 "kind": self.special.kind.value,
@@ -121,16 +127,89 @@ class Gradient(Shown):
                 "value": float(value),
                 "slope": float(slope),
                 "error": float(error),
-                "percent_per_percent": float(share),
+                "percent.per.percent": float(share),
             }
             for name, value, slope, error, share in zip(
                 self.names, self.values, self.slopes, self.errors, self.elasticities, strict=True
             )
         ]
 
+    def words(self, count: int) -> str:
+        """Return the parameters that move the point most, with their percent per percent, as text."""
+        shares = self.elasticities
+        return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.order[:count] if shares[k])
+
     def __repr__(self) -> str:
-        most = ", ".join(f"{self.names[k]} {self.elasticities[k]:+.3g}" for k in self.order[:3])
+        most = self.words(_FIRST)
         return f"Gradient({self.special.kind} at {self.special.value:.10g}, % per %: {most})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gradients(Shown):
+    """Gradients of some special points.
+
+    Attributes
+    ----------
+    found
+        Gradients in the order of the points.
+    failures
+        Sentences on the points that have none.
+    """
+
+    found: tuple[Gradient, ...]
+    failures: tuple[str, ...] = ()
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return a table of the points, with the parameters that move each most."""
+        if self.found:
+            special = self.found[0].special
+            symbol = parameter_symbol(special.parameter, special.orbit.system.units)
+            rows = [[each.special.kind.value, f"{each.special.value:#.8g}", each.words(_FIRST)] for each in self.found]
+            yield Table(("kind", f">{symbol}", "what moves it most, in percent for one percent more"), rows)
+        yield from remarks((), self.failures)
+
+    def tables(self) -> Tables:
+        """Return the table of slopes, one row for each point and parameter."""
+        return {"gradients": lambda: rows_of(row for each in self.found for row in each.rows)}
+
+    def __repr__(self) -> str:
+        return f"Gradients({len(self.found)} points)"
+
+
+def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method: Method | None = None) -> Gradients:
+    """Compute the gradients of some special points.
+
+    Parameters
+    ----------
+    points
+        The special points, such as those of a branch.
+    names, method
+        As in `SpecialPoint.gradient`.
+
+    Returns
+    -------
+    gradients : Gradients
+        One gradient for each point that has one; ``failures`` say why others have none.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter.
+
+    Examples
+    --------
+    >>> print(gw.analysis.gradients(branch.special_points).summary())
+    """
+    found, failures = [], []
+    for special in points:
+        for name in names:
+            special.orbit.system.structure.place(name)
+        try:
+            found.append(gradient(special, names, method))
+        except (ModelError, NumericalError) as error:
+            failures.append(f"{special.kind} at {special.value:.8g} has no gradient: {error}")
+    return Gradients(tuple(found), tuple(failures))
 
 
 def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | None = None) -> Gradient:
@@ -182,6 +261,27 @@ def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | 
     return Gradient(special, names, slopes, errors)
 
 
+def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters.
+
+    They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
+    `gapwalk.bifurcation.loci.locus_start.equation_of`. Those of a condition on multipliers come from forward
+    differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
+    """
+    orbit, parameter = special.orbit, special.parameter
+    found = []
+    for first in range(0, len(names), _BATCH):
+        batch = tuple(names[first : first + _BATCH])
+        plane = plane_of(orbit.method().for_loci(), orbit, (parameter, batch[0]))
+        plane = replace(plane, names=(parameter, *batch))
+        if isinstance(plane, ShotPlane):
+            plane = replace(plane, alike=tuple(dict.fromkeys((*moving_names(orbit.system, parameter), *names))))
+        widths = [abs(orbit.system[name]) or 1.0 for name in plane.names]
+        equation, unknowns, scales = equation_of(plane, special, widths)
+        found.append(_solved(equation, unknowns, scales, plane.names))
+    return np.hstack(found)
+
+
 def moving_names(system: System, parameter: str) -> tuple[str, ...]:
     """Return the names of the parameters that are not zero, without the one that is followed."""
     structure = system.structure
@@ -198,9 +298,9 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
     equation, unknowns, scales = equation_of(plane, special, widths)
     if not isinstance(equation, MultiplierEquation) or special.kind.is_turning:
         # first derivatives suffice; at a fold those of the multiplier are multiplied by zero
-        found = _solved(equation, unknowns, scales, plane.names)
+        found = _solved(equation, unknowns, scales, plane.names)[-1]
         return found, _ROUNDING * np.abs(found)
-    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names) for step in _STEPS]
+    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names)[-1] for step in _STEPS]
     changes = [np.abs(b - a) for a, b in pairwise(tried)]
     best = int(np.argmin([float(np.max(change)) for change in changes]))
     return tried[best + 1], changes[best]
@@ -209,6 +309,7 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
 def _solved(
     equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
 ) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns by the parameters after the first."""
     system, size = equation.system, len(unknowns)
     residual, by_all, _ = equation.linearised(unknowns, *(system[name] for name in names[1:]))
     own = by_all[:, :size] * scales[:size]
@@ -220,4 +321,4 @@ def _solved(
         raise ConvergenceError(
             f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
         )
-    return solved[-1, 1:] * scales[size - 1]
+    return solved[:, 1:] * scales[:size, None]

@@ -21,7 +21,7 @@ from gapwalk.bifurcation.loci.locus_equations import (
     onto_curve,
 )
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
-from gapwalk.bifurcation.loci.sliding_equation import posed
+from gapwalk.bifurcation.loci.sliding_equation import SlidingEquation, posed
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -34,6 +34,9 @@ from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
+
+AnyEquation = MultiplierEquation | GrazingEquation | SlidingEquation
+"""Equation of a locus, which belongs to the kind of its special point."""
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """Ranges of both parameters."""
@@ -193,7 +196,7 @@ def _posed(
 
 def equation_of(
     plane: OrbitPlane, special: SpecialPoint, widths: Sequence[float]
-) -> tuple[LocusEquation, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[AnyEquation, NDArray[np.float64], NDArray[np.float64]]:
     """Return the equation of the locus of a special point, its unknowns there, and the scales of all variables.
 
     Parameters
@@ -211,7 +214,7 @@ def equation_of(
         If such a locus is not followed by the method of the plane.
     """
     orbit, units = special.orbit, plane.scales(special.orbit)
-    equation: LocusEquation
+    equation: AnyEquation
     if isinstance(special.kind, Sliding):
         if not isinstance(plane, ShotPlane):
             raise ModelError(f"the locus of a {special.kind} is followed by shooting; write method=Shooting()")

@@ -9,7 +9,6 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.friction_margins import margins_of_orbit
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
@@ -37,7 +36,7 @@ class Instant(NamedTuple):
     Attributes
     ----------
     what
-        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.bifurcation.friction_margins.Margin`.
+        ``stop``, ``rate`` or ``reserve``, as in `gapwalk.orbit.friction_phases.Margin`.
     contact
         Number of the contact.
     side
@@ -147,7 +146,7 @@ class SlidingEquation(LocusEquation):
 
 def nearest_margin(orbit: Orbit, instant: Instant):
     """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
-    alike = [each for each in margins_of_orbit(orbit) if (each.what, each.contact, each.side) == instant_of(instant)]
+    alike = [each for each in orbit.margins if (each.what, each.contact, each.side) == instant_of(instant)]
     if not alike:
         raise ConvergenceError("no friction of this motion is near such a point")
     return min(alike, key=lambda each: abs(each.value) / each.range)

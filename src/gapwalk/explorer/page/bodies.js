@@ -101,7 +101,7 @@ function gauge(svg, top, width, contact, doingAt) {
     svg.append(wall);
     return [stop, wall];
   });
-  const pad = slider && element("rect", { class: "pad", y: y - 9, width: 4, height: 18 });
+  const pad = slider && element("rect", { class: "pad", y: y - 8, width: 4, height: 16 });
   if (pad) svg.append(pad);
   // a square sticks or is held, a circle moves
   const bead = element("rect", { class: "bead", y: y - 6, width: 12, height: 12 });

@@ -11,7 +11,7 @@ export const MODES = {
   stick: { words: "sticks", kind: "sticks", top: 3, height: 4 },
   held: { words: "held", kind: "held", top: 0, height: 10 },
 };
-const ROW = 23, NAME = 10; // pixels of a row of the strip, and of the name in it
+const ROW = 26, NAME = 12; // pixels of a row of the strip, and of the name in it
 const MOMENT = 0.03; // forcing periods for which an impact is shown
 
 /** The phases in which something sticks or is held, as intervals to be shaded. */
@@ -28,7 +28,7 @@ export function strip({ elements, theta }) {
     draw(svg, px, top) {
       const bars = (row) => top + 4 + row * ROW + NAME;
       names.forEach((name, row) => {
-        svg.append(element("text", { x: px.low, y: bars(row) - 2 }, name));
+        svg.append(element("text", { x: px.low, y: bars(row) - 3 }, name));
         svg.append(element("line", { class: "grid", x1: px(theta[0]), x2: px(theta[theta.length - 1]), y1: bars(row) + 5, y2: bars(row) + 5 }));
       });
       for (const [row, mode, from, to] of phases) {
@@ -102,7 +102,7 @@ export class Elements {
   draw() {
     const { motion } = this, contact = (this.contact = motion.contacts.find(({ name }) => name === this.choice.value));
     const stop = contact.is === "stop";
-    $("element-title").textContent = stop ? "Rigid stop" : "Hysteresis loop";
+    $("element-figure").querySelector("figcaption").textContent = stop ? "Rigid stop" : "Hysteresis loop";
     this.values = stop ? contact.rate : contact.force;
     this.mark = chart($("element-loop"), {
       curves: [[contact.deflection, this.values]], down: contact.stops.filter((s) => Math.abs(s) < 1.5 * Math.max(...contact.deflection.map(Math.abs))),
@@ -153,7 +153,7 @@ export function showEnergy(place, energy, period) {
     for (const [name, kind, value, share] of items) row([name, kind, number(value), percent(share)]);
   }
   const cycle = period === 1 ? "In one period of the excitation" : `In ${period} periods of the excitation`;
-  const note = Object.assign(document.createElement("p"), { className: "hint", textContent: `${cycle}; work less losses: ${energy.imbalance.toExponential(0)} of the work.` });
+  const note = Object.assign(document.createElement("p"), { className: "hint", textContent: `${cycle}; work less losses: ${energy.imbalance.toExponential(0).replaceAll("-", "−")} of the work.` });
   place.replaceChildren(made, note);
 }
 

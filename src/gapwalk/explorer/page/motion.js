@@ -88,7 +88,7 @@ export class MotionView {
     const near = stops.filter((s) => s <= Math.max(...this.values) * 1.3 + 0.3 && s >= Math.min(...this.values) * 1.3 - 0.3);
     const springs = motion.contacts.filter((c) => c.is === "spring"), alone = !springs.length && motion.contacts.length > 0;
     $("loop-figure").hidden = alone; // friction and rigid stops have a panel of their own
-    $("phase").parentElement.classList.toggle("wide", alone);
+    $("phase").parentElement.classList.toggle("alone", alone);
     this.marks = {
       history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: "forcing periods", y: contact ? `force of ${contact.name}` : signal || name, height: 150 }),
       phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'`, padded: true }),

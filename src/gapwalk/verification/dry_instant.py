@@ -1,0 +1,250 @@
+"""A motion with dry friction or rigid stops at one instant: its states, its modes, and how events change them.
+
+It decides the modes of a start and those after an event on its own, from the equations of `DryEquations`, and knows
+nothing of the modes that are stored with an orbit. A mode lasts as long as its guard is positive.
+
+States have small imaginary parts, one set for each direction in the state space: those are the changes of the motion,
+to first order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
+
+SMALL = 1e-25
+"""Size of the imaginary parts: rounding does not see their squares."""
+
+EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
+_STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
+_HELD = 1e-7  # angle of a flight that is not made any more
+
+
+class DryInstant:
+    """The states and modes of the motion of an orbit, and of its neighbours, at one instant.
+
+    Parameters
+    ----------
+    orbit
+        The orbit, at whose section the motion begins.
+
+    Attributes
+    ----------
+    theta, angles
+        The angle of the motion, and those of all: it, and one neighbour for each direction of the state space.
+    states : shape (state size + 1, state size)
+        The states of all.
+    modes, levels
+        What is closed, slips and is held; and the levels of numbers that jump.
+    length, speed, scales
+        The size of the motion, of its velocities, and of each part of a state.
+    """
+
+    def __init__(self, orbit: Orbit) -> None:
+        equations = self.equations = DryEquations(orbit.system)
+        n, size = equations.size, equations.state_size
+        self.theta, self.angles = 0.0, np.zeros(size + 1)
+        self.states = np.tile(orbit.state.astype(complex), (size + 1, 1))
+        self.states[1:] += 1j * SMALL * np.eye(size)
+        length = max(float(np.abs(orbit.extremes).max()), float(np.abs(orbit.state[:n]).max()), 1e-300)
+        speed = max(float(np.abs(orbit.state[n : 2 * n]).max()), length * equations.omega)
+        self.scales = np.full(size, length)
+        self.scales[n : 2 * n] = speed
+        self.length, self.speed, self._slack = length, speed, EQUAL
+        self.levels = equations.levels(np.array([1e-9]))
+        self.modes = self._start()
+
+    def _now(self) -> Loading:
+        """Return the loading of the motion itself."""
+        return self.equations.loading(np.array([self.theta]), np.real(self.states[:1]), self.modes, self.levels)
+
+    def _gap(self, switch: int) -> tuple[float, float]:
+        """Return the distance of the motion from a breakpoint, positive where it is open, and its rate over time."""
+        equations, n = self.equations, self.equations.size
+        angle, state = np.array([self.theta]), np.real(self.states[:1])
+        index = equations.contact_of[switch]
+        depth = equations.depths(equations.deflections(angle, state[:, :n]))[0, switch]
+        rate = equations.deflections(angle, state[:, n : 2 * n] / equations.omega, derivative=1)[0, index]
+        return -float(depth), -float(equations.signs[switch] * rate) * equations.omega
+
+    def _slip_rate(self, index: int) -> float:
+        return float(self.equations.sliding(np.array([self.theta]), np.real(self.states[:1]))[0, index])
+
+    def _start(self) -> Modes:
+        equations = self.equations
+        modes = self.modes = Modes(np.zeros(len(equations.signs)), dict.fromkeys(equations.dry, 0), set())
+        for switch in range(len(equations.signs)):
+            gap, rate = self._gap(switch)
+            on = abs(gap) <= 1e-12 * self.length
+            if switch not in equations.rigid and ((gap < 0.0 and not on) or (on and rate < 0.0)):
+                modes.closed[switch] = 1.0
+        for index in equations.dry:
+            if index not in equations.memories:
+                rate = self._slip_rate(index)
+                modes.slip[index] = 0 if abs(rate) <= _STILL * self.speed else round(math.copysign(1.0, rate))
+        self._decide()
+        for index in equations.memories:
+            self._set_slider(index)
+        self._decide()
+        for switch in equations.rigid:
+            gap, rate = self._gap(switch)
+            if abs(gap) <= 1e-12 * self.length and abs(rate) <= _STILL * self.speed:
+                self._strike(switch)
+        equations.come_to_rest(self.angles, self.states, modes, positions=True)
+        equations.set_extensions(self.angles, self.states, modes, self.levels)
+        return modes
+
+    def _set_slider(self, index: int) -> None:
+        """Decide the mode of a Jenkins element by its extension, which is not beyond its limit."""
+        equations, place = self.equations, self.equations.memories[index]
+        limit = float(self._now().limits[index][0]) / equations.stiffnesses[index]
+        z = float(np.real(self.states[0, place]))
+        self.modes.slip[index] = 0
+        grown = limit > 1e-12 * self.length
+        if grown and abs(z) < limit * (1.0 - 1e-12):
+            return
+        side = round(math.copysign(1.0, z if grown else self._slip_rate(index)))
+        if equations.is_idle(index, np.array([limit]), self.modes):
+            self.states[:, place] = 0.0
+            return
+        self.modes.slip[index] = side
+        self.equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+        if not self._sliding(index) > 0.0:
+            self.modes.slip[index] = 0
+
+    def _sliding(self, index: int) -> float:
+        """Return the rate of the slider of a Jenkins element in the direction of its slip."""
+        state = np.real(self.states[0])
+        creep = self.equations.creep(index, self.theta, state, self.modes, self.levels)
+        return self.modes.slip[index] * self._slip_rate(index) - creep
+
+    def _decide(self, slipping: Sequence[int] = ()) -> None:
+        """Decide which rigid friction at rest sticks: as many as can; `slipping` have just begun to slip."""
+        equations, modes = self.equations, self.modes
+        at_rest = [
+            index
+            for index in equations.dry
+            if index not in equations.memories
+            and index not in slipping
+            and abs(self._slip_rate(index)) <= _STILL * self.speed
+        ]
+        for slips in sorted(product((0, 1, -1), repeat=len(at_rest)), key=lambda each: sum(map(abs, each))):
+            modes.slip.update(zip(at_rest, slips, strict=True))
+            try:
+                now = self._now()
+            except np.linalg.LinAlgError:  # too many would stick
+                continue
+            if all(self._may(index, slip, now) for index, slip in zip(at_rest, slips, strict=True)):
+                break
+        else:
+            raise NumericalError("no modes of friction are consistent")
+        equations.come_to_rest(self.angles, self.states, modes)
+
+    def _may(self, index: int, slip: int, now: Loading) -> bool:
+        """Return True if friction at rest may stick, or begin to slip in a direction."""
+        bound = float(now.breakaways[index][0])
+        if not slip:
+            return bound > 0.0 and abs(float(now.forces[0, index])) <= bound * (1.0 + self._slack)
+        turning = self.equations.turning(np.array([self.theta]), now)[0, index]
+        return slip * float(turning) > (0.0 if bound else -1e-12 * self.speed * self.equations.omega)
+
+    def _strike(self, switch: int) -> None:
+        """Reverse the rate at a rigid stop, and hold the stop if the next flight is short; then other stops."""
+        equations, modes = self.equations, self.modes
+        index, side = int(equations.contact_of[switch]), equations.signs[switch]
+        if self._gap(switch)[1] < 0.0:
+            modes.held.discard(switch)
+            equations.rebound(switch, self.angles, self.states)
+            self._after_impact()
+        leaves = max(self._gap(switch)[1], 0.0)
+        turning = -side * float(equations.turning(np.array([self.theta]), self._now())[0, index])
+        if turning < 0.0 and 2.0 * leaves * equations.omega < _HELD * -turning:
+            modes.held.add(switch)
+            equations.come_to_rest(self.angles, self.states, modes)
+            self._decide()
+        for other in sorted(modes.held - {switch}):
+            rate = self._gap(other)[1]
+            if rate < -_STILL * self.speed:
+                self._strike(other)
+            elif rate > _STILL * self.speed:
+                modes.held.discard(other)
+
+    def _after_impact(self) -> None:
+        for index in self.equations.dry:
+            rate = self._slip_rate(index)
+            if index in self.equations.memories:
+                if self.modes.slip[index]:
+                    self._set_slider(index)
+            elif abs(rate) > _STILL * self.speed:
+                self.modes.slip[index] = round(math.copysign(1.0, rate))
+        self._decide()
+
+    def _change(self, key: tuple[str, int]) -> None:
+        """Set the modes after an event."""
+        equations, modes, (kind, index) = self.equations, self.modes, key
+        released: tuple[int, ...] = ()
+        if kind == "contact" and index in equations.rigid:
+            if index in modes.held:
+                modes.held.discard(index)
+            else:
+                self._strike(index)
+        elif kind == "contact":
+            modes.closed[index] = 1.0 - modes.closed[index]
+            for other in equations.memories:
+                if equations.host_of(other) == equations.contact_of[index]:
+                    self._set_slider(other)
+        elif index in equations.memories:
+            z = float(np.real(self.states[0, equations.memories[index]]))
+            modes.slip[index] = 0 if modes.slip[index] else round(math.copysign(1.0, z))
+        elif not modes.slip[index]:
+            modes.slip[index] = round(math.copysign(1.0, float(self._now().forces[0, index])))
+            released = (index,)
+        self._decide(released)
+
+    def guards(self, angles: Values, states: Values) -> dict[tuple[str, int], Values]:
+        """Return the guards of the present modes, as shares of their scales, at some states."""
+        equations, modes, n = self.equations, self.modes, self.equations.size
+        now, found = equations.loading(angles, states, modes, self.levels), {}
+        depths = equations.depths(equations.deflections(angles, states[:, :n]))
+        for switch, sign in enumerate(equations.signs):
+            index = int(equations.contact_of[switch])
+            if switch in modes.held:
+                found["contact", switch] = sign * now.forces[:, index] / self._force(index)
+            elif switch not in equations.unreached:
+                side = 1.0 if modes.closed[switch] else -1.0
+                found["contact", switch] = side * depths[:, switch] / self.length
+        for index in equations.dry:
+            slip, limits = modes.slip[index], now.limits[index]
+            forces = now.forces[:, index]
+            if index not in equations.memories:
+                left = now.breakaways[index] - np.where(np.real(forces) > 0.0, forces, -forces)
+                size = max(self._force(index), float(np.real(now.breakaways[index][0])))
+                found["slip", index] = slip * now.sliding[:, index] / self.speed if slip else left / size
+            elif not equations.is_idle(index, limits, modes):
+                if slip:
+                    rates = slip * now.sliding[:, index]
+                    if index in equations.creeping:
+                        rates = rates - self._creeps(index, angles, states)
+                    found["slip", index] = rates / self.speed
+                else:
+                    left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
+                    found["slip", index] = left / (equations.stiffnesses[index] * self.length)
+        return found
+
+    def _creeps(self, index: int, angles: Values, states: Values) -> Values:
+        rows = zip(np.real(angles), np.real(states), strict=True)
+        return np.array([self.equations.creep(index, angle, row, self.modes, self.levels) for angle, row in rows])
+
+    def _force(self, index: int) -> float:
+        """Return the force that would give a contact the accelerations of the motion."""
+        return self.speed * self.equations.omega / abs(float(self.equations.row(index) @ self.equations.push(index)))
+
+    def _rates(self, angle: float, states: Values) -> Values:
+        return self.equations.derivatives(np.full(len(states), angle), states, self.modes, self.levels)
