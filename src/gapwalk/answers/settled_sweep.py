@@ -64,7 +64,7 @@ class SlowSweepOptions:
         Options of the walks.
     """
 
-    steps: int = 200
+    steps: int = 100
     longest: int = 2
     patience: int = 300
     walk: WalkOptions = WalkOptions()

@@ -18,15 +18,12 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.flow.dry_motion import DryModes, modes_along
-from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.flow.friction_gauge import Course, FrictionGauge
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.friction_phases import FrictionPhase, Margin, friction_phases, text_of
 from gapwalk.orbit.measures import apart
@@ -34,12 +31,6 @@ from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
-_SAME = 1.0  # radians by which an event may move in a step: where a quantity touches, by the root of its change
-_TRACKED = 0.05  # radians by which the least value may have moved since it was known, without being searched for
-_ROUGH = 0.1  # radians by which it may be off as a margin of the orbit, by its samples
-_SMALL = 1e-4  # share of a value that does not matter far from its zero
-_SETTLED, _REFINEMENTS = 1e-5, 8  # last step towards it, whose cube is rounding, and the largest number of steps
-_AT_START = 1e-6  # radians from the start of the period within which an instant is taken from its end
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
@@ -53,42 +44,6 @@ _NEAR = 0.05  # share of its range within which a least value that appears count
 _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
-
-
-class Change(NamedTuple):
-    """A phase of friction that appears or vanishes.
-
-    Attributes
-    ----------
-    contact
-        Number of the contact.
-    before, mode, after
-        Mode of the phase before it, its own, and that of the phase after it.
-    theta
-        The angle at which it begins.
-    alone
-        True if friction never slips without it.
-    others
-        Number of the other phases of the same mode between phases of the same modes.
-    """
-
-    contact: int
-    before: int
-    mode: int
-    after: int
-    theta: float
-    alone: bool
-    others: int = 0
-
-    @property
-    def side(self) -> int:
-        """Direction of slip that the change concerns: 1 or -1."""
-        return self.before or self.mode
-
-    @property
-    def reverses(self) -> bool:
-        """True if it begins where the slip rate reverses its sign, not where a quantity touches zero."""
-        return self.before != self.after
 
 
 def changes_between(first: Orbit, last: Orbit) -> list[Change] | None:
@@ -126,7 +81,7 @@ def _reached(contact: int, first: Orbit, last: Orbit) -> list[Change]:
 
 def _bound(orbit: Orbit, change: Change) -> float:
     """Return the force at which slip begins, at the angle of a change."""
-    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), _instant(orbit, change.theta)
+    gauge, now = FrictionGauge(layout_of(orbit.system.structure), change.contact), instant_of(orbit, change.theta)
     return float(
         gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))[0]
     )
@@ -148,14 +103,8 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
         others = _removed(contact, rest, text, most - 1)
         if others is not None:
             around = past.mode, phase.mode, following.mode
-            return [Change(contact, *around, phase.start, text == "0", _around(rest).count(around)), *others]
+            return [Change(contact, *around, phase.start, text == "0", modes_around(rest).count(around)), *others]
     return None
-
-
-def _around(phases: Sequence[FrictionPhase]) -> list[tuple[int, int, int]]:
-    """Return the modes before, in and after each phase of a period."""
-    modes = [phase.mode for phase in phases]
-    return list(zip([*modes[-1:], *modes[:-1]], modes, [*modes[1:], *modes[:1]], strict=True))
 
 
 class Located(NamedTuple):
@@ -304,11 +253,12 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
     corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
     length, theta = abs(far.arclength - stuck.arclength), change.theta
 
-    def beside(distance: float) -> BranchPoint | None:
-        correction = corrector.correct(stuck.x + way * distance * stuck.tangent, stuck.tangent)
+    def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
+        # from the last point: a guess from farther away may slip, and then leads to another position
+        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
         if correction is None:
             return None
-        point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
+        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
         # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
         reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
         return point if never_slips(point.orbit, change.contact) and not reaches else None
@@ -316,7 +266,7 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
     for _ in range(_APPROACHES):
-        nearer = beside(distance + step)
+        nearer = ahead(point, step)
         if nearer is None:
             step *= 0.5
             continue
@@ -338,138 +288,7 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
 
 
 def _has(orbit: Orbit, change: Change) -> bool:
-    return _own_phase(orbit, change, change.theta) is not None
-
-
-def _own_phase(orbit: Orbit, change: Change, near: float) -> FrictionPhase | None:
-    """Return the phase of a change nearest to an angle, if an orbit has it."""
-    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    own = (change.before, change.mode, change.after)
-    alike = [phase for phase, around in zip(phases, _around(phases), strict=True) if around == own]
-    if len(alike) <= change.others:
-        return None
-    found = [(phase.away(near, full), phase) for phase in alike]
-    return min((pair for pair in found if pair[0] < _SAME), key=lambda pair: pair[0], default=(0.0, None))[1]
-
-
-def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
-    """Return the angle nearest to another one at which a change happens, and its margin there.
-
-    Raises
-    ------
-    LookupError
-        If the motion has nothing of the kind there.
-    """
-    full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
-    coefficients = coefficients_of(orbit.system)
-    if change.reverses:
-        phases = orbit.friction.get(change.contact, [])
-        theta = min(
-            (
-                phase.start
-                for place, phase in enumerate(phases)
-                if phases[place - 1].mode == change.before and phase.mode in (change.mode, change.after)
-            ),
-            key=lambda start: apart(start, near, full),
-            default=math.inf,
-        )
-        if not apart(theta, near, full) < _SAME:
-            raise LookupError
-        now = _instant(orbit, theta)
-        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
-        return theta, float(reserve)
-    quantity = _Quantity(orbit, gauge, change)
-    own = _own_phase(orbit, change, near)
-    if own is not None:
-        course = quantity.course(_instant(orbit, own.start))
-        # the angle is that of the vertex, which the least value has on the other side of the change
-        return (own.start + quantity.turned(course)) % full, -abs(course.depth)
-    return _least(orbit, quantity, change, near)
-
-
-class _Instant(NamedTuple):
-    """One instant of an orbit: its angle, its state, and the modes just before it."""
-
-    theta: float
-    state: NDArray[np.float64]
-    modes: DryModes
-
-
-def _instant(orbit: Orbit, theta: float) -> _Instant:
-    return _instants(orbit, [theta])[0]
-
-
-def _instants(orbit: Orbit, thetas: Sequence[float] | NDArray[np.float64]) -> list[_Instant]:
-    """Return the states of an orbit, and its modes, at angles, which may lie beyond its period."""
-    full = PERIOD * orbit.period
-    # the modes before the start of the period are those at its end
-    angles = [angle if (angle := theta % full) > _AT_START else angle + full for theta in map(float, thetas)]
-    grid, places = np.unique([0.0, *angles], return_inverse=True)
-    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)
-    modes = modes_along(orbit.system.structure, grid, found.slips, found.holds, before=True)
-    return [_Instant(float(grid[place]), found.states[place], modes.at(place)) for place in places[1:].tolist()]
-
-
-class _Quantity:
-    """Slip rate or reserve of one orbit, whose least value is the margin of a change."""
-
-    def __init__(self, orbit: Orbit, gauge: FrictionGauge, change: Change) -> None:
-        self._gauge, self._change, self._coefficients = gauge, change, coefficients_of(orbit.system)
-        self._function = gauge.rate if change.before else gauge.reserve
-
-    def _modes(self, now: _Instant) -> DryModes:
-        """Return the modes with the friction as it is before the phase of the change."""
-        before = self._change.before
-        return self._gauge.slipping(now.modes, before) if before else self._gauge.sticking(now.modes)
-
-    def course(self, now: _Instant) -> Course:
-        """Return it at an instant, with its derivatives."""
-        at = self._coefficients, now.theta, now.state, self._modes(now), self._change.side
-        return self._gauge.course(self._function, *at)
-
-    def turned(self, course: Course) -> float:
-        """Return the angle from an instant to the vertex of the parabola there."""
-        return course.vertex / float(self._coefficients[0])
-
-
-def _least(orbit: Orbit, quantity: _Quantity, change: Change, near: float) -> tuple[float, float]:
-    """Return the angle and the value of the minimum of a quantity within a phase, the nearest to another angle."""
-    full, what = PERIOD * orbit.period, "rate" if change.before else "reserve"
-    found = _vertex(orbit, quantity, near, _TRACKED) if _is_within(orbit, change, near) else None
-    if found is None:
-        own = [
-            each
-            for each in orbit.margins
-            if (each.contact, each.what, each.side) == (change.contact, what, change.side)
-        ]
-        own = [each for each in own if apart(each.theta, near, full) < _SAME]
-        if own:
-            found = _vertex(orbit, quantity, min(own, key=lambda each: each.value).theta, _ROUGH)
-    if found is None:
-        raise LookupError
-    return found
-
-
-def _is_within(orbit: Orbit, change: Change, theta: float) -> bool:
-    """Return True if an angle is within a phase like that before a change."""
-    phases, full = orbit.friction.get(change.contact, []), PERIOD * orbit.period
-    return any(phase.mode == change.before and phase.contains(theta, full) for phase in phases)
-
-
-def _vertex(orbit: Orbit, quantity: _Quantity, theta: float, farthest: float) -> tuple[float, float] | None:
-    """Return angle and value of the minimum of a quantity near an angle, by Newton's method; None if it is far off."""
-    start = theta
-    for _ in range(_REFINEMENTS):
-        course = quantity.course(_instant(orbit, theta))
-        shift = quantity.turned(course)
-        if not course.bend > 0.0 or abs(theta + shift - start) > farthest:
-            return None
-        theta += shift
-        value = course.value - course.depth
-        # what the parabola leaves out grows with the cube of the shift
-        if abs(shift) < _SETTLED or course.depth * abs(shift) < _SMALL * abs(value):
-            return theta % (PERIOD * orbit.period), value
-    return None
+    return own_phase(orbit, change, change.theta) is not None
 
 
 def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], int]) -> list[str]:

@@ -14,12 +14,13 @@ rows of coefficients too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout
+from gapwalk.model.coefficients import CoefficientLayout, layout_of
+from gapwalk.model.structure import Structure
 
 _DEPENDENT = 1e-9  # share of its own size that is left of a constraint which depends on others
 _ROUNDING = 8e-16  # share of two terms within which their difference is rounding
@@ -190,3 +191,12 @@ def reachable_changes(
     for slots in (layout.accelerations[pushed], layout.reactions):
         found[slots] |= pattern[slots]
     return found
+
+
+@lru_cache(maxsize=256)
+def reachable_masks(structure: Structure, masks: tuple[bytes, ...]) -> tuple[bytes, ...]:
+    """Return the masks of `reachable` and `reachable_changes`, from those of a system and of each parameter."""
+    pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
+    layout = layout_of(structure)
+    pattern = reachable(layout, pattern)
+    return pattern.tobytes(), *(reachable_changes(layout, pattern, mask).tobytes() for mask in directions)

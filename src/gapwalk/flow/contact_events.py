@@ -30,6 +30,8 @@ from gapwalk.flow.mode_switches import ModeSwitches, taylor_beginning, taylor_re
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
+_LATE = 1e-6  # radians by which a slow crossing may be reported after it was set beside another event
+_ROUNDING = 1e-15  # the same, by rounding of the positions
 _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _LEAVING = (
@@ -175,7 +177,7 @@ class Switchboard:
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
         self.modes.start(coefficients, theta, unit)
-        self._changed = [theta] * self.count
+        self._changed, self._speeds = [theta] * self.count, [math.inf] * self.count
         self._left = self._changed.copy()
         self._start_dry(theta)
         near = self._are_near(depths, state, _ON)
@@ -311,7 +313,8 @@ class Switchboard:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
             return False
-        self._changed[switch] = theta
+        # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
+        self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
             for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
@@ -335,16 +338,13 @@ class Switchboard:
         return True
 
     def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
-        """Return True if an event repeats the last change of its switch, within time or distance that is rounding.
-
-        Another event may have set the switch where a motion turns within rounding of the breakpoint: its own follows.
-        """
+        """Return True if an event follows the last change of its switch within time or distance that is rounding."""
         passed = theta - self._changed[switch]
         if passed <= _REPEATED:
             return True
         state = self._state[: 2 * self.n].tolist()
         near = 4.0 * _ON * (self._scales[switch] + self._size(state))
-        return abs(velocity) * passed * float(self._coefficients[0]) <= near
+        return max(abs(velocity), self._speeds[switch]) * passed * float(self._coefficients[0]) <= near
 
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
@@ -368,14 +368,19 @@ class Switchboard:
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
         near = self._are_near(depths, state, _ON)
+        if True not in near:
+            return
+        on = self._are_near(depths, state, _ROUNDING)
         for other in others:
-            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
-            if near[other] and theta - self._changed[other] > _REPEATED and not self.dry.holds(other):
-                if self._rebounds[other] and depths[other] < 0.0:  # slow impacts come later, or not at all
-                    reach = COOLDOWN * float(self._coefficients[0]) * self._signs[other] * self._rate(other, theta)
-                    if reach < -depths[other]:
-                        continue
-                self._settle(other, theta, reported=False)
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only; and where a motion
+            # has hardly left since a switch changed, its own event follows
+            if not near[other] or self._repeats(other, 0.0, theta) or self.dry.holds(other):
+                continue
+            if (depths[other] > 0.0) is self._inside[other] and not on[other]:
+                reach = COOLDOWN * float(self._coefficients[0]) * abs(self._rate(other, theta))
+                if abs(depths[other]) > reach:
+                    continue  # a slow crossing comes later, or not at all, and is then reported
+            self._settle(other, theta, reported=False)
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
         """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.

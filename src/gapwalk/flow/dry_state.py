@@ -115,6 +115,24 @@ class _Held(NamedTuple):
     table: Array
 
 
+class Push(NamedTuple):
+    """What a unit of the force of rigid friction does.
+
+    Attributes
+    ----------
+    moved : shape (n,)
+        Accelerations against which it acts.
+    on_itself
+        That of its own deflection.
+    stopping : shape (n,)
+        Change of the velocities by which the rate of its deflection changes by 1.
+    """
+
+    moved: Array
+    on_itself: float
+    stopping: Array
+
+
 class CompiledReadings:
     """The compiled readings of some equations, which all their integrators share, and derivatives of them.
 
@@ -211,6 +229,7 @@ class DryState:
     entry: _Held
     vectors: dict[int, Array]
     is_moved: dict[int, bool]
+    pushes: dict[int, Push]
 
     def __init__(self, equations: Equations) -> None:
         layout, structure = equations.layout, equations.layout.structure
@@ -282,7 +301,7 @@ class DryState:
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
         else:
-            self._known = {}
+            self._known, self.pushes = {}, {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
         was_held, self.held = bool(self.held), ()
@@ -306,6 +325,13 @@ class DryState:
         table *= self.column_signs
         self._known[held] = found = _Held(coefficients, directions, constraint, table)
         return found
+
+    def push_of(self, place: int) -> Push:
+        """Return what a unit of the force of rigid friction does, by its place."""
+        slots = self.slots[place]
+        moved = self.base[slots.force]
+        on_itself = float(moved.dot(self.base[slots.deflection]))
+        return Push(moved, on_itself, moved / on_itself if on_itself else moved)
 
     def hold(self, held: Iterable[int]) -> None:
         """Hold some contacts, by the numbers of their reactions; the integrator does not know before `apply`."""
@@ -403,6 +429,16 @@ class DryState:
         """Return the derivative of the slip rate of friction over time, with a limit that is constant."""
         return self.acceleration(self.equations.dry[place], now, theta)
 
+    def rigid_rate(self, place: int, theta: float) -> float:
+        """Return the slip rate of friction without a spring, over time."""
+        contact, slots = self.equations.dry[place], self.slots[place]
+        rate = float(self.vectors[contact].dot(self.state[self.n : 2 * self.n])) - self.base.item(
+            slots.numbers["speed"]
+        )
+        if slots.sway is not None:
+            rate += float(Angles(self.layout, self.base, theta).sway(slots, 0, 1))
+        return rate
+
     def gap(self, number: int, theta: float) -> tuple[float, float, float]:
         """Return the deflection beyond a stop, by its reaction; its rate over time; and the size of its clearance."""
         n, (contact, switch) = self.n, self.layout.structure.reactions[number]
@@ -415,7 +451,7 @@ class DryState:
     def speed(self) -> float:
         """Return the size of the velocities, now or a quarter of a period later."""
         numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
-        return max(*numbers[self.n :], max(numbers[: self.n]) / float(self.base[0]))
+        return max(*numbers[self.n :], max(numbers[: self.n]) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

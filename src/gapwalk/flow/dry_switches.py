@@ -35,6 +35,8 @@ _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid s
 _BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
+_TURNS = 1e-3  # share of the accelerations below which one may turn at once
+_UNSEEN = 1e-13  # share of its limit by which an extension may be off
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -111,20 +113,19 @@ class DrySwitches(DryState):
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
         still = _STILL * self.speed()
-        now, candidates = self.read(theta), self._touching(theta, still) if self.sign_of else []
+        candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
-            rate = now.friction[place][0]
             if number is None:
                 continue
+            rate = self.rigid_rate(place, theta)
             if abs(rate) <= still:
                 candidates.append(number)
             else:
                 self.slips[place] = 1 if rate > 0.0 else -1
-        known: Readings | None = now
         if candidates:
-            self._hold(theta, candidates, now)
+            self._hold(theta, candidates)
             project(self, theta)
-            known = None
+        known: Readings | None = None
         for place, memory in enumerate(self.memory_of):
             if memory is not None:
                 known = self._begin_memory(place, memory, theta, known)
@@ -264,7 +265,13 @@ class DrySwitches(DryState):
         if self.keeps == self.equations.dry[place]:
             return
         theta = self.integrator.time
+        if self.sticks[place] and self._lets_go_alone(place):
+            if direction <= 0:  # otherwise its force returns within the bound
+                self._change_alone(place, -1 if second else 1, theta)
+            return
         now = self.read(theta)
+        if not second and self._turns_alone(place, direction, theta, now):
+            return
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
             if other != place and memory is not None and self._stops_too(other, now, theta):
                 self._at_memory(other, False, -self.slips[other], theta, now)
@@ -282,6 +289,68 @@ class DrySwitches(DryState):
                 self._release(place, -1 if second else 1, theta, now)
         elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
+
+    def _lets_go_alone(self, place: int) -> bool:
+        """Return True if rigid friction sticks, and slips with a force that does not jump and moves nothing else."""
+        number = self.reaction_of[place]
+        if self.held != (number,) or self.sign_of or self._springs:
+            return False
+        return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
+
+    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
+        """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
+
+        This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
+        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it changes
+        nothing.
+        """
+        number, side = self.reaction_of[place], self.slips[place]
+        if self.held or self._springs or number is None or not side:
+            return False
+        if theta - self._begun[place] <= _SETTLING and direction != -side:
+            return False
+        acceleration = self.slip_acceleration(place, now, theta)
+        _, limit, bound = now.friction[place]
+        push = self.pushes.get(place)
+        if push is None:
+            push = self.pushes[place] = self.push_of(place)
+        if side * acceleration >= 0.0 or not bound > 0.0 or not push.on_itself > 0.0:
+            return False
+        needed = side * limit + acceleration / push.on_itself
+        beyond = abs(needed) / bound - 1.0
+        if abs(beyond) < 2.0 * _BARELY or side * needed > bound:
+            return False
+        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
+            return False
+        if self.columns:
+            changes = rate_changes(self, self.equations.dry[place], theta)
+        if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
+            jump = 2.0 * side * limit * push.moved
+            if self.columns:
+                self.rows()[:, self.n : 2 * self.n] += np.multiply.outer(changes / acceleration, jump)
+            self._change_alone(place, -side, theta)
+        else:
+            jump = -acceleration * push.stopping
+            if self.columns:
+                self.rows()[:, self.n : 2 * self.n] -= np.multiply.outer(changes, push.stopping)
+            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
+            self._change_alone(place, 0, theta)
+        if not self.columns:
+            velocities, turning = (now.velocities,) * 2, (now.accelerations, now.accelerations + jump)
+            self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+        return True
+
+    def _change_alone(self, place: int, side: int, theta: float) -> None:
+        """Let one friction slip to a side (0: stick) where nothing else is held."""
+        if not side:
+            self.slips[place], self.sticks[place] = 0, True
+            self.hold((self.reaction_of[place],))
+        else:
+            self._slip(place, side, theta)
+            if self.held:
+                self.hold(())
+        self.apply()
+        self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def stop_simultaneous(self, theta: float) -> None:
         """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
@@ -414,7 +483,8 @@ class DrySwitches(DryState):
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= _SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies
-            if just or (steady and self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0):
+            turning = self.slips[place] * self.slip_acceleration(place, now, theta)
+            if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
                 return
             self._stick(place, theta)
             if not self.columns:
@@ -423,6 +493,19 @@ class DrySwitches(DryState):
             return
         self.apply()
         self._report(modes, theta)
+
+    def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
+        """Return True if a spring whose slip rate vanishes would be back at its limit before rounding shows.
+
+        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
+        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
+        """
+        if not -_TURNS * largest(now.accelerations) < turning < 0.0:
+            return False
+        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + _LATER)
+        bend = (later - turning) / (_LATER * float(self.base[0]))
+        away = 2.0 / 3.0 * abs(turning) ** 3
+        return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
 
     def _report(self, before: list[int], theta: float) -> None:
         """Log the modes that have changed."""
@@ -491,6 +574,9 @@ class DrySwitches(DryState):
 
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
+        if not any(self.sticks) and not self._springs:
+            rates = [side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)]
+            return not rates or min(rates) >= -_NEAR * self.speed()
         now, velocity = self.read(theta), self.speed()
         for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.constraints import reachable, reachable_changes
+from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
@@ -403,9 +403,8 @@ class _Integrator:
         self._turns.start(coefficients, unit)
         along = self._still if direction is None else direction.reshape(self.directions, -1)
         self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
-        if self.equations.formulas and not math.isfinite(
-            self._taylor.time
-        ):  # the Taylor series of the first step is not finite
+        # otherwise the Taylor series of the first step is finite
+        if self.equations.formulas and not math.isfinite(self._taylor.time):
             raise FlowError(
                 f"the motion cannot begin in the state {_short(state * unit)}: a formula has no finite value or slope "
                 "there. Begin in another state, or write the formula so that it has one: k*(1 - g/sqrt(max(x**2 + "
@@ -478,10 +477,7 @@ def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:
         pattern |= mask
-    layout = layout_of(system.structure)
-    pattern = reachable(layout, pattern)
-    directions = [reachable_changes(layout, pattern, mask) for mask in directions]
-    masks = tuple(mask.tobytes() for mask in (pattern, *directions))
+    masks = reachable_masks(system.structure, tuple(mask.tobytes() for mask in (pattern, *directions)))
     with _compiling:  # one thread compiles a flow, the others wait for it
         return _compile(system.structure, masks, transition, survey)
 

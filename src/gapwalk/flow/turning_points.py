@@ -13,6 +13,7 @@ from gapwalk.flow.equations import Equations
 from gapwalk.flow.forces import Angles, accelerations
 
 _ONE_TURN = 1e-8  # radians within which two turning points of a deflection are the same
+_TURNING = 1e-3  # share of the size of the velocities below which a rate may vanish within rounding of an event
 
 
 class Turn(NamedTuple):
@@ -39,29 +40,53 @@ class TurningPoints:
     def __init__(self, equations: Equations, taylor: Any, switches: Switchboard) -> None:
         self._equations, self._taylor, self._switches = equations, taylor, switches
         self._turns: list[Turn] = []
+        layout = equations.layout
+        self._size, self._unit = layout.structure.size, 1.0
+        self._slots = [(event, slots) for event, (slots, _) in enumerate(equations.turning) if slots is not None]
+        self._vectors = np.zeros((len(equations.turning), self._size))
+        self._vectors[: self._size] = np.eye(self._size)
+        self._swaying = [
+            (event, contact)
+            for event, slots in self._slots
+            for contact in layout.contacts
+            if contact.deflection is slots and contact.sway is not None
+        ]
 
     def start(self, coefficients: NDArray[np.float64], unit: float) -> None:
         """Begin with the coefficients of a system, with lengths in multiples of `unit`."""
         self._turns, self._coefficients, self._unit = [], coefficients, unit
         self._stops: list[tuple[Kink, list[int]]] = []  # events that stop the integrator; what keeps still there
+        self._still: dict[tuple[int, ...], list[int]] = {}  # by what is held
+        for event, slots in self._slots:
+            self._vectors[event] = coefficients[slots]
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
-        dry = self._switches.dry
-        if dry.held and dry.keeps_still(self._vector(event)):
+        if self._switches.dry.held and event in self._keeping_still():
             return  # its rate is 0 all the time, and changes its sign by rounding
-        positions = self._taylor.update_d_output(theta)[: self._equations.layout.structure.size] * self._unit
+        positions = self._taylor.update_d_output(theta)[: self._size] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
     def at_stop(self, theta: float) -> None:
         """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""
-        dry, n = self._switches.dry, self._equations.layout.structure.size
-        if not dry.count:
+        dry, n = self._switches.dry, self._size
+        if not dry.count or (dry.kinks and dry.kinks[-1].theta == theta):
             return
-        q, v = self._taylor.state[:n].copy(), self._taylor.state[n : 2 * n].copy()
+        rates, size = self._vectors @ dry.state[n : 2 * n], dry.speed()
+        if not self._swaying and min(map(abs, rates.tolist())) > _TURNING * size:
+            return
+        q, v = dry.state[:n].copy(), dry.state[n : 2 * n].copy()
         a = dry.read(theta).accelerations
-        still = [event for event in range(len(self._equations.turning)) if dry.keeps_still(self._vector(event))]
-        self._stops.append((Kink(theta, q, (v, v), (a, a)), still))
+        self._stops.append((Kink(theta, q, (v, v), (a, a)), self._keeping_still()))
+
+    def _keeping_still(self) -> list[int]:
+        """Return the events whose rates are 0 because of what is held."""
+        dry = self._switches.dry
+        known = self._still.get(dry.held)
+        if known is None:
+            known = [event for event, vector in enumerate(self._vectors) if dry.keeps_still(vector)]
+            self._still[dry.held] = known
+        return known
 
     def found(self) -> list[Turn]:
         """Return all turning points since the start, with those at events that stop the integrator.
@@ -69,27 +94,23 @@ class TurningPoints:
         Among these are the kinks of a coordinate with ``abs(v)`` or friction, and impacts.
         """
         layout, coefficients = self._equations.layout, self._coefficients
-        n, kinks = layout.structure.size, list(self._switches.dry.kinks)
+        n, kinks = self._size, list(self._switches.dry.kinks)
         for theta, state in self._switches.modes.kinks:
             a = accelerations(layout, coefficients, theta, state[:n], state[n : 2 * n], unit=self._unit)
             v = state[n : 2 * n]
             kinks.append(Kink(theta, state[:n], (v, v), (a, a)))
-        stops = [(kink, list[int]()) for kink in kinks] + self._stops
-        for (theta, positions, velocities, turning), still in stops:
-            angles = Angles(layout, coefficients, theta)
-            for event, (slots, _) in enumerate(self._equations.turning):
-                vector = self._vector(event)
-                contact = next((each for each in layout.contacts if each.deflection is slots), None)
-                sways = [0.0, 0.0] if contact is None else [float(angles.sway(contact, 0, order)) for order in (1, 2)]
-                before, after = (float(vector @ each) + sways[0] for each in velocities)
-                change = max(abs(float(vector @ each) + sways[1]) for each in turning)
-                known = any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns)
-                if known or event in still or not change:
+        shortest = COOLDOWN * float(coefficients[0])
+        for (theta, positions, velocities, turning), still in [(kink, list[int]()) for kink in kinks] + self._stops:
+            before, after, *turned = (self._vectors @ np.array([*velocities, *turning]).T).T.tolist()
+            for event, contact in self._swaying:
+                angles = Angles(layout, coefficients, theta)
+                sways = [float(angles.sway(contact, 0, order)) for order in (1, 2)]
+                for values, sway in zip((before, after, *turned), (sways[0], *sways, sways[1]), strict=True):
+                    values[event] += sway
+            for event, (rate, later, *changes) in enumerate(zip(before, after, *turned, strict=True)):
+                change = max(map(abs, changes))
+                if event in still or not change or not (rate * later < 0.0 or abs(later) <= shortest * change):
                     continue
-                if before * after < 0.0 or abs(after) <= COOLDOWN * float(coefficients[0]) * change:
+                if not any(turn.event == event and abs(turn.theta - theta) <= _ONE_TURN for turn in self._turns):
                     self._turns.append(Turn(event, theta, (positions * self._unit).tolist()))
         return sorted(self._turns, key=lambda turn: turn.theta)
-
-    def _vector(self, event: int) -> NDArray[np.float64]:
-        slots = self._equations.turning[event][0]
-        return np.eye(self._equations.layout.structure.size)[event] if slots is None else self._coefficients[slots]

@@ -50,6 +50,8 @@ _MODULES = {
     "slip_pictures": ("Energy", "StickSlip"),
     "loci": ("Family", "Map"),
     "models": ("System",),
+    "rattle_picture": ("RattleBands", "RattleMap"),
+    "threshold_picture": ("Threshold",),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),

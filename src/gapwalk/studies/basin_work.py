@@ -142,7 +142,8 @@ class BasinWork(CellWork):
         self.labels = np.full(len(self.states), UNRESOLVED)
         self.checked = BasinCheck(len(self.states))
         self.is_begun = False
-        self._chunk = CHUNK if has_kernel(system) else FEW
+        self._is_exact = not has_kernel(system)
+        self._chunk = FEW if self._is_exact else CHUNK
         self._ends = self.states.copy()  # where the motions have come to
 
     @property
@@ -237,7 +238,7 @@ class BasinWork(CellWork):
 
     def _correct(self, workers: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and mark those that differ in `changed`; return their number."""
-        if self.error == 0.0:  # the exact flow has found them already
+        if self._is_exact:  # the exact flow has found them already
             return 0
         exact = self._exact(workers, which)
         wrong = int(np.sum(exact != self.labels[which]))

@@ -261,6 +261,27 @@ def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | 
     return Gradient(special, names, slopes, errors)
 
 
+def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters.
+
+    They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
+    `gapwalk.bifurcation.loci.locus_start.equation_of`. Those of a condition on multipliers come from forward
+    differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
+    """
+    orbit, parameter = special.orbit, special.parameter
+    found = []
+    for first in range(0, len(names), _BATCH):
+        batch = tuple(names[first : first + _BATCH])
+        plane = plane_of(orbit.method().for_loci(), orbit, (parameter, batch[0]))
+        plane = replace(plane, names=(parameter, *batch))
+        if isinstance(plane, ShotPlane):
+            plane = replace(plane, alike=tuple(dict.fromkeys((*moving_names(orbit.system, parameter), *names))))
+        widths = [abs(orbit.system[name]) or 1.0 for name in plane.names]
+        equation, unknowns, scales = equation_of(plane, special, widths)
+        found.append(_solved(equation, unknowns, scales, plane.names))
+    return np.hstack(found)
+
+
 def moving_names(system: System, parameter: str) -> tuple[str, ...]:
     """Return the names of the parameters that are not zero, without the one that is followed."""
     structure = system.structure
@@ -277,9 +298,9 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
     equation, unknowns, scales = equation_of(plane, special, widths)
     if not isinstance(equation, MultiplierEquation) or special.kind.is_turning:
         # first derivatives suffice; at a fold those of the multiplier are multiplied by zero
-        found = _solved(equation, unknowns, scales, plane.names)
+        found = _solved(equation, unknowns, scales, plane.names)[-1]
         return found, _ROUNDING * np.abs(found)
-    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names) for step in _STEPS]
+    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names)[-1] for step in _STEPS]
     changes = [np.abs(b - a) for a, b in pairwise(tried)]
     best = int(np.argmin([float(np.max(change)) for change in changes]))
     return tried[best + 1], changes[best]
@@ -288,6 +309,7 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
 def _solved(
     equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
 ) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns by the parameters after the first."""
     system, size = equation.system, len(unknowns)
     residual, by_all, _ = equation.linearised(unknowns, *(system[name] for name in names[1:]))
     own = by_all[:, :size] * scales[:size]
@@ -299,4 +321,4 @@ def _solved(
         raise ConvergenceError(
             f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
         )
-    return solved[-1, 1:] * scales[size - 1]
+    return solved[:, 1:] * scales[:size, None]
