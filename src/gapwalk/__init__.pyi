@@ -15,9 +15,7 @@ from . import special_points as special_points
 from . import studies as studies
 from . import train as train
 from .answers.rattle_bands import RattleBands as RattleBands
-from .answers.run_up import RunUp as RunUp
 from .answers.run_up import run_up as run_up
-from .answers.run_ups import RunUps as RunUps
 from .answers.run_ups import run_ups as run_ups
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.threshold import Threshold as Threshold

@@ -20,7 +20,6 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
@@ -113,7 +112,7 @@ class Surroundings:
     all_keys: Callable[[], frozenset[str]] = frozenset
     guessed: bool = False
     folder: str = ""
-    read: Callable[[str], NamedFile] | None = None
+    read: Callable[[str], Any] | None = None
 
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
