@@ -21,9 +21,7 @@ from .answers.goals import Quiet as Quiet
 from .answers.goals import Resonance as Resonance
 from .answers.least_change import Change as Change
 from .answers.rattle_bands import RattleBands as RattleBands
-from .answers.run_up import RunUp as RunUp
 from .answers.run_up import run_up as run_up
-from .answers.run_ups import RunUps as RunUps
 from .answers.run_ups import run_ups as run_ups
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.threshold import Threshold as Threshold

@@ -8,6 +8,10 @@ from .answers.gap_states import GapState as GapState
 from .answers.rattle_bands import Severity as Severity
 from .answers.rattle_bands import Worst as Worst
 from .answers.rattle_map import RattleMap as RattleMap
+from .answers.run_up import ForcePeak as ForcePeak
+from .answers.run_up import JumpDelay as JumpDelay
+from .answers.run_up import RunUp as RunUp
+from .answers.run_ups import RunUps as RunUps
 from .answers.settled_sweep import Direction as Direction
 from .answers.settled_sweep import Sample as Sample
 from .answers.settled_sweep import SettledSweep as SettledSweep

@@ -7,7 +7,7 @@ with exact contact events, period by period.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.answers.speed_course import Piece, SpeedCourse, angles_of, pieces_of
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.spectrum import Waterfall
@@ -35,14 +35,13 @@ from gapwalk.model.words import parameter_symbol, parameter_words, value_words
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
 
-_MOST = 20_000_000  # samples of a run-up
 _REFINED = 256  # samples of an interval in which the largest force is looked for
 _BESIDE = 6  # points of a branch next to a fold, which lie on one side of it
 _OTHER = 0.05  # share of the range of a branch by which another motion differs from that at a fold
 _TOPS = 6  # of the largest samples of a force, around each of which it is looked for
 
 
-class Peak(NamedTuple):
+class ForcePeak(NamedTuple):
     """The largest magnitude of a contact's force in a run-up.
 
     Attributes
@@ -68,7 +67,7 @@ class Peak(NamedTuple):
     fastest: float
 
 
-class Delay(NamedTuple):
+class JumpDelay(NamedTuple):
     """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump.
 
     Attributes
@@ -118,7 +117,7 @@ class RunUp(Shown):
     speed: NDArray[np.float64]
     states: NDArray[np.float64]
     events: tuple[ContactEvent, ...]
-    peaks: tuple[Peak, ...]
+    peaks: tuple[ForcePeak, ...]
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""
@@ -205,7 +204,7 @@ class RunUp(Shown):
         speed, low, high = self.envelope(coordinate)
         return speed, 0.5 * (high - low)
 
-    def delays(self, branch: Branch, coordinate: str) -> tuple[Delay, ...]:
+    def delays(self, branch: Branch, coordinate: str) -> tuple[JumpDelay, ...]:
         """Compare the jumps of the run-up with the folds of a branch over the speed.
 
         At each fold that a slow sweep in the same direction would meet, the run-up has jumped where half its range is
@@ -216,7 +215,7 @@ class RunUp(Shown):
         branch
             A response over the speed.
         coordinate
-            The coordinate by which motions are told apart.
+            The coordinate by which motions differ.
 
         Raises
         ------
@@ -256,7 +255,7 @@ class RunUp(Shown):
             jumped = np.flatnonzero(beyond & (np.abs(half - after) < np.abs(half - before)))
             jump = float(speed[jumped[0]]) if len(jumped) else float("nan")
             times = np.interp([special.value, jump], *_increasing(self.speed, self.time))
-            found.append(Delay(special.value, jump, float(times[1] - times[0]) if len(jumped) else float("nan")))
+            found.append(JumpDelay(special.value, jump, float(times[1] - times[0]) if len(jumped) else float("nan")))
         return tuple(found)
 
     def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
@@ -434,82 +433,13 @@ def start_at(system: System, phase: float) -> NDArray[np.float64]:
     return integrate(system, settled.state, phase % PERIOD / PERIOD, 16).states[-1]
 
 
-class Piece(NamedTuple):
-    """A part of a forcing period with constant acceleration.
-
-    Attributes
-    ----------
-    angles
-        Angles at which the motion is sampled, the first of them its start, less whole turns.
-    turn
-        The whole turns, in radians.
-    begun
-        Time at its start.
-    speed, acceleration
-        The speed W at its start, and its derivative by time, in consistent units.
-    """
-
-    angles: NDArray[np.float64]
-    turn: float
-    begun: float
-    speed: float
-    acceleration: float
-
-    def times(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the times at some angles, less whole turns."""
-        since = angles - self.angles[0]
-        speeds = np.sqrt(self.speed**2 + 2.0 * self.acceleration * since)
-        return self.begun + 2.0 * since / (self.speed + speeds)
-
-
-def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -> NDArray[np.float64]:
-    """Return the angles of all samples: even ones, the knots of the course, and its end."""
-    knots = phase + course.turned * system.structure.frequency
-    count = int((knots[-1] - phase) / PERIOD * samples)
-    if count > _MOST:
-        raise ModelError(
-            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, more than {_MOST:,} samples; run up "
-            "faster, or ask for fewer samples"
-        )
-    even = phase + PERIOD / samples * np.arange(count + 1)
-    angles = np.unique(np.concatenate((even, knots)))
-    close = np.diff(angles, prepend=-np.inf) < 1e-9  # rounding
-    close |= angles > knots[-1]
-    angles = angles[~close]
-    angles[-1] = knots[-1]
-    return angles
-
-
-def pieces_of(system: System, course: SpeedCourse, thetas: NDArray[np.float64]) -> Iterator[Piece]:
-    """Yield the pieces of a run-up, whose samples are at increasing angles with all knots of the course."""
-    unit, first = system.structure.frequency, float(thetas[0])
-    knots = first + course.turned * unit
-    ends = np.unique(np.concatenate((knots[1:], np.arange(np.ceil(first / PERIOD + 1e-9) * PERIOD, knots[-1], PERIOD))))
-    start, time, begun = first, 0.0, 0
-    for end in ends:
-        if end - start < 1e-9:
-            continue
-        last = min(int(np.searchsorted(thetas, end - 1e-9)), len(thetas) - 1)
-        own = thetas[begun : last + 1]
-        if abs(own[-1] - end) > 1e-8:  # a whole turn between samples is no end of a piece
-            continue
-        place = int(np.clip(np.searchsorted(knots, own[0] + 1e-9, side="right") - 1, 0, len(knots) - 2))
-        since, rate = own[0] - knots[place], float(course.rates[place]) * unit
-        speed = float(np.sqrt((course.speed[place] * unit) ** 2 + 2.0 * rate * since))
-        turn = PERIOD * np.floor(own[0] / PERIOD + 1e-9)
-        piece = Piece(own - turn, turn, time, speed, rate)
-        yield piece
-        time = float(piece.times(piece.angles[-1:])[0])
-        start, begun = float(own[-1]), last
-
-
 def _forces(system: System, theta: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the contact forces, which depend on the state and the angle alone."""
     q, v = np.split(states, 2, axis=1)
     return contact_forces(layout_of(system.structure), coefficients_of(system), theta, q, v)
 
 
-def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[ContactEvent]) -> tuple[Peak, ...]:
+def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[ContactEvent]) -> tuple[ForcePeak, ...]:
     """Find the largest force of each contact, between samples too."""
     system = ramped.system
     contacts = system.structure.contacts
@@ -539,7 +469,7 @@ def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[
         time = float(piece.times(np.array([theta - piece.turn]))[0])
         speed = np.sqrt(piece.speed**2 + 2.0 * piece.acceleration * (theta - piece.turn - piece.angles[0]))
         speed = float(speed) / system.structure.frequency
-        found.append(Peak(form.name, force, speed, time, theta, len(hits), max(hits, default=0.0)))
+        found.append(ForcePeak(form.name, force, speed, time, theta, len(hits), max(hits, default=0.0)))
     return tuple(found)
 
 

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from gapwalk.answers.run_up import angles_of, pieces_of
-from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.answers.speed_course import SpeedCourse, angles_of, pieces_of
 from gapwalk.ensemble.batch import MOST_STEPS, BatchOptions
 from gapwalk.ensemble.batch_flow import LIMIT, first_guess, revised
 from gapwalk.ensemble.force_source import LANES

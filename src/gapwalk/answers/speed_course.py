@@ -1,21 +1,28 @@
-"""A speed that is a given function of time: a ramp, or a measured trace; linear between its points."""
+"""A speed that is a given function of time: a ramp, or a measured trace; linear between its points.
+
+Over the angle of the excitation it is divided into pieces of constant acceleration, none longer than a period.
+"""
 
 from __future__ import annotations
 
 import io
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
 from gapwalk.model.measured.measured_table import NamedFile, WantedColumn, read_table
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind
 
 _MOST = 100_000
+_MOST_SAMPLES = 20_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,3 +153,73 @@ class SpeedCourse:
     def __repr__(self) -> str:
         shape = "ramp" if len(self.time) == 2 else f"{len(self.time)} points"
         return f"SpeedCourse({shape}, {self.speed[0]:.6g} to {self.speed[-1]:.6g} in {self.duration:.6g})"
+
+
+class Piece(NamedTuple):
+    """A part of a forcing period with constant acceleration.
+
+    Attributes
+    ----------
+    angles
+        Angles at which the motion is sampled, the first of them its start, less whole turns.
+    turn
+        The whole turns, in radians.
+    begun
+        Time at its start.
+    speed, acceleration
+        The speed W at its start, and its derivative by time, in consistent units.
+    """
+
+    angles: NDArray[np.float64]
+    turn: float
+    begun: float
+    speed: float
+    acceleration: float
+
+    def times(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the times at some angles, less whole turns."""
+        since = angles - self.angles[0]
+        speeds = np.sqrt(self.speed**2 + 2.0 * self.acceleration * since)
+        return self.begun + 2.0 * since / (self.speed + speeds)
+
+
+def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -> NDArray[np.float64]:
+    """Return the angles of all samples: even ones, the knots of the course, and its end."""
+    knots = phase + course.turned * system.structure.frequency
+    count = int((knots[-1] - phase) / PERIOD * samples)
+    if count > _MOST_SAMPLES:
+        raise ModelError(
+            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, more than {_MOST_SAMPLES:,} samples; "
+            "run up faster, or ask for fewer samples"
+        )
+    even = phase + PERIOD / samples * np.arange(count + 1)
+    angles = np.unique(np.concatenate((even, knots)))
+    close = np.diff(angles, prepend=-np.inf) < 1e-9  # rounding
+    close |= angles > knots[-1]
+    angles = angles[~close]
+    angles[-1] = knots[-1]
+    return angles
+
+
+def pieces_of(system: System, course: SpeedCourse, thetas: NDArray[np.float64]) -> Iterator[Piece]:
+    """Yield the pieces of a run-up, whose samples are at increasing angles with all knots of the course."""
+    unit, first = system.structure.frequency, float(thetas[0])
+    knots = first + course.turned * unit
+    turns = np.arange(np.ceil(first / PERIOD + 1e-9) * PERIOD, knots[-1], PERIOD)
+    ends = np.unique(np.concatenate((knots[1:], turns)))
+    start, time, begun = first, 0.0, 0
+    for end in ends:
+        if end - start < 1e-9:
+            continue
+        last = min(int(np.searchsorted(thetas, end - 1e-9)), len(thetas) - 1)
+        own = thetas[begun : last + 1]
+        if abs(own[-1] - end) > 1e-8:  # a whole turn between samples is no end of a piece
+            continue
+        place = int(np.clip(np.searchsorted(knots, own[0] + 1e-9, side="right") - 1, 0, len(knots) - 2))
+        since, rate = own[0] - knots[place], float(course.rates[place]) * unit
+        speed = float(np.sqrt((course.speed[place] * unit) ** 2 + 2.0 * rate * since))
+        turn = PERIOD * np.floor(own[0] / PERIOD + 1e-9)
+        piece = Piece(own - turn, turn, time, speed, rate)
+        yield piece
+        time = float(piece.times(piece.angles[-1:])[0])
+        start, begun = float(own[-1]), last

@@ -130,7 +130,7 @@ class RunUpStudy(StudyKind):
     bins
         Equal times into which each of many run-ups is divided.
     error
-        Allowed error of many run-ups, as in `gapwalk.records.BatchOptions`.
+        Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
     """
 
     kind: ClassVar[str] = "run-up"
