@@ -370,9 +370,9 @@ class Switchboard:
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        near = self._are_near(depths, state, _ON)
-        if True not in near:
+        if min(map(abs, depths)) > _ON * (max(self._scales) + self._size(state)):
             return
+        near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
         for other in others:
             # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only

@@ -254,6 +254,10 @@ class DryState:
         The number of the reaction of each switch of a rigid stop.
     columns
         Number of sensitivity columns.
+    velocity_rows
+        The part of `rows` that changes velocities.
+    pushes
+        What a unit of the force of rigid friction does, by its place, as far as it was needed.
     vectors
         Deflection vector of each contact that is friction or a rigid stop.
     column_signs : shape (columns,)
@@ -270,6 +274,7 @@ class DryState:
     vectors: dict[int, Array]
     is_moved: dict[int, bool]
     pushes: dict[int, Push]
+    velocity_rows: Array
 
     def __init__(self, equations: Equations) -> None:
         layout, structure = equations.layout, equations.layout.structure
@@ -323,6 +328,7 @@ class DryState:
         self._own = self.state[: self.size]
         self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
         self.columns = columns
+        self.velocity_rows = self._rows[:, self.n : 2 * self.n]
         if compiled is not None:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]

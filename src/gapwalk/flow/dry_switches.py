@@ -325,12 +325,12 @@ class DrySwitches(DryState):
         if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
             jump = 2.0 * side * limit * push.moved
             if self.columns:
-                self.rows()[:, self.n : 2 * self.n] += np.multiply.outer(changes / acceleration, jump)
+                self.velocity_rows += changes[:, None] * (jump / acceleration)
             self._change_alone(place, -side, theta)
         else:
             jump = -acceleration * push.stopping
             if self.columns:
-                self.rows()[:, self.n : 2 * self.n] -= np.multiply.outer(changes, push.stopping)
+                self.velocity_rows -= changes[:, None] * push.stopping
             self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
             self._change_alone(place, 0, theta)
         if not self.columns:
