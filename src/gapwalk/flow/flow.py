@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
+from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.dry_motion import DryModes
-from gapwalk.flow.dry_state import CompiledReadings, SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.flow.motion import Motion
