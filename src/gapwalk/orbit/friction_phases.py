@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.dry_motion import DryModes
-from gapwalk.flow.dry_state import CompiledReadings, SlipEvent
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.flow.motion import Motion
@@ -185,9 +186,10 @@ class _Margins:
             samples = np.concatenate([asked[number][0] for number in numbers])
             states, thetas = self._states[samples], self._thetas[samples]
             bound, force = self._bound_and_force(thetas, states, modes)
-            cuts = np.cumsum([len(asked[number][0]) for number in numbers])[:-1]
-            parts = zip(np.split(np.broadcast_to(bound, force.shape), cuts), np.split(force, cuts), strict=True)
-            found |= dict(zip(numbers, parts, strict=True))
+            bound, first = bound + 0.0 * force, 0
+            for number in numbers:
+                last = first + len(asked[number][0])
+                found[number], first = (bound[first:last], force[first:last]), last
         return [found[number] for number in range(len(asked))]
 
     def _bound_and_force(self, thetas: Array, states: Array, modes: DryModes) -> tuple[Array, Array]:
