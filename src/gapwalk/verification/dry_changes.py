@@ -51,7 +51,7 @@ def mismatch(orbit: Orbit, changes: Sequence[Change]) -> float:
 def _of_modes(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> float:
     """Return the longest angle over which modes differ, times the steepest slope of a guard at its ends.
 
-    Where only the stored motion has a phase, its guard is zero at both ends, so the slope is of the order of that angle.
+    Where only the stored motion has a phase, its guard is zero at both ends: its slope is of the order of that angle.
     """
     if not theirs or not ours:
         return math.inf
