@@ -242,7 +242,12 @@ def best_route(routes: Sequence[Route]) -> Route:
 
 
 def proved(
-    problem: DesignProblem, routes: Sequence[Route], values: int, options: SearchOptions, *, complete: bool = True
+    problem: DesignProblem,
+    routes: Sequence[Route],
+    values: int | tuple[float, ...],
+    options: SearchOptions,
+    *,
+    complete: bool = True,
 ) -> Design:
     """Return the design of the best route, judged on its response, which is walked again and searched.
 
@@ -253,7 +258,7 @@ def proved(
     routes
         The routes that were found, at least one.
     values
-        Number of values in the bands of the goals at which isolated branches are searched for; 0: none.
+        Number of values in the bands of the goals at which isolated branches are searched for, or the values; 0: none.
     options
         Options of this search.
     complete
@@ -270,9 +275,10 @@ def proved(
     present = fine.response(np.zeros(len(problem.changes)))
     new = fine.response(u)
     notes: list[str] = []
-    found, searched = [], ()
+    found: list[FoundOrbit] = []
+    searched: tuple[float, ...] = ()
     if values:
-        searched = _searched(problem, values)
+        searched = values if isinstance(values, tuple) else _searched(problem, values)
         result = search(new.system, problem.parameter, searched, known=[new.branch], options=options)
         found = list(result.new)
     isolated = _followed(new.branch, [each for each in found if each.orbit.period == problem.lead.period], notes)
@@ -311,7 +317,7 @@ def proved(
         new.branch,
         tuple(isolated),
         others,
-        tuple(searched),
+        searched,
         tuple(routes),
         complete,
         tuple(notes),

@@ -18,7 +18,6 @@ from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, innermo
 from gapwalk.answers.local_response import LocalResponse, band_points
 from gapwalk.attractors.rattle import largest
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -198,7 +197,7 @@ class Quiet(Goal):
         The band.
     """
 
-    ways: ClassVar[tuple[str, ...]] = (*_MOVES, "closed", "open")
+    ways: ClassVar[tuple[str, ...]] = ("closed", "open")
 
     gap: str
     within: tuple[float, float]
@@ -213,19 +212,10 @@ class Quiet(Goal):
         chosen_gaps(system, self.gap)
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margin of each grazing point of the gap, or of the depth of its turning points in the band."""
-        if way in _MOVES:
-            inner = innermost(response.system, self.gap)
-            first = response.branch.points[0].orbit
-            names = {describe_switch(first, switch) for switch in inner}
-            points = [
-                each for each in response.branch.special_points if each.kind is Kind.GRAZING and each.contact in names
-            ]
-            moved = _moved_out(response, points, self.within, way, margin)
-            middle = min(response.branch.points, key=lambda point: abs(point.value - 0.5 * sum(self.within)))
-            if points or not gap_state(middle.orbit, self.gap).rattles:
-                return moved
-            way = "closed" if "closed" in way else "open"  # no grazing point near: moving them out is not possible
+        """Return the margins of the depth of its turning points where it is least in the band.
+
+        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        """
         state = GapState.CLOSED if way == "closed" else GapState.OPEN
 
         def measure(point: BranchPoint) -> float:

@@ -46,18 +46,19 @@ class DesignOptions:
     finding
         Options of the search for the least change.
     search_values
-        Number of values in the bands of the goals at which isolated branches of the new design are searched for; 0:
-        none.
+        Number of values in the bands of the goals at which isolated branches of the new design are searched for, or
+        the values; 0: none.
     search
         Options of this search.
     """
 
     finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
-    search_values: int = 6
+    search_values: int | tuple[float, ...] = 6
     search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
-        check_integers(self, search_values=0)
+        if not isinstance(self.search_values, tuple):
+            check_integers(self, search_values=0)
 
 
 @dataclass(frozen=True, slots=True)
