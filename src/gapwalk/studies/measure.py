@@ -14,7 +14,8 @@ from pydantic import AfterValidator, Field, ValidationInfo
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import signal_of
 from gapwalk.measurement.alignment import Alignment, align
-from gapwalk.measurement.fit import Estimate, Fit, fit
+from gapwalk.measurement.estimates import Estimate
+from gapwalk.measurement.fit import Fit, fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.measurement.read_record import FIELDS, read_measurement
 from gapwalk.model.model_file import check_model, in_order
