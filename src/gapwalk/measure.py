@@ -1,6 +1,7 @@
 """Measured records and special points, their comparison with computed ones, and parameters fitted to them.
 
-Functions: `align`, `find_impact_damping`, `fit`, `fit_points`, `match_impact_damping`, `read_measurement`.
+Functions: `align`, `find_impact_damping`, `fit`, `fit_points`, `match_impact_damping`, `read_measurement`,
+`read_points`.
 
 Classes: `Alignment`, `Combination`, `DampingMatch`, `Estimate`, `Fit`, `FitOptions`, `FittedPoint`, `MeasuredPoint`,
 `PointFit`, `Record`, `Signal`.

@@ -16,24 +16,22 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.answers.measured_points import MeasuredPoint, match_points, measured_of
 from gapwalk.answers.point_tracking import Corrected, TrackedPoint
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
-from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.measurement.estimates import Estimate, Evidence, determined, doubts_of, independent, limits_of
 from gapwalk.measurement.fit import FitOptions
-from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry
-from gapwalk.summary import SummaryParts, Table, remarks, summarizes
+from gapwalk.summary import SummaryParts, Table, Tables, remarks, row_of, rows_of, summarizes
 
 Array = NDArray[np.float64]
 
-_CLEAR = 2.0  # the second nearest special point must be farther than the nearest one by this factor
 _TOLERANCE = 1e-13  # relative tolerance of step, cost and gradient
 _ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
 _RANK = 1e-6  # slopes of multipliers have about nine digits; see `gapwalk.measurement.estimates`
@@ -46,51 +44,6 @@ _SMALL = 0.05  # component of a combination below which it is not named
 _MET = 1e-6  # share of the range within which a walk must meet a fitted point
 
 _POINTS = Evidence("the points do not determine", "it moves none of them", "leaves the points where they are")
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredPoint:
-    """A special point that was measured, such as the frequency of a jump in a slow sweep.
-
-    Parameters
-    ----------
-    kind
-        Its kind: ``"fold"`` for a jump, ``"grazing"`` for a stop that is first touched, or another.
-    value
-        Measured value of the parameter of the branch, in its units.
-    error
-        Standard uncertainty of this value.
-    which
-        The special point of the computed branch that was measured, if the nearest one of its kind is in doubt: its
-        number among those of its kind along the branch, from 1; or its contact, such as ``"stage2 +"``.
-
-    Examples
-    --------
-    >>> gw.measure.MeasuredPoint("fold", 0.619, 0.0005)
-    """
-
-    kind: str
-    value: float
-    error: float
-    which: int | str = ""
-
-    def __post_init__(self) -> None:
-        kinds = [str(kind) for kind in Kind.known()]
-        if self.kind not in kinds:
-            raise ModelError(f"kind is {self.kind!r}; {did_you_mean(str(self.kind), kinds)}")
-        for name in ("value", "error"):
-            number = getattr(self, name)
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise ModelError(f"{name} of the {self.kind} is {number!r}; it must be a finite number")
-        if self.error <= 0.0:
-            raise ModelError(f"error of the {self.kind} is {self.error!r}; its standard uncertainty must be > 0")
-        if isinstance(self.which, bool) or not isinstance(self.which, int | str):
-            raise ModelError(f"which is {self.which!r}; write a number from 1, or a contact such as 'stage2 +'")
-
-    @property
-    def words(self) -> str:
-        """Kind, measured value and uncertainty."""
-        return f"{self.kind} measured at {self.value:.8g} ± {self.error:.2g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,8 +159,8 @@ class PointFit(Shown):
         return tuple(each.name for each in self.estimates if not math.isnan(each.error))
 
     @summarizes
-    def summary(self, notes: bool = True) -> SummaryParts:
-        """Return the parameters, the points, what the points determine, and notes."""
+    def summary(self, failures: bool = True) -> SummaryParts:
+        """Return the parameters, the points, what the points determine, notes, and failures if wanted."""
         units = self.system.units
         yield f"{len(self.estimates)} parameters fitted to {len(self.points)} measured points"
         rows = []
@@ -219,8 +172,10 @@ class PointFit(Shown):
         yield Table(
             ["point", "contact", f">{symbol} before", ">after", ">measured", ">residual"],
             [
-                [p.kind, p.contact, f"{p.before:.8g}", f"{p.after:.8g}", f"{p.measured:.8g} ± {p.error:.2g}"]
-                + [f"{p.residual:+.2f}"]
+                [
+                    *(p.kind, p.contact, f"{p.before:.8g}", f"{p.after:.8g}"),
+                    *(f"{p.measured:.8g} ± {p.error:.2g}", f"{p.residual:+.2f}"),
+                ]
                 for p in self.points
             ],
         )
@@ -228,7 +183,19 @@ class PointFit(Shown):
             rows = [[each.words(self.free_names), f"{each.singular:.3g}", _percent(each)] for each in self.combinations]
             yield Table(["combination of relative changes", ">singular value", ">known to"], rows)
         yield f"chi-square {self.chi_square:.3g} with {self.freedom} degrees of freedom"
-        yield from remarks(self.notes if notes else (), self.failures if notes else ())
+        yield from remarks(self.notes, self.failures if failures else ())
+
+    def tables(self) -> Tables:
+        """Return the tables of parameters, points, and combinations with their weights."""
+        names = self.free_names
+        return {
+            "parameters": lambda: rows_of(row_of(each) for each in self.estimates),
+            "points": lambda: rows_of({**row_of(each), "residual": each.residual} for each in self.points),
+            "combinations": lambda: rows_of(
+                {"singular": each.singular, "error": each.error, **dict(zip(names, each.weights, strict=True))}
+                for each in self.combinations
+            ),
+        }
 
     def __repr__(self) -> str:
         values = ", ".join(f"{each.name} = {each}" for each in self.estimates)
@@ -291,7 +258,7 @@ def fit_points(
             "fit_points was given a system; give a branch, as in gw.follow(gw.find_orbit(system), 'frequency', 0.5)"
         )
     specials = tuple(branch.special_points if isinstance(branch, Branch) else branch)
-    wanted = [each if isinstance(each, MeasuredPoint) else _read(each) for each in measured]
+    wanted = [measured_of(each) for each in measured]
     matched = match_points(specials, wanted)
     system, parameter = matched[0].orbit.system, matched[0].parameter
     names, limits = limits_of(system, parameters, bounds or {})
@@ -333,59 +300,6 @@ def fit_points(
         (*doubts_of(estimates), *_notes(squares, freedom)),
         (*undetermined, *_edge(trial, residual, table, held), *doubts),
     )
-
-
-def _read(row: Sequence[object]) -> MeasuredPoint:
-    if isinstance(row, str) or not isinstance(row, Sequence) or len(row) not in {3, 4}:
-        raise ModelError(f"a measured point is {row!r}; write (kind, value, error), as in ('fold', 0.619, 0.0005)")
-    return MeasuredPoint(*row)  # type: ignore[arg-type]
-
-
-def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPoint]) -> list[SpecialPoint]:
-    """Return the special point that belongs to each measured one.
-
-    Raises
-    ------
-    ModelError
-        If there is none of its kind, if two are about as near, or if one is the nearest to two measured points.
-    """
-    if not measured:
-        raise ModelError("no point was measured; write some, as in [('fold', 0.619, 0.0005)]")
-    if len({(each.parameter, each.orbit.system) for each in specials}) == 0:
-        raise ModelError("the branch has no special points; walk a longer one")
-    found: list[SpecialPoint] = []
-    for each in measured:
-        alike = [special for special in specials if special.kind == each.kind]
-        listed = "; ".join(
-            f"{number}: at {special.value:.8g}{', ' * bool(special.contact)}{special.contact}"
-            for number, special in enumerate(alike, start=1)
-        )
-        if not alike:
-            known = ", ".join(dict.fromkeys(str(special.kind) for special in specials))
-            raise ModelError(f"a {each.words}, but the branch has none; it has {known}")
-        if isinstance(each.which, int):
-            if not 1 <= each.which <= len(alike):
-                raise ModelError(f"a {each.words} is number {each.which}, but the branch has {len(alike)} ({listed})")
-            found.append(alike[each.which - 1])
-            continue
-        near = [special for special in alike if each.which in ("", special.contact)]
-        if not near:
-            raise ModelError(f"a {each.words} is that of {each.which}; the branch has {listed}")
-        near.sort(key=lambda special: abs(special.value - each.value))
-        distances = [abs(special.value - each.value) for special in near]
-        if len(near) > 1 and distances[1] < _CLEAR * distances[0]:
-            raise ModelError(
-                f"a {each.words} may be that at {near[0].value:.8g} or at {near[1].value:.8g}; say which, as in "
-                f"which = {alike.index(near[0]) + 1} (the branch has {listed})"
-            )
-        for other, special in zip(measured, found, strict=False):
-            if special is near[0] and not isinstance(other.which, int):
-                raise ModelError(
-                    f"a {each.words} and a {other.words} are both nearest to that at {special.value:.8g}; say which "
-                    f"they are, as in which = {alike.index(special) + 1} (the branch has {listed})"
-                )
-        found.append(near[0])
-    return found
 
 
 class _Trial:
