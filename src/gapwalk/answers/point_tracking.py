@@ -17,7 +17,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.loci.gradient import shifts
+from gapwalk.bifurcation.loci.gradient import shifts, shifts_at
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
@@ -149,6 +149,10 @@ class TrackedPoint:
             if distance <= (_FAR if guess is None else _ASIDE):
                 return found
         return self._along(values)
+
+    def slopes_at(self, found: Corrected) -> Array:
+        """Return the derivatives of the unknowns by the parameters in another system, shape (unknowns, parameters)."""
+        return shifts_at(found.equation, found.unknowns, self.scales, self.names)
 
     def predicted(self, values: Array) -> list[Array | None]:
         """Return the unknowns that a fit predicts at some samples, shape (samples, parameters); None without a fit."""
