@@ -36,8 +36,8 @@ from gapwalk.model.coefficients import layout_of
 
 _SEED = 1905
 _PLACES = 4  # of each run-up that is compared with the exact flow
-_TABLE = 400  # most steps of a table of loads: it stays in the cache of a processor
-_SPARE_NODES = 20
+_TABLE = 1000  # most steps of a table of loads: 2 MB for two degrees of freedom
+_SPARE_NODES = 16
 _NOMINAL = 64  # steps per nominal turn, which gives the scheme its step
 _LEAST_SCALE = 1e-12
 _SPREAD = 3.0  # largest ratio of the durations of the run-ups of a block

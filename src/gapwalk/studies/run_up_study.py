@@ -31,7 +31,7 @@ from gapwalk.summary import SummaryParts, summarizes
 if TYPE_CHECKING:
     from typing import Self
 
-CHUNK = 512
+CHUNK = 1024
 """Run-ups in a chunk: one part of a file, and what a killed run loses at most."""
 _MOST = 1_000_000
 
