@@ -7,6 +7,7 @@ from .answers.gap_spans import RattleBand as RattleBand
 from .answers.gap_states import GapState as GapState
 from .answers.rattle_bands import Severity as Severity
 from .answers.rattle_bands import Worst as Worst
+from .answers.rattle_map import RattleMap as RattleMap
 from .answers.run_up import ForcePeak as ForcePeak
 from .answers.run_up import JumpDelay as JumpDelay
 from .answers.run_up import RunUp as RunUp

@@ -103,6 +103,24 @@ def test_a_quiet_gap_is_said_to_be_quiet():
     assert not quiet.worst
 
 
+def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
+    high = touches()[1]
+    within = (high + 4e-4, high + 0.03)
+    size = LOAD / (1.0 - within[0] ** 2 + 1j * DAMPING * within[0])
+    quiet = (size.real, (1j * within[0] * size).real)  # the linear motion, which does not touch
+    options = gw.RattleOptions(search=3, starts=16)
+    found = gw.rattle_bands(stopped(), "frequency", within, start=quiet, options=options, workers=1)
+    assert not found.of("stop", "rising")
+    assert not found.of("stop", "falling")
+    (band,) = found.of("stop")
+    assert band.low.value == within[0]
+    assert (band.high.kind, band.low.kind) == ("fold", "end of the range")
+    assert band.high.value == pytest.approx(high + 0.00998598, abs=1e-7)  # the jump of the sweep that comes from below
+    assert {row.met for row in found.severities if row.state.rattles} == {"other"}
+    assert found.worst[0].severity.met == "other"
+    assert any("led to 1 that the sweeps had not met" in note for note in found.notes)
+
+
 def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
     whole = gw.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "whole.gw")
 
@@ -135,3 +153,58 @@ def test_wrong_requests_are_refused(changes, message):
     asked = {"parameter": "frequency", "to": (0.7, 1.2), "gaps": "stop"} | changes
     with pytest.raises(ModelError, match=message):
         gw.rattle_bands(stopped(), **asked)
+
+
+def simulated_mesh(speed: float, periods: int = 90) -> np.ndarray:
+    """Return the deflection of the gearbox's mesh, in degrees, over the last periods of a simulation by SciPy.
+
+    The equations are those of three inertias, typed from the table of the model.
+    """
+    inertias, degree = np.array([0.14, 0.004, 0.002]), math.pi / 180.0
+    pace = 2.0 * math.pi * speed / 60.0
+    gap, drag, beta = 0.1 * degree, 2.0, 0.1
+    orders = ((2, 20.0, 0.0), (4, 8.0, 60.0), (6, 3.0, 100.0))
+
+    def rates(t, y):
+        twist, slack = y[0] - y[1], y[1] - y[2]
+        turning, closing = y[3] - y[4], y[4] - y[5]
+        clutch = 4.0 / degree * twist + 0.1 * turning
+        for clearance, stiffness in ((4.0, 8.0), (10.0, 28.0), (-3.0, 8.0), (-8.0, 28.0)):
+            beyond = twist - clearance * degree
+            clutch += stiffness / degree * beyond * (beyond * clearance > 0.0)
+        spring = 1e4 * (max(slack - gap, 0.0) + min(slack + gap, 0.0))
+        mesh = spring + beta * abs(spring) * closing
+        shaken = sum(size * math.cos(order * pace * t + phase * degree) for order, size, phase in orders)
+        torques = np.array([shaken + drag - clutch, clutch - mesh, mesh - drag])
+        return np.concatenate((y[3:], torques / inertias))
+
+    turn = math.pi / pace  # of the second order
+    late = np.linspace((periods - 10) * turn, periods * turn, 10 * 400)
+    rest = np.array([drag / 4.0 * degree + gap + drag / 1e4, gap + drag / 1e4, 0.0, 0.0, 0.0, 0.0])
+    found = solve_ivp(rates, (0.0, late[-1]), rest, method="DOP853", t_eval=late, rtol=1e-8, atol=1e-12)
+    return (found.y[1] - found.y[2]) / degree
+
+
+@pytest.mark.slow
+def test_the_idling_gearbox_rattles_where_simulations_do():
+    study = gw.read_study(IDLE, name="rattle")
+    found = gw.run(study).finding.record
+    (band,) = found.of("mesh")
+    assert band.low.value == pytest.approx(898.377, abs=5e-4)
+    assert band.high.value == pytest.approx(1001.53, abs=5e-3)
+    assert band.low.kind == band.high.kind == "grazing"
+    assert max(band.low.error, band.high.error) < 1e-6
+    assert found.sentence("mesh").startswith("mesh rattles from 898.377 to 1001.53 rpm; worst at ")
+    # beside the borders, outside and inside: a simulation opens the mesh if the band contains its speed
+    beside = 0.05
+    for speed in (850.0, band.low.value - beside, band.high.value + beside, 1080.0):
+        assert simulated_mesh(speed).min() > 0.1, speed
+    for speed in (band.low.value + beside, band.high.value - beside):
+        deflection = simulated_mesh(speed)
+        assert -0.1 < deflection.min() < 0.1 < deflection.max(), speed
+    # and on both sides where the band says so
+    (both,) = [span for span in found.of("mesh", "rising")[0].spans if span.state is GapState.BOTH_SIDES]
+    assert both.low.value < 950.0 < both.high.value
+    deflection = simulated_mesh(950.0)
+    assert deflection.min() < -0.1
+    assert deflection.max() > 0.1

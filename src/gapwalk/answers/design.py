@@ -1,393 +1,357 @@
-"""The least change of some parameters that reaches all goals, found by gradients and proved on the new response.
-
-The change is measured by the weighted sum of squares of relative changes. Each step solves the problem with linearised
-margins (sequential quadratic programming, Nocedal and Wright 2006, chapter 18) inside a trust region. The response of
-the next design is then walked again, so that special points that have appeared or vanished on the way count at once.
-A step is taken if the sum of the change and a penalty on the largest missing margin decreases.
-"""
+"""A design: the changed parameters, how far each goal is reached, and the proof on the response of the new design."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import product
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gapwalk.answers.goals import MARGIN, AnyGoal, Goal, Need
-from gapwalk.answers.local_response import COARSE, LocalResponse
+from gapwalk.answers.goals import AnyGoal
+from gapwalk.answers.least_change import DesignProblem, Route
+from gapwalk.answers.local_response import unstable_spans
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.isolated.search import FoundOrbit, search
+from gapwalk.bifurcation.isolated.search_options import SearchOptions
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.orbit.find import carry
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
-_PENALTY, _STRONGEST = 10.0, 1e5  # on the largest missing margin, at first and at most
-_TRUST, _WIDEST = 0.1, 0.5  # radius of the trust region, in relative changes
-_DONE = 1e-6  # relative changes, and missing margins relative to the safety margin, that no longer count
-_ACCEPTED, _GOOD = 0.05, 0.7  # shares of the predicted decrease
+_ROUNDING = 1e-9  # margin by which a goal may be missed
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """A parameter that may change.
-
-    Parameters
-    ----------
-    parameter
-        Name of the parameter.
-    by
-        Largest relative change in either direction; 0.5 is 50 %.
-    low, high
-        Limits of its value, in place of `by`.
-    weight
-        Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
-        less.
-    """
-
-    parameter: str
-    by: float = 0.5
-    low: float | None = None
-    high: float | None = None
-    weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("by", "weight"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < math.inf:
-                raise ModelError(f"{name} of {self.parameter} is {value!r}; it must be a number > 0")
-
-    def bounds(self, system: System) -> tuple[float, float]:
-        """Return the limits of the value.
-
-        Raises
-        ------
-        ModelError
-            For an unknown parameter, limits that do not contain its value, or values that it cannot have.
-        """
-        value = system[self.parameter]
-        low = value - self.by * abs(value) if self.low is None else self.low
-        high = value + self.by * abs(value) if self.high is None else self.high
-        if not low < high:
-            raise ModelError(
-                f"{self.parameter} is {value:g} and may change from {low:g} to {high:g}; write its limits, "
-                f"as in low = {value - 1:g}, high = {value + 1:g}"
-            )
-        if not low <= value <= high:
-            raise ModelError(f"{self.parameter} is {value:g}, outside its limits from {low:g} to {high:g}")
-        for bound in (low, high):
-            system.at({self.parameter: bound})
-        return low, high
-
-    def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
-        low, high = self.bounds(system)
-        return abs(system[self.parameter]) or 0.5 * (high - low)
-
-
-@dataclass(frozen=True, slots=True)
-class Route:
-    """One search for the least change: which way each goal is to be reached, from where, and how it ended.
+class ChangedParameter:
+    """A parameter before and after.
 
     Attributes
     ----------
-    ways
-        The way of each goal; empty for a goal with a single way.
-    start
-        0: from the present design; otherwise the number of another start.
-    values
-        Values of the parameters at its end.
-    change
-        Weighted norm of the relative changes there.
-    missing
-        Largest missing margin there; 0 if all goals are reached.
-    steps
-        Responses that were walked.
-    words
-        Description of the margin that is missing most; or of a failure.
+    name
+        Name of the parameter.
+    before, after
+        Its values.
+    low, high
+        Its limits.
     """
 
-    ways: tuple[str, ...]
-    start: int
-    values: tuple[float, ...]
-    change: float
-    missing: float
-    steps: int
-    words: str = ""
+    name: str
+    before: float
+    after: float
+    low: float
+    high: float
+
+    @property
+    def percent(self) -> float:
+        """Change in percent; nan if the parameter was zero."""
+        return 100.0 * (self.after - self.before) / abs(self.before) if self.before else math.nan
+
+    @property
+    def is_at_limit(self) -> bool:
+        """True if it has reached one of its limits."""
+        slack = 1e-6 * (self.high - self.low)
+        return self.after <= self.low + slack or self.after >= self.high - slack
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedGoal:
+    """A goal, and how far it is reached.
+
+    Attributes
+    ----------
+    words
+        Description.
+    before, after
+        Margins of the present and of the new design: relative to the width of the band, to the clearance or to the
+        limit; negative where the goal is not reached.
+    without
+        Change with which all other goals are reached without this one; nan if that was not asked, infinite if they are
+        not reached either.
+    """
+
+    words: str
+    before: float
+    after: float
+    without: float = math.nan
 
     @property
     def is_reached(self) -> bool:
-        """True if all goals are reached."""
-        return self.missing <= 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class LeastChangeOptions:
-    """Options of a search for the least change.
-
-    Parameters
-    ----------
-    starts
-        Further starts, spread over the bounds, for the ways that need the least change from the present design.
-    steps
-        The most designs whose response is walked, for each way and start.
-    margin
-        Safety margin: as a share of the width of a band, or of a limit.
-    seed
-        Seed of the further starts.
-    walk
-        Options of the walks.
-    """
-
-    starts: int = 2
-    steps: int = 40
-    margin: float = MARGIN
-    seed: int = 0
-    walk: WalkOptions = COARSE
-
-    def __post_init__(self) -> None:
-        for name, least in (("starts", 0), ("steps", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
-        if not 0.0 <= self.margin < 1.0:
-            raise ModelError(f"margin is {self.margin!r}; it must be at least 0 and less than 1")
-
-
-class _Judged(NamedTuple):
-    """A design: its relative changes, its response, and the margins of all goals."""
-
-    u: NDArray[np.float64]
-    lead: Orbit
-    needs: list[Need]
-
-    @property
-    def missing(self) -> float:
-        """Largest missing margin."""
-        return max([0.0, *(-need.margin for need in self.needs)])
+        """True if the new design reaches it."""
+        return self.after >= -_ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
-class DesignProblem:
-    """The parameters that may change, the goals, and the response on which they are judged.
+class Design(Shown):
+    """The least change that reaches all goals; or the design that comes nearest to them.
 
     Attributes
     ----------
-    lead
-        Orbit at the beginning of the range.
-    parameter, end
-        The walked parameter, and the other end of its range.
-    changes, goals
-        The parameters that may change, and the goals.
-    options
-        Options of the search.
+    before, system
+        The present and the new system, at the first value of the range.
+    parameter, within
+        The walked parameter, and its range from the first value to the last.
+    goals
+        The goals.
+    changes
+        The parameters that may change.
+    judged
+        How far each goal is reached, on the responses below.
+    change
+        Weighted norm of the relative changes.
+    response_before, response
+        Responses of the present and of the new system.
+    isolated
+        Isolated branches of motions of the same period that the search has found on the new system.
+    others
+        Motions of other periods that it has found.
+    searched
+        Values of the parameter at which it searched.
+    routes
+        All ways and starts that were tried.
+    complete
+        False if the search for the least change was stopped before its end.
+    notes, failures
+        Remarks, in sentences; reasons why the goals are not proved.
     """
 
-    lead: Orbit
+    before: System
+    system: System
     parameter: str
-    end: float
-    changes: tuple[Change, ...]
+    within: tuple[float, float]
     goals: tuple[AnyGoal, ...]
-    options: LeastChangeOptions = field(default_factory=LeastChangeOptions)
-
-    def __post_init__(self) -> None:
-        system = self.lead.system
-        names = [change.parameter for change in self.changes]
-        if not names:
-            raise ModelError("no parameter may change; name at least one")
-        if not self.goals:
-            raise ModelError("a design needs at least one goal")
-        for name in names:
-            if system.structure.place(name) == system.structure.place(self.parameter):
-                raise ModelError(f"{name} is the parameter of the response itself; name other parameters")
-        if len(set(map(system.structure.place, names))) < len(names):
-            raise ModelError("a parameter that may change is named twice")
-        begin = system[self.parameter]
-        for goal in self.goals:
-            if not isinstance(goal, Goal):
-                raise ModelError(f"a goal is {goal!r}; write one such as gw.NoPoint('fold', (0.6, 0.66))")
-            goal.check(system, (min(begin, self.end), max(begin, self.end)))
-        for change in self.changes:
-            change.bounds(system)
+    changes: tuple[ChangedParameter, ...]
+    judged: tuple[JudgedGoal, ...]
+    change: float
+    response_before: Branch
+    response: Branch
+    isolated: tuple[Branch, ...]
+    others: tuple[FoundOrbit, ...]
+    searched: tuple[float, ...]
+    routes: tuple[Route, ...]
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters that may change."""
-        return tuple(change.parameter for change in self.changes)
+    def is_reached(self) -> bool:
+        """True if all goals are reached, and no isolated branch that was found is against them."""
+        return all(goal.is_reached for goal in self.judged) and not self.failures
 
     @property
-    def scales(self) -> NDArray[np.float64]:
-        """Sizes of relative changes of 1, shape (k,)."""
-        return np.array([change.scale(self.lead.system) for change in self.changes])
+    def sentence(self) -> str:
+        """The answer, as a sentence."""
+        moved = [each for each in sorted(self.changes, key=_size, reverse=True) if abs(each.after - each.before) > 0.0]
+        texts = [f"{each.name} {_percent(each)}" for each in moved if _size(each) >= 5e-4] or ["nothing"]
+        if all(goal.is_reached for goal in self.judged):
+            what = " and ".join(goal.words for goal in self.judged)
+            return f"{what}: change {', '.join(texts)}"
+        missed = " and ".join(goal.words for goal in self.judged if not goal.is_reached)
+        return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
 
-    @property
-    def weights(self) -> NDArray[np.float64]:
-        """Weights of the relative changes, shape (k,)."""
-        return np.array([change.weight for change in self.changes])
-
-    @property
-    def bounds(self) -> NDArray[np.float64]:
-        """Bounds of the relative changes, shape (k, 2)."""
-        system = self.lead.system
-        limits = np.array([change.bounds(system) for change in self.changes])
-        now = np.array([system[name] for name in self.names])
-        return (limits - now[:, None]) / self.scales[:, None]
-
-    def system_at(self, u: NDArray[np.float64]) -> System:
-        """Return the system with some relative changes."""
-        system = self.lead.system
-        values = {
-            name: system[name] + scale * part
-            for name, scale, part in zip(self.names, self.scales.tolist(), u.tolist(), strict=True)
-        }
-        return system.at(values)
-
-    def size(self, u: NDArray[np.float64]) -> float:
-        """Return the weighted norm of relative changes."""
-        return float(np.sqrt(np.sum(self.weights * u**2)))
-
-    def response(self, u: NDArray[np.float64], lead: Orbit | None = None) -> LocalResponse:
-        """Walk the response of a design.
-
-        Parameters
-        ----------
-        u
-            Relative changes.
-        lead
-            Orbit at the beginning of the range of a design nearby.
-        """
-        moved = carry(lead or self.lead, self.system_at(u), self.names)
-        scales = self.scales.tolist()
-        return LocalResponse.of(moved, self.parameter, self.end, self.names, scales, self.options.walk)
-
-    def ways(self) -> list[tuple[str, ...]]:
-        """Return the combinations of the ways of all goals."""
-        return list(product(*(goal.ways for goal in self.goals)))
-
-    def starts(self) -> NDArray[np.float64]:
-        """Return the further starts, evenly spread over the bounds; shape (starts, k)."""
-        from scipy.stats import qmc  # imported late: it takes long
-
-        low, high = self.bounds.T
-        sampler = qmc.Halton(len(self.changes), seed=self.options.seed)
-        return low + (high - low) * sampler.random(self.options.starts)
-
-    def route(self, ways: tuple[str, ...], start: int, u: NDArray[np.float64]) -> Route:
-        """Search for the least change in one way, from one start."""
-        search = _Search(self, ways)
-        try:
-            found = search.run(u)
-        except (NumericalError, ModelError) as error:
-            return Route(ways, start, self._values(u), self.size(u), math.inf, search.steps, str(error))
-        worst = min(found.needs, key=lambda need: need.margin, default=None)
-        is_missing = found.missing > max(_DONE * self.options.margin, _DONE * _DONE)
-        words = worst.words if worst is not None else ""
-        missing = found.missing if is_missing else 0.0
-        return Route(ways, start, self._values(found.u), self.size(found.u), missing, search.steps, words)
-
-    def routes(self) -> Iterator[Route]:
-        """Yield the route of each way from the present design, then those of the two best from further starts."""
-        zero, found = np.zeros(len(self.changes)), []
-        for ways in self.ways():
-            found.append(self.route(ways, 0, zero))
-            yield found[-1]
-        best = sorted(found, key=lambda route: (route.missing, route.change))[:2]
-        for number, u in enumerate(self.starts(), start=1):
-            for route in best:
-                yield self.route(route.ways, number, u)
-
-    def relative(self, values: Sequence[float]) -> NDArray[np.float64]:
-        """Return the relative changes of some values of the parameters."""
-        now = np.array([self.lead.system[name] for name in self.names])
-        return (np.array(values) - now) / self.scales
-
-    def _values(self, u: NDArray[np.float64]) -> tuple[float, ...]:
-        system = self.system_at(u)
-        return tuple(system[name] for name in self.names)
-
-
-class _Search:
-    """Sequential quadratic programming for one way of reaching the goals."""
-
-    def __init__(self, problem: DesignProblem, ways: tuple[str, ...]) -> None:
-        self.problem, self.ways, self.steps = problem, ways, 0
-        self.weights, self.bounds = problem.weights, problem.bounds
-
-    def run(self, u: NDArray[np.float64]) -> _Judged:
-        """Return the best design that was found."""
-        now, radius, penalty = self.judged(u, None), _TRUST, _PENALTY
-        while self.steps < self.problem.options.steps and radius > _DONE:
-            step, slack = self.quadratic(now, radius, penalty)
-            size = float(np.abs(step).max())
-            small = _DONE * max(self.problem.options.margin, _DONE)
-            if slack > small and size < 0.5 * radius and penalty < _STRONGEST:
-                penalty *= 10.0  # the penalty was too weak to close the margins although there was room
-                continue
-            predicted = self.merit(now.u, now.missing, penalty) - self.merit(now.u + step, slack, penalty)
-            if size <= _DONE or predicted <= 1e-9 * self.merit(now.u, now.missing, penalty):
-                break
-            try:
-                trial = self.judged(now.u + step, now.lead)
-            except NumericalError:
-                radius = 0.3 * size
-                continue
-            gained = self.merit(now.u, now.missing, penalty) - self.merit(trial.u, trial.missing, penalty)
-            if gained >= _GOOD * predicted:
-                radius = min(max(radius, 2.0 * size), _WIDEST)
-            elif gained < 0.25 * predicted:
-                radius = 0.4 * size
-            if gained > _ACCEPTED * predicted:
-                now = trial
-        return now
-
-    def judged(self, u: NDArray[np.float64], lead: Orbit | None) -> _Judged:
-        """Walk the response of a design, and judge it."""
-        self.steps += 1
-        response = self.problem.response(u, lead)
-        margin = self.problem.options.margin
-        needs = [
-            need
-            for goal, way in zip(self.problem.goals, self.ways, strict=True)
-            for need in goal.needs(response, way, margin)
+    @summarizes
+    def summary(self, notes: bool = True) -> SummaryParts:
+        """Return the answer, the changes, the goals and the proof; notes and failures if wanted."""
+        units = self.system.units
+        yield self.sentence
+        yield ""
+        rows = [
+            (
+                parameter_symbol(each.name, units),
+                f"{each.before:.6g}",
+                f"{each.after:.6g}",
+                _percent(each),
+                f"{each.low:.4g} to {each.high:.4g}" + (" (reached)" if each.is_at_limit else ""),
+            )
+            for each in self.changes
         ]
-        return _Judged(u, response.branch.points[0].orbit, needs)
-
-    def merit(self, u: NDArray[np.float64], missing: float, penalty: float) -> float:
-        """Return the measure that each step decreases."""
-        return 0.5 * float(np.sum(self.weights * u**2)) + penalty * missing
-
-    def quadratic(self, now: _Judged, radius: float, penalty: float) -> tuple[NDArray[np.float64], float]:
-        """Return the step that is best for linearised margins, and the largest margin that it leaves missing.
-
-        The unknowns are the step d and the slack s >= 0:
-
-            minimise 1/2 w (u + d)^2 + penalty s   with   margins + slopes d + s >= 0   inside the trust region
-        """
-        from scipy.optimize import minimize  # imported late: it takes long
-
-        count, low, high = len(now.u), *self.bounds.T
-        if not now.needs:
-            return np.clip(-now.u, -radius, radius), 0.0
-        values = np.array([need.margin for need in now.needs])
-        slopes = np.column_stack((np.array([need.slopes for need in now.needs]), np.ones(len(values))))
-
-        def target(z: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-            ahead = now.u + z[:-1]
-            return 0.5 * float(self.weights @ ahead**2) + penalty * z[-1], np.append(self.weights * ahead, penalty)
-
-        limits = [*zip(np.maximum(low - now.u, -radius), np.minimum(high - now.u, radius), strict=True), (0.0, None)]
-        constraint = {"type": "ineq", "fun": lambda z: values + slopes @ z, "jac": lambda z: slopes}
-        start = np.append(np.zeros(count), now.missing)
-        options = {"ftol": 1e-15, "maxiter": 200}
-        solved = minimize(
-            target, start, jac=True, bounds=limits, constraints=[constraint], method="SLSQP", options=options
+        yield Table(("parameter", ">before", ">after", ">change", ">limits"), rows)
+        yield ""
+        goals = [
+            (each.words, f"{each.before:+.4f}", f"{each.after:+.4f}", "reached" if each.is_reached else "missed")
+            for each in self.judged
+        ]
+        yield Table(("goal", ">margin before", ">after", ""), goals)
+        for each in self.judged:
+            if math.isfinite(each.without):
+                yield f'  without "{each.words}" a change of {each.without:.4g} reaches the others'
+            elif not math.isnan(each.without):
+                yield f'  without "{each.words}" the others are not reached either'
+        yield ""
+        reached = [route for route in self.routes if route.is_reached]
+        yield (
+            f"norm of the relative changes {self.change:.6g}; {len(self.routes)} searches, {len(reached)} of which "
+            f"reached the goals, {sum(route.steps for route in self.routes)} responses walked"
         )
-        step = np.clip(solved.x[:-1], [each[0] for each in limits[:-1]], [each[1] for each in limits[:-1]])
-        return step, max(0.0, float(-(values + slopes[:, :-1] @ step).min()))
+        yield f"proof: {self.response.counts}; searched at {len(self.searched)} values: {self._found_words()}"
+        if notes:
+            yield from remarks(self.notes, self.failures)
+
+    def tables(self) -> Tables:
+        """Return the tables of changes, goals, and searches."""
+        return {"changes": self._change_rows, "goals": self._goal_rows, "searches": self._route_rows}
+
+    def plot(self, measure: str = "", **options: Any):
+        """Draw the response before and after, and the changes; see `gapwalk.plot.designs.draw_design`."""
+        from gapwalk.plot import draw
+
+        return draw(self, measure, **options)
+
+    def _found_words(self) -> str:
+        many = len(self.isolated)
+        text = "no isolated branch" if not many else f"{many} isolated branch{'es' if many > 1 else ''}"
+        periods = sorted({each.orbit.period for each in self.others})
+        return text + (f"; motions of period {', '.join(map(str, periods))}" if periods else "")
+
+    def _change_rows(self) -> Rows:
+        yield ["parameter", "before", "after", "percent", "low", "high"]
+        for each in self.changes:
+            yield [each.name, each.before, each.after, each.percent, each.low, each.high]
+
+    def _goal_rows(self) -> Rows:
+        yield ["goal", "margin.before", "margin.after", "reached", "change.without"]
+        for each in self.judged:
+            yield [each.words, each.before, each.after, each.is_reached, each.without]
+
+    def _route_rows(self) -> Rows:
+        yield ["ways", "start", "change", "missing", "responses", "limit", *(each.name for each in self.changes)]
+        for route in self.routes:
+            head = [" ".join(filter(None, route.ways)), route.start, route.change, route.missing, route.steps]
+            yield [*head, route.words, *route.values]
+
+    def __repr__(self) -> str:
+        return f"Design({self.sentence})"
 
 
-Report = Callable[[Route], object]
-"""Function called with each route once it has ended."""
+def _size(each: ChangedParameter) -> float:
+    return abs(each.after - each.before) / (abs(each.before) or 0.5 * (each.high - each.low))
+
+
+def _percent(each: ChangedParameter) -> str:
+    return f"{each.percent:+.2f} %" if each.before else f"to {each.after:.4g}"
+
+
+def best_route(routes: Sequence[Route]) -> Route:
+    """Return the route of the least change that reaches the goals, or else the one that misses them least."""
+    return min(routes, key=lambda route: (route.missing, route.change))
+
+
+def proved(
+    problem: DesignProblem,
+    routes: Sequence[Route],
+    values: int | tuple[float, ...],
+    options: SearchOptions,
+    *,
+    complete: bool = True,
+) -> Design:
+    """Return the design of the best route, judged on its response, which is walked again and searched.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    routes
+        The routes that were found, at least one.
+    values
+        Number of values in the bands of the goals at which isolated branches are searched for, or the values; 0: none.
+    options
+        Options of this search.
+    complete
+        False if the search for the least change was stopped.
+
+    Raises
+    ------
+    ConvergenceError
+        If no response of the present or of the new design can be walked.
+    """
+    best = best_route(routes)
+    fine = replace(problem, options=replace(problem.options, walk=WalkOptions()))
+    u = problem.relative(best.values)
+    present = fine.response(np.zeros(len(problem.changes)))
+    new = fine.response(u)
+    notes: list[str] = []
+    found: list[FoundOrbit] = []
+    searched: tuple[float, ...] = ()
+    if values:
+        searched = values if isinstance(values, tuple) else _searched(problem, values)
+        result = search(new.system, problem.parameter, searched, known=[new.branch], options=options)
+        found = list(result.new)
+    isolated = _followed(new.branch, [each for each in found if each.orbit.period == problem.lead.period], notes)
+    others = tuple(each for each in found if each.orbit.period != problem.lead.period)
+    judged = [
+        JudgedGoal(goal.words(present.system, problem.parameter), goal.margin(present), goal.margin(new))
+        for goal in problem.goals
+    ]
+    failures = [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
+    if others:
+        low, high = min(each.value for each in others), max(each.value for each in others)
+        notes.append(
+            f"the search found motions of other periods between {low:.6g} and {high:.6g}; the goals are not about them"
+        )
+    for low, high in unstable_spans(new.branch, *new.ends):
+        notes.append(f"the response is unstable between {low:.6g} and {high:.6g}; another motion settles there")
+    if not complete:
+        notes.append(f"stopped when {len(routes)} searches were done")
+    if len(judged) > 1 and not best.is_reached:
+        judged = [replace(each, without=_without(problem, best, k)) for k, each in enumerate(judged)]
+    limits = [change.bounds(problem.lead.system) for change in problem.changes]
+    changes = tuple(
+        ChangedParameter(name, problem.lead.system[name], value, *ends)
+        for name, value, ends in zip(problem.names, best.values, limits, strict=True)
+    )
+    return Design(
+        present.system,
+        new.system,
+        problem.parameter,
+        (float(new.branch.values[0]), problem.end),
+        problem.goals,
+        changes,
+        tuple(judged),
+        best.change,
+        present.branch,
+        new.branch,
+        tuple(isolated),
+        others,
+        searched,
+        tuple(routes),
+        complete,
+        tuple(notes),
+        tuple(failures),
+    )
+
+
+def _searched(problem: DesignProblem, values: int) -> tuple[float, ...]:
+    """Return values inside the bands of the goals, or inside the range if no goal has a band."""
+    begin = problem.lead.system[problem.parameter]
+    bands = [goal.within for goal in problem.goals if hasattr(goal, "within")] or [
+        (min(begin, problem.end), max(begin, problem.end))
+    ]
+    low, high = min(band[0] for band in bands), max(band[1] for band in bands)
+    return tuple((low + (high - low) * (np.arange(values) + 0.5) / values).tolist())
+
+
+def _followed(known: Branch, found: Sequence[FoundOrbit], notes: list[str]) -> list[Branch]:
+    """Return the branches of orbits that lie on none that is known, each once."""
+    branches: list[Branch] = []
+    ends = float(known.values.min()), float(known.values.max())
+    for each in found:
+        if any(Curve(branch).holds(each.orbit) for branch in branches):
+            continue
+        try:
+            branches.append(follow(each.orbit, known.parameter, ends))
+        except (NumericalError, ModelError) as error:
+            notes.append(f"a motion at {each.value:.6g} lies on no known branch and could not be followed: {error}")
+    return branches
+
+
+def _without(problem: DesignProblem, best: Route, place: int) -> float:
+    """Return the least change that reaches all goals but one, in the ways of the best route."""
+    goals = tuple(goal for k, goal in enumerate(problem.goals) if k != place)
+    ways = tuple(way for k, way in enumerate(best.ways) if k != place)
+    route = replace(problem, goals=goals).route(ways, 0)
+    return route.change if route.is_reached else math.inf

@@ -180,10 +180,10 @@ def spans_of(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     final = last.end if isinstance(last, Stretch) else last.value
     bound = sweep.within[1] if sweep.direction is Direction.UP else sweep.within[0]
     is_whole = abs(final - bound) <= abs(sweep.within[1] - sweep.within[0]) * 1e-9
-    if isinstance(last, Sample):  # the next sample would lie beyond the range
+    if isinstance(last, Sample) or is_whole:  # the next sample would lie beyond the range
         ends.append(BandEnd(bound, RANGE))
     else:
-        ends.append(BandEnd(bound, RANGE) if is_whole else replace(_between(last, final), error=abs(final - bound)))
+        ends.append(_between(last, final) if last.lost is not None else BandEnd(final, LOST, abs(final - bound)))
     spans = [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), states, strict=True)]
     if sweep.direction is Direction.DOWN:
         spans = [GapSpan(span.high, span.low, span.state) for span in reversed(spans)]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, innermost
-from gapwalk.answers.local_response import LocalResponse
+from gapwalk.answers.local_response import LocalResponse, band_points
 from gapwalk.attractors.rattle import largest
-from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -71,6 +71,10 @@ class Goal(ABC):
     @abstractmethod
     def margin(self, response: LocalResponse) -> float:
         """Return how far the goal is reached at a design, in whichever way; negative if it is not."""
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return sentences on what an isolated branch has against the goal."""
+        return []
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
         """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
@@ -145,9 +149,10 @@ class NoPoint(Goal):
         negative there, zero where the pair merges in a cusp, and positive beyond. For flips the product of all
         multipliers plus one plays this role.
         """
-        if way != "vanish":
-            points = [each for each in response.branch.special_points if each.kind == self.kind]
+        points = [each for each in response.branch.special_points if each.kind == self.kind]
+        if way != "vanish" and (points or "vanish" not in self.ways):
             return _moved_out(response, points, self.within, way, margin)
+        # without points, others must not appear: a design beyond the cusp may come back to it, and no further
         measure = response.advance if self.kind is Kind.FOLD else _from_flips
         words = "the branch does not run back" if self.kind is Kind.FOLD else "no multiplier passes -1"
         return [
@@ -164,6 +169,16 @@ class NoPoint(Goal):
             if each.kind == self.kind
         ]
         return min([1.0, *parts])
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence on each special point of the kind inside the band."""
+        low, high = self.within
+        points = [each for each in branch.special_points if each.kind == self.kind]
+        return [
+            f"an isolated branch has a {each.kind} at {each.value:.8g}, inside the band"
+            for each in points
+            if low <= each.value <= high
+        ]
 
 
 def _from_flips(point: BranchPoint) -> float:
@@ -182,7 +197,7 @@ class Quiet(Goal):
         The band.
     """
 
-    ways: ClassVar[tuple[str, ...]] = (*_MOVES, "closed", "open")
+    ways: ClassVar[tuple[str, ...]] = ("closed", "open")
 
     gap: str
     within: tuple[float, float]
@@ -197,19 +212,10 @@ class Quiet(Goal):
         chosen_gaps(system, self.gap)
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margin of each grazing point of the gap, or of the depth of its turning points in the band."""
-        if way in _MOVES:
-            inner = innermost(response.system, self.gap)
-            first = response.branch.points[0].orbit
-            names = {describe_switch(first, switch) for switch in inner}
-            points = [
-                each for each in response.branch.special_points if each.kind is Kind.GRAZING and each.contact in names
-            ]
-            moved = _moved_out(response, points, self.within, way, margin)
-            middle = min(response.branch.points, key=lambda point: abs(point.value - 0.5 * sum(self.within)))
-            if points or not gap_state(middle.orbit, self.gap).rattles:
-                return moved
-            way = "closed" if "closed" in way else "open"  # no grazing point near: moving them out is not possible
+        """Return the margins of the depth of its turning points where it is least in the band.
+
+        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        """
         state = GapState.CLOSED if way == "closed" else GapState.OPEN
 
         def measure(point: BranchPoint) -> float:
@@ -226,6 +232,14 @@ class Quiet(Goal):
             response.lowest(lambda point, state=state: quiet_depth(point.orbit, self.gap, state), *self.within)[0][1]
             for state in (GapState.CLOSED, GapState.OPEN)
         )
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the gap rattles on the branch inside the band."""
+        points = [point for point in band_points(branch, *self.within) if gap_state(point.orbit, self.gap).rattles]
+        if not points:
+            return []
+        values = [point.value for point in points]
+        return [f"{self.gap} rattles on an isolated branch between {min(values):.6g} and {max(values):.6g}"]
 
 
 def quiet_depth(orbit: Orbit, gap: str, state: GapState) -> float:
@@ -297,6 +311,14 @@ class PeakBelow(Goal):
         """Return what is left to the limit, as a share of it."""
         return response.lowest(self._left, *self.within)[0][1]
 
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the peak is above the limit on the branch inside the band."""
+        peaks = [(-self._left(point), point.value) for point in band_points(branch, *self.within)]
+        share, value = max(peaks, default=(-1.0, 0.0))
+        if share <= 0.0:
+            return []
+        return [f"the peak of {self.contact} on an isolated branch is {(1.0 + share) * self.limit:.6g} at {value:.6g}"]
+
     def _left(self, point: BranchPoint) -> float:
         return 1.0 - peak_force(point.orbit, self.contact) / self.limit
 
@@ -336,11 +358,8 @@ class Resonance(Goal):
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
         unit = f" {system.units.parameter(system.structure.pace)}" if system.units else ""
-        parts = [
-            f"{word} {value:g}{unit}"
-            for word, value in (("above", self.above), ("below", self.below))
-            if value is not None
-        ]
+        limits = (("above", self.above), ("below", self.below))
+        parts = [f"{word} {value:g}{unit}" for word, value in limits if value is not None]
         return f"resonance {self.number} with order {self.order:g} {' and '.join(parts)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:

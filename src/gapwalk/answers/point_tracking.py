@@ -17,7 +17,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.loci.gradient import shifts
+from gapwalk.bifurcation.loci.gradient import shifts, shifts_at
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
@@ -33,10 +33,10 @@ Array = NDArray[np.float64]
 
 _STEPS = 8  # of Newton's method at one system
 _EXACT = 1e-6  # scaled step after which the error is about the square of it, of any point
-_ENOUGH = 1e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
-_LONGEST = 0.5  # scaled step that leaves the neighbourhood of a prediction
+_ENOUGH = 5e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
+_LONGEST, _FITTED = 0.5, 0.05  # scaled steps that leave the neighbourhood of a prediction by the gradient, or closer
 _SHRINKS = 0.5  # by which steps must shrink after the second
-_PATH, _SHORTEST = 0.25, 1.0 / 64.0  # first and smallest step along the path between two systems
+_PATH, _SHORTEST = 0.25, 1.0 / 16.0  # first and smallest step along the path between two systems
 _TOUCH = 0.05  # radians around a grazing angle within which crossings of the breakpoint are the touch itself
 _FEATURES = 2.0  # samples needed for each coefficient of a fitted predictor
 _DEGREES = (3, 2)  # of fitted predictors
@@ -143,12 +143,16 @@ class TrackedPoint:
             Unknowns predicted by a fit (`predicted`); otherwise the gradient predicts them.
         """
         start = self.unknowns + self.slopes @ (values - self.origin) if guess is None else guess
-        found = self._corrected(self._posed(values), start)
+        found = self._corrected(self._posed(values), start, _LONGEST if guess is None else _FITTED)
         if found is not None and self._is_like(found):
             distance = float(np.abs((found.unknowns - start) / self.scales).max())
             if distance <= (_FAR if guess is None else _ASIDE):
                 return found
         return self._along(values)
+
+    def slopes_at(self, found: Corrected) -> Array:
+        """Return the derivatives of the unknowns by the parameters in another system, shape (unknowns, parameters)."""
+        return shifts_at(found.equation, found.unknowns, self.scales, self.names)
 
     def predicted(self, values: Array) -> list[Array | None]:
         """Return the unknowns that a fit predicts at some samples, shape (samples, parameters); None without a fit."""
@@ -167,7 +171,7 @@ class TrackedPoint:
         structure = self.special.orbit.system.structure
         return [structure.place(name) for name in self.names]
 
-    def _corrected(self, equation: LocusEquation, guess: Array) -> Corrected | None:
+    def _corrected(self, equation: LocusEquation, guess: Array, longest: float) -> Corrected | None:
         """Correct a guess by Newton's method; None if it does not converge near by."""
         unknowns, before, curvature = guess, np.inf, 0.0
         known = np.inf if self.fit is None else self.fit.curvature
@@ -178,7 +182,7 @@ class TrackedPoint:
             except (NumericalError, np.linalg.LinAlgError):
                 return None
             length = float(np.abs(step).max())
-            if not length <= _LONGEST or (count > 1 and length > max(_SHRINKS * before, _EXACT)):
+            if not length <= longest or (count > 1 and length > max(_SHRINKS * before, _EXACT)):
                 return None
             if count and before > _EXACT:
                 curvature = max(curvature, abs(float(step[-1])) / before**2)
@@ -208,7 +212,7 @@ class TrackedPoint:
                 guess = self.unknowns + self.slopes @ (share * way)
             else:
                 guess = now[1] + (now[1] - before[1]) * ((share - now[0]) / (now[0] - before[0]))
-            found = self._corrected(self._posed(self.origin + share * way), guess)
+            found = self._corrected(self._posed(self.origin + share * way), guess, _FITTED)
             if found is not None and np.abs((found.unknowns - guess) / self.scales).max() <= _ASIDE:
                 before, now, step = now, (share, found.unknowns), 1.5 * step
             elif step <= _SHORTEST:

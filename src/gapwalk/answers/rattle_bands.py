@@ -30,10 +30,10 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
 
-_APART = 1 / 60  # of the range: the least distance of two motions of a stretch whose severity is computed
+_APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
 _WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
 _QUIET = 5.0  # factor on that distance where nothing rattles
-_NEXT = 3  # motions on either side of the worst one that are examined too
+_NEXT = 2  # motions on either side of the worst one that are examined too
 _TRANSIENT = 200  # forcing periods after which the motions of many starts are compared
 _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
 _SHOWN = 3  # movers of an end in the summary
@@ -50,7 +50,7 @@ class Severity:
     Attributes
     ----------
     gap, met
-        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``any``.
+        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
     value
         Value of the parameter.
     state
@@ -124,7 +124,7 @@ class RattleBands(Shown):
     reference
         Acceleration to which levels in dB refer.
     sweeps
-        The settled motions met by slow sweeps.
+        The settled motions met by slow sweeps, then others that were found from random starts.
     bands
         The bands, by gap, then by how they are met (see `RattleBand.met`).
     severities
@@ -285,7 +285,8 @@ def bands_of_sweeps(sweeps: Sequence[SettledSweep], gaps: Iterable[str]) -> tupl
         for sweep in sweeps:
             spans = spans_of(sweep, gap)
             every += spans
-            found += bands_of_spans(spans, gap, str(sweep.direction))
+            if not sweep.name:
+                found += bands_of_spans(spans, gap, sweep.met)
         for band in bands_of_spans(every, gap, "any"):
             low, high = (known.setdefault(id(end), end.with_movers()) for end in (band.low, band.high))
             found.append(RattleBand(gap, "any", low, high, band.spans))
@@ -350,7 +351,7 @@ def _rows_at(
         except FlowError:
             return []
         period, what = motion.motion.period or 0, motion
-    met, value = str(sweep.direction), motion.value
+    met, value = sweep.met, motion.value
     return [severity_of(whole, gap, met, value, state_of(what, gap), period, reference) for gap in gaps]
 
 

@@ -30,12 +30,14 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
 
 _FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
-_LONGEST = 8  # longest period that is told from motions without period
+_LONGEST = 8  # longest period that is distinguished from motions without period
 _WATCHED = 16  # forcing periods over which gaps are watched; a multiple of most periods
-_SAME = 1e-6  # relative distance of two loci at one value of the second parameter below which they are one
+_BEYOND = 60  # points of a walk after the first change of all gaps
+_SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
@@ -271,10 +273,16 @@ def borders(
     return loci, notes
 
 
-def _first_changes(orbit: Any, parameter: str, end: float, gaps: Sequence[str], options: Any) -> list[SpecialPoint]:
-    """Return the first point at which each gap changes its state, up to the loss of stability, which comes last."""
+def _first_changes(
+    orbit: Orbit, parameter: str, end: float, gaps: Sequence[str], options: SlowSweepOptions
+) -> list[SpecialPoint]:
+    """Return the first point at which each gap changes its state, and the fold at which the motion is lost, if any.
+
+    Beyond the first change of all gaps the walk goes on for a while only, to the fold from which a rattling motion
+    jumps; a rattling motion that branches instead goes on rattling.
+    """
     found: list[SpecialPoint] = []
-    left = {gap: gap_state(orbit, gap) for gap in gaps}
+    left, more = {gap: gap_state(orbit, gap) for gap in gaps}, _BEYOND
     switches = {describe_switch(orbit, switch): gap for gap in gaps for switch in innermost(orbit.system, gap)}
     steps = walk(orbit, parameter, end, walk=options.walk)
     for point in steps:
@@ -284,9 +292,10 @@ def _first_changes(orbit: Any, parameter: str, end: float, gaps: Sequence[str], 
                 found.append(special)
                 del left[gap]
         lost = next((each for each in steps.special_points if not each.before.total and each.after.total), None)
-        if lost is not None and not found and not lost.kind.no_locus:
+        if lost is not None and not lost.kind.no_locus and (left or lost.kind is Kind.FOLD) and lost not in found:
             found.append(lost)
-        if lost is not None or not point.stable or not left:
+        more -= not left
+        if lost is not None or not point.stable or not more:
             break
     return found
 
@@ -299,7 +308,7 @@ def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
     length2 = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     share = np.clip(((point - first) * along).sum(axis=1) / length2, 0.0, 1.0)
     away = np.linalg.norm(first + share[:, None] * along - point, axis=1)
-    return bool((away < max(_SAME, 1e-3)).any())
+    return bool((away < _SAME).any())
 
 
 def differs(system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int]) -> str:

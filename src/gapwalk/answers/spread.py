@@ -285,14 +285,20 @@ def measured_parts(path: str | os.PathLike[str]) -> Spreads:
     """
     try:
         with open_file(path) as file:
-            table = parse_csv(file.read(MAX_BYTES + 1), "stage2.clearance,mean.q1", MAX_PARTS)
-            columns = table.numbers({name: place for place, name in enumerate(table.heads)})
+            return parts_in(file.read(MAX_BYTES + 1), os.fspath(path))
     except OSError as error:
         raise ModelError(f"parts cannot be read from {os.fspath(path)!r}: {error.strerror or error}") from None
+
+
+def parts_in(content: bytes, name: str) -> Spreads:
+    """Read measured parts from the content of a CSV file of some name; see `measured_parts`."""
+    try:
+        table = parse_csv(content, "stage2.clearance,mean.q1", MAX_PARTS)
+        columns = table.numbers({name: place for place, name in enumerate(table.heads)})
     except ModelError as error:
-        raise ModelError(f"parts in {os.fspath(path)!r}: {error}") from None
+        raise ModelError(f"parts in {name!r}: {error}") from None
     if len(columns) != len(table.heads):
-        raise ModelError(f"parts in {os.fspath(path)!r} names a column twice")
+        raise ModelError(f"parts in {name!r} names a column twice")
     if not table.rows:
-        raise ModelError(f"parts in {os.fspath(path)!r} has no rows; write one for each measured part")
+        raise ModelError(f"parts in {name!r} has no rows; write one for each measured part")
     return Spreads(names=table.heads, parts=tuple(map(tuple, np.column_stack([*columns.values()]).tolist())))

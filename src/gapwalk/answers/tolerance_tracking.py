@@ -168,8 +168,9 @@ class Tracking:
 
 
 def label_of(special: SpecialPoint) -> tuple[object, ...]:
-    """Return kind, contact, and the sign of the change of stability."""
-    return special.kind, special.contact, int(np.sign(special.after.total - special.before.total))
+    """Return kind, contact, and the side to which a fold opens; of other kinds, if it makes the branch less stable."""
+    turns = special.nature if special.kind.is_turning else np.sign(special.after.total - special.before.total)
+    return special.kind, special.contact, str(turns)
 
 
 def trackable(branch: Branch, names: Sequence[str]) -> tuple[tuple[SpecialPoint, ...], tuple[str, ...]]:

@@ -95,8 +95,13 @@ class Constraint:
         small = np.abs(np.real(difference)) <= _ROUNDING * sizes
         difference[small] -= np.real(difference[small])  # what is 0 must not grow from rounding
         found[layout.accelerations] = difference
-        found[layout.reactions[self.independent]] = self._inverse @ self._rows
+        found[layout.reactions[self.independent]] = self.reactions
         return found
+
+    @property
+    def reactions(self) -> NDArray:
+        """Rows of coefficients of the reactions that are `independent`."""
+        return self._inverse @ self._rows
 
     def changes(self, directions: NDArray) -> NDArray:
         """Return the changes of `coefficients` for changes of the system without constraints, one in each row."""
@@ -114,7 +119,7 @@ class Constraint:
                     - np.outer(2.0 * directions[:, 0], self._coefficients[sway]) / self._coefficients[0]
                 )
                 rows[:, place, rows.shape[2] - len(sway) :] -= self._squares * growth
-        reactions = self._inverse @ self._rows
+        reactions = self.reactions
         inner = vectors @ self._pushes + self.vectors @ pushes
         changed = self._inverse @ (rows - inner @ reactions)
         found[:, layout.accelerations] = moved - self._pushes @ changed - pushes @ reactions

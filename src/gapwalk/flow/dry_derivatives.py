@@ -25,10 +25,9 @@ Array = NDArray[np.float64]
 
 def rate_changes(state: DryState, contact: int, theta: float) -> Array:
     """Return the change, along each column, of the rate of a deflection, less that of its base."""
-    slots, part = state.layout.contacts[contact], slice(state.n, 2 * state.n)
-    changes = state.rows()[:, part].dot(state.vectors[contact])
+    changes = state.velocity_rows.dot(state.vectors[contact])
     if state.is_moved[contact]:
-        directions = state.directions
+        slots, part, directions = state.layout.contacts[contact], slice(state.n, 2 * state.n), state.directions
         own = directions[:, slots.deflection] @ state.state[part]
         if "speed" in slots.numbers:
             own = own - directions[:, slots.numbers["speed"]]

@@ -5,17 +5,15 @@ While contacts are held, the motion is that of a system with other coefficients 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.forces import Angles, Dry
 
 Array = NDArray[np.float64]
@@ -115,76 +113,6 @@ class _Held(NamedTuple):
     table: Array
 
 
-class Push(NamedTuple):
-    """What a unit of the force of rigid friction does.
-
-    Attributes
-    ----------
-    moved : shape (n,)
-        Accelerations against which it acts.
-    on_itself
-        That of its own deflection.
-    stopping : shape (n,)
-        Change of the velocities by which the rate of its deflection changes by 1.
-    """
-
-    moved: Array
-    on_itself: float
-    stopping: Array
-
-
-class CompiledReadings:
-    """The compiled readings of some equations, which all their integrators share, and derivatives of them.
-
-    Parameters
-    ----------
-    equations
-        The equations.
-    """
-
-    def __init__(self, equations: Equations) -> None:
-        self._equations = equations
-        self.state = [*equations.positions, *equations.velocities, *equations.extensions]
-        readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
-        used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
-        places = range(min(used, default=0), max(used, default=-1) + 1)
-        self.used = slice(places.start, places.stop)
-        """The run-time parameters on which the readings depend."""
-        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k}") for k in places}
-        functions = hy.subs(readings, {hy.time: angle, **numbers})
-        # heyoka calls a function of one array twice as fast as one of a state, a time and parameters
-        self.readings = hy.cfunc(functions, vars=[*self.state, angle, *numbers.values()])
-        memories = equations.layout.structure.memories
-        self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
-        """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
-
-    @cached_property
-    def _tangents(self) -> Any:
-        variables, expressions = self._equations.tangents
-        with kept(f"{self._equations.text} tangents"):
-            return hy.cfunc(expressions, vars=variables)
-
-    def tangents(self, state: Array, parameters: Array, theta: float, changes: Sequence[Array]) -> Array:
-        """Return the derivatives of what the accelerations consist of, and of the limits, along some changes.
-
-        Parameters
-        ----------
-        state, parameters, theta
-            The state, all run-time parameters, and the angle.
-        changes
-            Each is a change of the state, of theta, and of the coefficients `Equations.tangent_slots`.
-
-        Returns
-        -------
-        shape (changes, columns)
-            For each change, that of the forces of all contacts, of 1, and of the waves; then those of the force in slip
-            and of the force at which slip begins, of each contact that is friction.
-        """
-        function = self._tangents
-        given = parameters[: function.nparams]
-        return np.array([function(np.concatenate((state, each)), pars=given, time=theta) for each in changes])
-
-
 class DryState:
     """Modes of friction and of rigid stops of one compiled integrator.
 
@@ -214,6 +142,8 @@ class DryState:
         The number of the reaction of each switch of a rigid stop.
     columns
         Number of sensitivity columns.
+    velocity_rows
+        The part of `rows` that changes velocities.
     vectors
         Deflection vector of each contact that is friction or a rigid stop.
     column_signs : shape (columns,)
@@ -229,7 +159,7 @@ class DryState:
     entry: _Held
     vectors: dict[int, Array]
     is_moved: dict[int, bool]
-    pushes: dict[int, Push]
+    velocity_rows: Array
 
     def __init__(self, equations: Equations) -> None:
         layout, structure = equations.layout, equations.layout.structure
@@ -283,6 +213,7 @@ class DryState:
         self._own = self.state[: self.size]
         self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
         self.columns = columns
+        self.velocity_rows = self._rows[:, self.n : 2 * self.n]
         if compiled is not None:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]
@@ -301,7 +232,7 @@ class DryState:
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
         else:
-            self._known, self.pushes = {}, {}
+            self._known = {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
         was_held, self.held = bool(self.held), ()
@@ -325,13 +256,6 @@ class DryState:
         table *= self.column_signs
         self._known[held] = found = _Held(coefficients, directions, constraint, table)
         return found
-
-    def push_of(self, place: int) -> Push:
-        """Return what a unit of the force of rigid friction does, by its place."""
-        slots = self.slots[place]
-        moved = self.base[slots.force]
-        on_itself = float(moved.dot(self.base[slots.deflection]))
-        return Push(moved, on_itself, moved / on_itself if on_itself else moved)
 
     def hold(self, held: Iterable[int]) -> None:
         """Hold some contacts, by the numbers of their reactions; the integrator does not know before `apply`."""

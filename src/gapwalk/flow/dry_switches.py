@@ -24,25 +24,23 @@ from gapwalk.flow.dry_derivatives import (
     project,
     rate_changes,
 )
-from gapwalk.flow.dry_state import DryState, Hold, Kink, Readings, SlipEvent, largest
+from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
+from gapwalk.flow.lone_friction import BARELY, SETTLING, LoneFriction
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
 _ON = 1e-12  # share of a limit within which a force is at it
 _NEAR = 1e-8  # the same at the end of a motion
-_SETTLING = 1e-7  # radians after a change within which a guard of the new mode vanishes by rounding
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
-_BARELY = 1e-6  # share of its bound by which a force may differ from it for a stick or slip to be too brief
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
 _TURNS = 1e-3  # share of the accelerations below which one may turn at once
 _UNSEEN = 1e-13  # share of its limit by which an extension may be off
-_TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
 
 
-class DrySwitches(DryState):
+class DrySwitches(LoneFriction):
     """Control of the modes of friction and of held stops of one compiled integrator.
 
     Parameters
@@ -52,22 +50,15 @@ class DrySwitches(DryState):
 
     Attributes
     ----------
-    log
-        The slip events since the start, which begin with the modes at the start.
     keeps
         Number of a contact whose friction keeps its mode until the next start; None if there is none.
-    kinks
-        The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
     """
 
     def __init__(self, equations: Equations) -> None:
         super().__init__(equations)
-        self.log: list[SlipEvent] = []
-        self.kinks: list[Kink] = []
         self.keeps: int | None = None
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
-        self._begun = [0.0] * len(self.slots)
 
     def start(
         self, base: Array, directions: Array, theta: float, unit: float, changed: Callable[[Array], None]
@@ -165,7 +156,7 @@ class DrySwitches(DryState):
         self.slips[place], self.sticks[place] = side, False
         now = self.read(theta, known)
         rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
-        if abs(rate) > _SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
+        if abs(rate) > SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
             return side * rate > 0.0
         change = self._leading(self.equations.dry[place], now, theta)
         return side * change > 0.0
@@ -189,12 +180,6 @@ class DrySwitches(DryState):
             return change
         later = self.acceleration(contact, self._soon(now, theta), theta + _LATER)
         return later if vanishes or abs(change) <= _NEAR * abs(later) / _LATER else change
-
-    def _stick(self, place: int, theta: float) -> None:
-        self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
-
-    def _slip(self, place: int, side: int, theta: float) -> None:
-        self.slips[place], self.sticks[place], self._begun[place] = side, False, theta
 
     def _grows(self, place: int) -> bool:
         """Return True if the limit of friction is not constant, and the contact that presses is closed."""
@@ -287,70 +272,8 @@ class DrySwitches(DryState):
         elif self.sticks[place]:
             if direction <= 0:  # otherwise its force returns within the bound
                 self._release(place, -1 if second else 1, theta, now)
-        elif not second and (theta - self._begun[place] > _SETTLING or direction == -self.slips[place]):
+        elif not second and (theta - self._begun[place] > SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
-
-    def _lets_go_alone(self, place: int) -> bool:
-        """Return True if rigid friction sticks, and slips with a force that does not jump and moves nothing else."""
-        number = self.reaction_of[place]
-        if self.held != (number,) or self.sign_of or self._springs:
-            return False
-        return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
-
-    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
-        """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
-
-        This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
-        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it changes
-        nothing.
-        """
-        number, side = self.reaction_of[place], self.slips[place]
-        if self.held or self._springs or number is None or not side:
-            return False
-        if theta - self._begun[place] <= _SETTLING and direction != -side:
-            return False
-        acceleration = self.slip_acceleration(place, now, theta)
-        _, limit, bound = now.friction[place]
-        push = self.pushes.get(place)
-        if push is None:
-            push = self.pushes[place] = self.push_of(place)
-        if side * acceleration >= 0.0 or not bound > 0.0 or not push.on_itself > 0.0:
-            return False
-        needed = side * limit + acceleration / push.on_itself
-        beyond = abs(needed) / bound - 1.0
-        if abs(beyond) < 2.0 * _BARELY or side * needed > bound:
-            return False
-        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
-            return False
-        if self.columns:
-            changes = rate_changes(self, self.equations.dry[place], theta)
-        if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
-            jump = 2.0 * side * limit * push.moved
-            if self.columns:
-                self.rows()[:, self.n : 2 * self.n] += np.multiply.outer(changes / acceleration, jump)
-            self._change_alone(place, -side, theta)
-        else:
-            jump = -acceleration * push.stopping
-            if self.columns:
-                self.rows()[:, self.n : 2 * self.n] -= np.multiply.outer(changes, push.stopping)
-            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
-            self._change_alone(place, 0, theta)
-        if not self.columns:
-            velocities, turning = (now.velocities,) * 2, (now.accelerations, now.accelerations + jump)
-            self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
-        return True
-
-    def _change_alone(self, place: int, side: int, theta: float) -> None:
-        """Let one friction slip to a side (0: stick) where nothing else is held."""
-        if not side:
-            self.slips[place], self.sticks[place] = 0, True
-            self.hold((self.reaction_of[place],))
-        else:
-            self._slip(place, side, theta)
-            if self.held:
-                self.hold(())
-        self.apply()
-        self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def stop_simultaneous(self, theta: float) -> None:
         """Change the mode of friction whose slip rate vanishes at the same time as another event, which hides it."""
@@ -375,7 +298,7 @@ class DrySwitches(DryState):
                 candidates.append(number)
         modes = self.slips.copy()
         after = self._hold(theta, [number for number in candidates if number is not None], before)
-        if abs(self._over.get(self.reaction_of[place], 1.0)) < _BARELY:
+        if abs(self._over.get(self.reaction_of[place], 1.0)) < BARELY:
             after = self._settle_briefly(place, theta, after)
         project(self, theta)
         if self.columns:
@@ -407,19 +330,6 @@ class DrySwitches(DryState):
             return now
         self._slip(place, 1 if reaction > 0.0 else -1, theta)
         return self._hold(theta, others, now)
-
-    def kink(self, before: Readings, theta: float, after: Readings | None = None) -> None:
-        """Record an instant at which velocities or accelerations jump."""
-        after = after or self.read(theta)
-        velocities, turning = (before.velocities, after.velocities), (before.accelerations, after.accelerations)
-        self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
-
-    def _stops_too(self, place: int, now: Readings, theta: float) -> bool:
-        """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
-        if not self.slips[place] or theta - self._begun[place] <= _SETTLING:
-            return False
-        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
-        return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
 
     def _release(self, place: int, side: int, theta: float, before: Readings) -> None:
         """Let rigid friction slip where its reaction reaches the force at which slip begins."""
@@ -481,7 +391,7 @@ class DrySwitches(DryState):
             self._reset_extension(place, side, theta, now.friction[place][1])
             self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
-            just = theta - self._begun[place] <= _SETTLING
+            just = theta - self._begun[place] <= SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies
             turning = self.slips[place] * self.slip_acceleration(place, now, theta)
             if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
@@ -506,12 +416,6 @@ class DrySwitches(DryState):
         bend = (later - turning) / (_LATER * float(self.base[0]))
         away = 2.0 / 3.0 * abs(turning) ** 3
         return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
-
-    def _report(self, before: list[int], theta: float) -> None:
-        """Log the modes that have changed."""
-        for contact, old, new in zip(self.equations.dry, before, self.slips, strict=True):
-            if old != new:
-                self.log.append(SlipEvent(theta, contact, new))
 
     def holds(self, switch: int) -> bool:
         """Return True if the stop of a switch is held."""
@@ -539,7 +443,7 @@ class DrySwitches(DryState):
             if abs(rate) <= still and self.sticks[place]:
                 candidates.append(number)
             elif self.sticks[place] or rate * self.slips[place] < 0.0:
-                self._slip(place, 1 if rate > 0.0 else -1, theta - 2.0 * _SETTLING)
+                self._slip(place, 1 if rate > 0.0 else -1, theta - 2.0 * SETTLING)
         self._hold(theta, candidates)
         for place, memory in enumerate(self.memory_of):
             if memory is not None and self.slips[place] * now.friction[place][0] < 0.0:

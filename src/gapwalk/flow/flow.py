@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import reachable, reachable_masks
 from gapwalk.flow.contact_events import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
-from gapwalk.flow.dry_state import CompiledReadings, Hold, Kink, SlipEvent
+from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
@@ -330,7 +331,8 @@ class _Integrator:
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
-            grid = np.unique([self._taylor.time, *own, angle])
+            whole = len(own) and own[0] == self._taylor.time and own[-1] == angle and (np.diff(own) > 0.0).all()
+            grid = own if whole else np.unique([self._taylor.time, *own, angle])
             try:
                 outcome, *_, found = self._taylor.propagate_grid(
                     grid, max_steps=self._max_steps, max_delta_t=longest_step
@@ -339,10 +341,10 @@ class _Integrator:
                 self._refuse(hy.taylor_outcome.err_nf_state, start)
             if outcome != hy.taylor_outcome.time_limit:
                 self._refuse(outcome, start)
-            rows.append(found[np.searchsorted(grid, own)])
+            rows.append(found if whole else found[np.searchsorted(grid, own)])
             if change:
                 self._switchboard.change_level(angle, *change)
-        return np.concatenate(rows)
+        return np.concatenate(rows) if len(rows) > 1 else rows[0]
 
     def find_kinks(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
@@ -401,7 +403,7 @@ class _Integrator:
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         self._turns.start(coefficients, unit)
-        along = self._still if direction is None else direction.reshape(self.directions, -1)
+        along = direction.reshape(self.directions, -1) if self.directions and direction is not None else self._still
         self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
         # otherwise the Taylor series of the first step is finite
         if self.equations.formulas and not math.isfinite(self._taylor.time):

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.compiled_readings import CompiledReadings
+from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.dry_motion import DryModes
 from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD
@@ -107,7 +109,9 @@ class Margin(NamedTuple):
     range: float
 
 
-def margins_of(motion: Motion, friction: Mapping[int, list[FrictionPhase]]) -> list[Margin]:
+def margins_of(
+    motion: Motion, friction: Mapping[int, list[FrictionPhase]], readings: CompiledReadings | None = None
+) -> list[Margin]:
     """Return the margins of all friction over one period.
 
     Parameters
@@ -116,19 +120,24 @@ def margins_of(motion: Motion, friction: Mapping[int, list[FrictionPhase]]) -> l
         The period, sampled evenly and where the phases begin.
     friction
         The phases of each contact that is friction, by its number.
+    readings
+        The compiled readings of a flow of the system; they only make it faster.
     """
     layout = layout_of(motion.system.structure)
     return [
         each
         for contact, phases in friction.items()
-        for each in _Margins(motion, FrictionGauge(layout, contact), phases).all()
+        for each in _Margins(motion, FrictionGauge(layout, contact), phases, readings).all()
     ]
 
 
 class _Margins:
     """Margins of one contact that is friction."""
 
-    def __init__(self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase]) -> None:
+    def __init__(
+        self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase], readings: CompiledReadings | None
+    ) -> None:
+        self._readings = readings
         self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
         self._thetas, self._states, self._full = motion.theta, motion.states, float(motion.theta[-1])
         self._coefficients = coefficients_of(motion.system)
@@ -176,11 +185,27 @@ class _Margins:
         for modes, numbers in groups.values():
             samples = np.concatenate([asked[number][0] for number in numbers])
             states, thetas = self._states[samples], self._thetas[samples]
-            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
-            cuts = np.cumsum([len(asked[number][0]) for number in numbers])[:-1]
-            parts = zip(np.split(np.broadcast_to(bound, force.shape), cuts), np.split(force, cuts), strict=True)
-            found |= dict(zip(numbers, parts, strict=True))
+            bound, force = self._bound_and_force(thetas, states, modes)
+            bound, first = bound + 0.0 * force, 0
+            for number in numbers:
+                last = first + len(asked[number][0])
+                found[number], first = (bound[first:last], force[first:last]), last
         return [found[number] for number in range(len(asked))]
+
+    def _bound_and_force(self, thetas: Array, states: Array, modes: DryModes) -> tuple[Array, Array]:
+        """See `FrictionGauge.bound_and_force`."""
+        gauge, read = self._gauge, None
+        if self._readings is not None and gauge.reaction is not None:
+            read = self._readings.along(self._coefficients, states, thetas, modes.slips)
+        if read is None:
+            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
+        layout, n = gauge.layout, gauge.n
+        constraint = Constraint(layout, self._coefficients, modes.order(layout.structure))
+        if gauge.reaction not in constraint.independent:
+            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
+        row = constraint.reactions[constraint.independent.index(gauge.reaction)].copy()
+        row[: 2 * n + len(layout.contacts)] *= -1.0
+        return read[:, len(row) + 3 * gauge.place + 2], read[:, : len(row)] @ row
 
     def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
         """Return the least values of a quantity within a phase, by parabolas."""

@@ -143,7 +143,8 @@ def survey(orbit: Orbit) -> Survey:
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
     margins = []
     if structure.friction and orbit.is_exact:
-        margins = margins_of(Motion.of(orbit.system, thetas, found.states, *found.logs), orbit.friction)
+        motion = Motion.of(orbit.system, thetas, found.states, *found.logs)
+        margins = margins_of(motion, orbit.friction, flow.readings)
     return Survey(tuple(contacts), visited, integrals / length, margins)
 
 

@@ -20,7 +20,7 @@ from gapwalk.model.words import parameter_words
 from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
-from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, points, stroke, symbols
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, points, stroke, symbols
 
 _TINTS = {GapState.ONE_SIDE: "#fbe3c4", GapState.BOTH_SIDES: "#f2b98a"}  # in grey, the second is clearly darker
 # periodic, and not periodic: the same hue, darker
@@ -38,7 +38,8 @@ _WORDS = {
     GapState.BOTH_SIDES: "both sides",
 }
 _MAP: Inches = (8.0, 6.0)
-_WAYS = {Direction.UP: (BLUE, "-"), Direction.DOWN: (VERMILLION, (0, (4, 2)))}
+_WAYS = {str(Direction.UP): (BLUE, "-"), str(Direction.DOWN): (VERMILLION, (0, (4, 2)))}
+_OTHER = (GREEN, (0, (1, 1)))
 _SIZE: Inches = (8.0, 9.0)
 _WATCHED, _SAMPLES = 16, 64  # forcing periods of a motion without period, and samples of each
 _CLOSE = 0.12  # share of the range below which the labels of two ends would touch
@@ -82,7 +83,7 @@ def draw_bands(found: RattleBands, ax: Axes, gap: str | None = None) -> None:
     _shade(found, ax, gap)
     measure = f"half.{moved_by(found.system, gap)[0]}"
     for sweep in found.sweeps:
-        color, dashes = _WAYS[sweep.direction]
+        color, dashes = _line(sweep.met)
         for piece in sweep.pieces:
             if isinstance(piece, Stretch):
                 x = [point.value for point in piece.points]
@@ -121,8 +122,8 @@ def _shade(found: RattleBands, ax: Axes, gap: str) -> None:
 def _draw_severity(found: RattleBands, ax: Axes, gap: str, what: str, words: str) -> None:
     _shade(found, ax, gap)
     for sweep in found.sweeps:
-        color, dashes = _WAYS[sweep.direction]
-        rows = [row for row in found.severities if row.gap == gap and row.met == str(sweep.direction)]
+        color, dashes = _line(sweep.met)
+        rows = [row for row in found.severities if row.gap == gap and row.met == sweep.met]
         x, y = [row.value for row in rows], [getattr(row, what) for row in rows]
         ax.plot(x, y, **stroke(color, 0.8, dashes, zorder=3))
         for is_periodic, marker in ((True, "o"), (False, "x")):
@@ -138,9 +139,13 @@ def _draw_severity(found: RattleBands, ax: Axes, gap: str, what: str, words: str
 
 def _entries(found: RattleBands, gap: str) -> Iterator[tuple[str, Any]]:
     for sweep in found.sweeps:
-        color, dashes = _WAYS[sweep.direction]
+        if sweep.name:
+            continue
+        color, dashes = _line(sweep.met)
         name = found.parameter.rpartition(".")[2].replace("_", " ")
         yield f"{name} {sweep.direction}", stroke(color, 1.4, dashes)
+    if any(sweep.name for sweep in found.sweeps):
+        yield "other motions", stroke(_OTHER[0], 1.4, _OTHER[1])
     if any(_is_wild(row) for row in found.severities):
         yield "not periodic, or of long period", symbols("x", 4.0, BLACK, BLACK)
     seen = {span.state for band in found.of(gap) for span in band.spans}
@@ -148,6 +153,10 @@ def _entries(found: RattleBands, gap: str) -> Iterator[tuple[str, Any]]:
     yield from ((words[state], tint) for state, tint in _TINTS.items() if state in seen)
     if found.worst:
         yield "worst", symbols("*", 9.0, BLACK, "#f3c55b")
+
+
+def _line(met: str) -> tuple[str, Any]:
+    return _WAYS.get(met, _OTHER)
 
 
 def _is_wild(row: Severity) -> bool:

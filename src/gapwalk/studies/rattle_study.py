@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
+from gapwalk.answers.coexisting import other_motions
 from gapwalk.answers.gap_spans import BandEnd
 from gapwalk.answers.gap_states import chosen_gaps
 from gapwalk.answers.rattle_bands import RattleBands, Severity, bands_of_sweeps, severities_of, worst_of
@@ -38,8 +39,10 @@ class RattleOptions:
     ----------
     sweep
         Options of the slow sweeps.
+    search
+        Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
     starts
-        Random starts at the worst motion, of which the share that leads there is found; 0: none.
+        Random starts at each of these values, and at the worst motion, where the share that leads there is found.
     seed
         Seed of these starts.
     reference
@@ -51,14 +54,15 @@ class RattleOptions:
     """
 
     sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)
-    starts: int = 32
+    search: int = 3
+    starts: int = 16
     seed: int = 0
     reference: float = 1.0
     check: int = 32
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        check_integers(self, starts=0, seed=0, check=0)
+        check_integers(self, search=0, starts=0, seed=0, check=0)
         if not self.reference > 0.0:
             raise ModelError(f"reference is {self.reference!r}; it must be an acceleration > 0")
 
@@ -89,7 +93,7 @@ class RattleStudy(RattleOptions, RangeStudy):
     ----------
     parameter, begin, end
         The parameter, and its range.
-    sweep, starts, seed, reference, check, workers
+    sweep, search, starts, seed, reference, check, workers
         Options; as `gapwalk.RattleOptions`. In a table, the keys of `sweep` are among the others.
     gaps
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
@@ -140,6 +144,15 @@ class SweepWithSeverity:
     severities: tuple[Severity, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class OtherMotions:
+    """Motions that no sweep meets, and the severity along them."""
+
+    found: tuple[SweepWithSeverity, ...]
+    notes: tuple[str, ...]
+
+
+OTHERS = Part("others", OtherMotions)
 SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
 BANDS = Part("bands", RattleBands)
 
@@ -153,6 +166,7 @@ class RattleWork(Work):
         self.system, self.asked = system, asked
         self.gaps = chosen_gaps(system, asked.gaps)
         self._sweeps: dict[int, SweepWithSeverity] = {}
+        self._others: OtherMotions | None = None
         self._whole: RattleBands | None = None
 
     def take(self, known: Parts) -> None:
@@ -160,6 +174,7 @@ class RattleWork(Work):
         self._whole = known.get(BANDS)
         if self._whole is None:
             self._sweeps = dict(known.all(SWEEP))
+            self._others = known.get(OTHERS)
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Do the remaining sweeps; then find the bands."""
@@ -168,6 +183,9 @@ class RattleWork(Work):
         for index, found in workers.each(sweep_one, left, in_order=False):
             self._sweeps[left[index]] = found
             yield Found.part(SWEEP, found, left[index])
+        if self._others is None:
+            self._others = self._search()
+            yield Found.part(OTHERS, self._others)
         self._whole = self._bands(complete=True)
         yield Found.part(BANDS, self._whole)
 
@@ -183,12 +201,12 @@ class RattleWork(Work):
     @property
     def done(self) -> int:
         """Number of parts that are done."""
-        return self.total if self.complete else len(self._sweeps)
+        return self.total if self.complete else len(self._sweeps) + (self._others is not None)
 
     @property
     def total(self) -> int:
         """Number of parts."""
-        return len(Direction) + 1
+        return len(Direction) + 2
 
     @property
     def record(self) -> RattleBands | None:
@@ -200,17 +218,30 @@ class RattleWork(Work):
         return RattleFinding(self.record, self.done, self.total)
 
     @property
+    def _in_order(self) -> list[SweepWithSeverity]:
+        return [found for _, found in sorted(self._sweeps.items())]
+
+    def _search(self) -> OtherMotions:
+        asked, sweeps = self.asked, [each.sweep for each in self._in_order]
+        limits = asked.search, asked.starts, asked.seed, asked.sweep
+        found, notes = other_motions(self.system, sweeps, self.gaps, *limits)
+        each = (SweepWithSeverity(one, tuple(severities_of(one, self.gaps, asked.reference))) for one in found)
+        return OtherMotions(tuple(each), tuple(notes))
+
+    @property
     def _step(self) -> float:
         return (self.asked.end - self.asked.begin) / self.asked.sweep.steps
 
     def _bands(self, *, complete: bool) -> RattleBands:
         asked = self.asked
-        both = [found for _, found in sorted(self._sweeps.items())]
-        sweeps = tuple(each.sweep for each in both)
-        severities = tuple(sorted((row for each in both for row in each.severities), key=lambda row: row.value))
+        both = self._in_order
+        others = self._others or OtherMotions((), ())
+        sweeps = tuple(each.sweep for each in (*both, *others.found))
+        rows = (row for each in (*both, *others.found) for row in each.severities)
+        severities = tuple(sorted(rows, key=lambda row: row.value))
         starts = asked.starts if complete else 0
         worst = (worst_of(self.system, asked.parameter, severities, gap, starts, asked.seed) for gap in self.gaps)
-        notes = [note for sweep in sweeps for note in sweep.notes]
+        notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
         sampled = sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples)
         if sampled:
             notes.append(

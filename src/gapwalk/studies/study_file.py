@@ -310,8 +310,8 @@ def _validated(
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
     system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
-    read, folder = partial(read_named, source=source), os.path.dirname(source.name)
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, folder, read)
+    read = partial(read_named, source=source)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, read)
     return validate(study_schema(kind_of(kind)), tables[at], source, at, lambda: surroundings)
 
 

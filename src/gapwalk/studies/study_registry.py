@@ -77,6 +77,7 @@ _HOMES = {
     "rattle": "rattle_study.RattleStudy",
     "threshold": "threshold_study.ThresholdStudy",
     "run-up": "run_up_study.RunUpStudy",
+    "design": "design_study.DesignStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 

@@ -99,8 +99,6 @@ class Surroundings:
         Returns the keys of all kinds of study, which are not allowed as names of studies.
     guessed
         True if the numbers of the system are placeholders: then values of parameters are not checked.
-    folder
-        Folder of the model file, in which a study may name other files.
     read
         Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
     """
@@ -111,8 +109,7 @@ class Surroundings:
     taken: tuple[str, ...] = ()
     all_keys: Callable[[], frozenset[str]] = frozenset
     guessed: bool = False
-    folder: str = ""
-    read: Callable[[str], Any] | None = None
+    read: Callable[[str], NamedFile] | None = None
 
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:

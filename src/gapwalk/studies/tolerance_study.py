@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo
 
 from gapwalk.answers.point_tracking import Fit
-from gapwalk.answers.spread import Spread, Spreads, measured_parts
+from gapwalk.answers.spread import Spread, Spreads, parts_in
 from gapwalk.answers.tolerance import Tolerance, ToleranceCheck
 from gapwalk.answers.tolerance_tracking import (
     Further,
@@ -162,7 +162,13 @@ def _parts(value: object, info: ValidationInfo[Surroundings]) -> object:
         return None
     if not isinstance(value, str):
         raise ValueError(f'is {value!r}; write the name of a CSV file, as in parts = "clutches.csv"')
-    found = measured_parts(os.path.join(info.context.folder, value))
+    if info.context.read is None:
+        return None
+    try:
+        file = info.context.read(value)
+    except ValueError as error:
+        raise ValueError(f"names {value!r}, {error}") from None
+    found = parts_in(file.content, file.name)
     if info.context.system:
         for name in found.names:
             info.context.system.structure.place(name)

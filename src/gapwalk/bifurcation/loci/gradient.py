@@ -20,6 +20,7 @@ from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEq
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -279,6 +280,39 @@ def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
         widths = [abs(orbit.system[name]) or 1.0 for name in plane.names]
         equation, unknowns, scales = equation_of(plane, special, widths)
         found.append(_solved(equation, unknowns, scales, plane.names))
+    return np.hstack(found)
+
+
+def shifts_at(
+    equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
+) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters.
+
+    Parameters
+    ----------
+    equation
+        Equation of the point in the plane of the parameter of its branch alone.
+    unknowns, scales
+        Unknowns of the solution, its parameter value last, and their scales.
+    names
+        The other parameters; shape of the result is (unknowns, parameters).
+
+    Raises
+    ------
+    ConvergenceError
+        If the equation is not satisfied, or the locus is vertical.
+    """
+    plane, found = equation.plane, []
+    system, parameter = plane.system, plane.names[0]
+    if isinstance(equation, MultiplierEquation) and not equation.kind.is_turning:
+        equation = replace(equation, step=_STEPS[1])
+    for first in range(0, len(names), _BATCH):
+        batch = tuple(names[first : first + _BATCH])
+        wide = replace(plane, names=(parameter, *batch))
+        if isinstance(wide, ShotPlane):
+            wide = replace(wide, alike=tuple(dict.fromkeys((*moving_names(system, parameter), *names))))
+        every = np.append(scales[: len(unknowns)], powers_of_two(np.array([abs(system[n]) or 1.0 for n in batch])))
+        found.append(_solved(equation.on(wide, every), unknowns, every, wide.names))
     return np.hstack(found)
 
 

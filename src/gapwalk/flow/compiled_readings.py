@@ -1,0 +1,108 @@
+"""Compiled functions of a state by which friction and held stops are decided, and derivatives of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.equations import Equations
+from gapwalk.flow.flow_cache import kept
+
+Array = NDArray[np.float64]
+
+
+class CompiledReadings:
+    """The compiled readings of some equations, which all their integrators share, and derivatives of them.
+
+    Parameters
+    ----------
+    equations
+        The equations.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self._equations = equations
+        self.state = [*equations.positions, *equations.velocities, *equations.extensions]
+        readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
+        used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
+        places = range(min(used, default=0), max(used, default=-1) + 1)
+        self.used = slice(places.start, places.stop)
+        """The run-time parameters on which the readings depend."""
+        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k}") for k in places}
+        functions = hy.subs(readings, {hy.time: angle, **numbers})
+        # heyoka calls a function of one array twice as fast as one of a state, a time and parameters
+        self.readings = hy.cfunc(functions, vars=[*self.state, angle, *numbers.values()])
+        memories = equations.layout.structure.memories
+        self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
+        """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
+
+    @cached_property
+    def _is_plain(self) -> bool:
+        """True if deflections alone decide which stages are closed, and nothing else has a mode."""
+        layout = self._equations.layout
+        varies = any(slots.sway is not None or any(stage.waves for stage in slots.stages) for slots in layout.contacts)
+        return not (self._equations.modes or layout.cycles or self._equations.formulas or varies)
+
+    def along(self, coefficients: Array, states: Array, thetas: Array, slips: Array) -> Array | None:
+        """Return the columns of the accelerations, then `Readings.friction` of all contacts, at samples of a motion.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow.
+        states, thetas : shape (samples, state_size), (samples,)
+            The states, and their angles.
+        slips : shape (contacts that are friction,)
+            The modes of friction, the same at all samples: 1 or -1 in slip, 0 in stick.
+
+        Returns
+        -------
+        shape (samples, values)
+            None where stages close by more than deflections, as with displacements of a base.
+        """
+        if not self._is_plain:
+            return None
+        equations, n = self._equations, self._equations.layout.structure.size
+        parameters = np.zeros((equations.first_coefficient + len(equations.active), len(states)))
+        for switch, (contact, place) in enumerate(equations.switches):
+            slots = equations.layout.contacts[contact]
+            stage = slots.stages[place]
+            depths = stage.sign * (states[:, :n] @ coefficients[slots.deflection]) - coefficients[stage.clearance]
+            parameters[equations.first_switch + switch] = depths > 0.0
+        parameters[equations.first_slip : equations.first_slip + len(slips)] = slips[:, None]
+        parameters[equations.first_stick : equations.first_stick + len(slips)] = slips[:, None] == 0
+        parameters[equations.length] = 1.0
+        parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
+        given = np.vstack((states.T, thetas[None], parameters[self.used]))
+        return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
+
+    @cached_property
+    def _tangents(self) -> Any:
+        variables, expressions = self._equations.tangents
+        with kept(f"{self._equations.text} tangents"):
+            return hy.cfunc(expressions, vars=variables)
+
+    def tangents(self, state: Array, parameters: Array, theta: float, changes: Sequence[Array]) -> Array:
+        """Return the derivatives of what the accelerations consist of, and of the limits, along some changes.
+
+        Parameters
+        ----------
+        state, parameters, theta
+            The state, all run-time parameters, and the angle.
+        changes
+            Each is a change of the state, of theta, and of the coefficients `Equations.tangent_slots`.
+
+        Returns
+        -------
+        shape (changes, columns)
+            For each change, that of the forces of all contacts, of 1, and of the waves; then those of the force in slip
+            and of the force at which slip begins, of each contact that is friction.
+        """
+        function = self._tangents
+        given = parameters[: function.nparams]
+        return np.array([function(np.concatenate((state, each)), pars=given, time=theta) for each in changes])

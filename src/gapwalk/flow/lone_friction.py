@@ -1,0 +1,164 @@
+"""Friction that slips, sticks or turns round alone: where nothing else is held, and nothing else changes its mode.
+
+This is how nearly all events of friction are, thousands in a walk. Their outcome is known in closed form, from one
+evaluation of the forces. Where several contacts are held or change together, `gapwalk.flow.dry_switches` decides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.dry_derivatives import rate_changes
+from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.equations import Equations
+
+SETTLING = 1e-7
+"""Radians after a change within which a guard of the new mode vanishes by rounding."""
+BARELY = 1e-6
+"""Share of its bound by which a force may differ from it for a stick or slip to be too brief."""
+_TOGETHER = 1e-9  # radians within which two slip rates vanish together
+
+Array = NDArray[np.float64]
+
+
+class Push(NamedTuple):
+    """What a unit of the force of rigid friction does.
+
+    Attributes
+    ----------
+    moved : shape (n,)
+        Accelerations against which it acts.
+    on_itself
+        That of its own deflection.
+    stopping : shape (n,)
+        Change of the velocities by which the rate of its deflection changes by 1.
+    """
+
+    moved: Array
+    on_itself: float
+    stopping: Array
+
+
+class LoneFriction(DryState):
+    """Control of friction that changes its mode alone.
+
+    Parameters
+    ----------
+    equations
+        The equations of the integrator.
+
+    Attributes
+    ----------
+    log
+        The slip events since the start, which begin with the modes at the start.
+    kinks
+        The instants since the start at which friction ceased to slip in one direction, or an impact occurred.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        super().__init__(equations)
+        self.log: list[SlipEvent] = []
+        self.kinks: list[Kink] = []
+        self._begun = [0.0] * len(self.slots)
+        self._pushes: tuple[bytes, dict[int, Push]] | None = None  # with the coefficients for which they are
+
+    def _stick(self, place: int, theta: float) -> None:
+        self.slips[place], self.sticks[place], self._begun[place] = 0, True, theta
+
+    def _slip(self, place: int, side: int, theta: float) -> None:
+        self.slips[place], self.sticks[place], self._begun[place] = side, False, theta
+
+    def _lets_go_alone(self, place: int) -> bool:
+        """Return True if rigid friction sticks, and slips with a force that does not jump and moves nothing else."""
+        number = self.reaction_of[place]
+        if self.held != (number,) or self.sign_of or self._springs:
+            return False
+        return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
+
+    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
+        """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
+
+        This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
+        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it changes
+        nothing.
+        """
+        number, side = self.reaction_of[place], self.slips[place]
+        if self.held or self._springs or number is None or not side:
+            return False
+        if theta - self._begun[place] <= SETTLING and direction != -side:
+            return False
+        acceleration = self.slip_acceleration(place, now, theta)
+        _, limit, bound = now.friction[place]
+        push = self._push_of(place)
+        if side * acceleration >= 0.0 or not bound > 0.0 or not push.on_itself > 0.0:
+            return False
+        needed = side * limit + acceleration / push.on_itself
+        beyond = abs(needed) / bound - 1.0
+        if abs(beyond) < 2.0 * BARELY or side * needed > bound:
+            return False
+        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
+            return False
+        if self.columns:
+            changes = rate_changes(self, self.equations.dry[place], theta)
+        if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
+            jump = 2.0 * side * limit * push.moved
+            if self.columns:
+                self.velocity_rows += changes[:, None] * (jump / acceleration)
+            self._change_alone(place, -side, theta)
+        else:
+            jump = -acceleration * push.stopping
+            if self.columns:
+                self.velocity_rows -= changes[:, None] * push.stopping
+            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
+            self._change_alone(place, 0, theta)
+        if not self.columns:
+            velocities, turning = (now.velocities,) * 2, (now.accelerations, now.accelerations + jump)
+            self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+        return True
+
+    def _change_alone(self, place: int, side: int, theta: float) -> None:
+        """Let one friction slip to a side (0: stick) where nothing else is held."""
+        if not side:
+            self.slips[place], self.sticks[place] = 0, True
+            self.hold((self.reaction_of[place],))
+        else:
+            self._slip(place, side, theta)
+            if self.held:
+                self.hold(())
+        self.apply()
+        self.log.append(SlipEvent(theta, self.equations.dry[place], side))
+
+    def _push_of(self, place: int) -> Push:
+        """Return what a unit of the force of rigid friction does, by its place."""
+        if self._pushes is None or self._pushes[0] != self._numbers[0]:
+            self._pushes = self._numbers[0], {}
+        known = self._pushes[1].get(place)
+        if known is None:
+            slots = self.slots[place]
+            moved = self.base[slots.force]
+            on_itself = float(moved.dot(self.base[slots.deflection]))
+            known = Push(moved, on_itself, moved / on_itself if on_itself else moved)
+            self._pushes[1][place] = known
+        return known
+
+    def _stops_too(self, place: int, now: Readings, theta: float) -> bool:
+        """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
+        if not self.slips[place] or theta - self._begun[place] <= SETTLING:
+            return False
+        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
+        return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
+
+    def kink(self, before: Readings, theta: float, after: Readings | None = None) -> None:
+        """Record an instant at which velocities or accelerations jump."""
+        after = after or self.read(theta)
+        velocities, turning = (before.velocities, after.velocities), (before.accelerations, after.accelerations)
+        self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+
+    def _report(self, before: list[int], theta: float) -> None:
+        """Log the modes that have changed."""
+        for contact, old, new in zip(self.equations.dry, before, self.slips, strict=True):
+            if old != new:
+                self.log.append(SlipEvent(theta, contact, new))
