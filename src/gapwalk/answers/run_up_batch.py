@@ -143,7 +143,8 @@ def _carry(ramped, courses, phases, states, bins, options: BatchOptions, per_tim
     with ThreadPoolExecutor(min(options.thread_count, len(blocks))) as pool:
         list(pool.map(work, blocks))
     error, worst, trials = _judge(ramped, courses, phases, strobes, bins, options.sample)
-    return BatchedRunUps(*tallies, strobes, error, worst, trials, per_time)
+    low, high, forces, impacts = tallies
+    return BatchedRunUps(low, high, forces, impacts, strobes, error, worst, trials, per_time)
 
 
 class _Block:

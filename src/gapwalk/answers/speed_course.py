@@ -198,7 +198,7 @@ def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -
     close |= angles > knots[-1]
     angles = angles[~close]
     angles[-1] = knots[-1]
-    return angles
+    return np.asarray(angles, dtype=np.float64)
 
 
 def pieces_of(system: System, course: SpeedCourse, thetas: NDArray[np.float64]) -> Iterator[Piece]:

@@ -326,7 +326,7 @@ def _pace_heading(system: System) -> list[str]:
 
 def _peak_rows(found: RunUp) -> Iterator[list[object]]:
     yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    yield from map(list, found.peaks)
+    yield from ([*each] for each in found.peaks)
 
 
 def _run_rows(found: RunUps) -> Iterator[list[object]]:
