@@ -105,7 +105,9 @@ def run_batch(
     pilot = len(courses) > 4 * LANES and options.steps is None
     while True:
         chosen = few if pilot else np.arange(len(courses))
-        found = _carry(ramped, [courses[k] for k in chosen], phases[chosen], states[chosen], bins, options, per_time)
+        found = _carry(
+            ramped, [courses[k] for k in chosen.tolist()], phases[chosen], states[chosen], bins, options, per_time
+        )
         if options.steps is not None or not found.error > options.error:
             if not pilot:
                 return found
@@ -354,7 +356,7 @@ def _judge(ramped: Ramped, courses, phases, strobes, bins: int, sample: int) -> 
     lanes = random.choice(len(courses), min(sample, len(courses)), replace=False)
     differences, sizes = [], []
     for lane in lanes:
-        course = courses[lane]
+        course = courses[int(lane)]
         slow = PERIOD / (float(course.speed.min()) * ramped.system.structure.frequency)
         length = min(bins, max(1, math.ceil(slow / course.duration * bins)))
         for start in random.integers(0, bins - length + 1, _PLACES):

@@ -326,7 +326,9 @@ def _pace_heading(system: System) -> list[str]:
 
 def _peak_rows(found: RunUp) -> Iterator[list[object]]:
     yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    yield from ([*each] for each in found.peaks)
+    for each in found.peaks:
+        row: list[object] = [*each]
+        yield row
 
 
 def _run_rows(found: RunUps) -> Iterator[list[object]]:
