@@ -4,8 +4,8 @@ Functions: `contrast`, `energy`, `gradients`, `hysteresis`, `impact_plane`, `lya
 `spectrum`, `stick_slip`, `strobe`, `waterfall`.
 
 Classes: `Agreement`, `BatchOptions`, `ContactLoad`, `Contrast`, `Crossing`, `Energy`, `EnergyItem`, `Gradient`,
-`Gradients`, `Hysteresis`, `Impact`, `Impulsiveness`, `LinePair`, `Lyapunov`, `LyapunovOptions`, `Peak`, `Phase`, `Plane`,
-`Rattle`, `Regime`, `RegimeOptions`, `Section`, `SideRattle`, `SignalPair`, `Spectrum`, `SpectrumOptions`,
+`Gradients`, `Hysteresis`, `Impact`, `Impulsiveness`, `LinePair`, `Lyapunov`, `LyapunovOptions`, `Peak`, `Phase`,
+`Plane`, `Rattle`, `Regime`, `RegimeOptions`, `Section`, `SideRattle`, `SignalPair`, `Spectrum`, `SpectrumOptions`,
 `StickSlip`, `Strike`, `Waterfall`.
 """
 

@@ -36,8 +36,8 @@ from gapwalk.model.coefficients import layout_of
 
 _SEED = 1905
 _PLACES = 4  # of each run-up that is compared with the exact flow
-_TABLE = 400  # most steps of a table of loads: it stays in the cache of a processor
-_SPARE_NODES = 20
+_TABLE = 1000  # most steps of a table of loads: 2 MB for two degrees of freedom
+_SPARE_NODES = 16
 _NOMINAL = 64  # steps per nominal turn, which gives the scheme its step
 _LEAST_SCALE = 1e-12
 _SPREAD = 3.0  # largest ratio of the durations of the run-ups of a block
@@ -105,7 +105,9 @@ def run_batch(
     pilot = len(courses) > 4 * LANES and options.steps is None
     while True:
         chosen = few if pilot else np.arange(len(courses))
-        found = _carry(ramped, [courses[k] for k in chosen], phases[chosen], states[chosen], bins, options, per_time)
+        found = _carry(
+            ramped, [courses[k] for k in chosen.tolist()], phases[chosen], states[chosen], bins, options, per_time
+        )
         if options.steps is not None or not found.error > options.error:
             if not pilot:
                 return found
@@ -143,7 +145,8 @@ def _carry(ramped, courses, phases, states, bins, options: BatchOptions, per_tim
     with ThreadPoolExecutor(min(options.thread_count, len(blocks))) as pool:
         list(pool.map(work, blocks))
     error, worst, trials = _judge(ramped, courses, phases, strobes, bins, options.sample)
-    return BatchedRunUps(*tallies, strobes, error, worst, trials, per_time)
+    low, high, forces, impacts = tallies
+    return BatchedRunUps(low, high, forces, impacts, strobes, error, worst, trials, per_time)
 
 
 class _Block:
@@ -353,7 +356,7 @@ def _judge(ramped: Ramped, courses, phases, strobes, bins: int, sample: int) -> 
     lanes = random.choice(len(courses), min(sample, len(courses)), replace=False)
     differences, sizes = [], []
     for lane in lanes:
-        course = courses[lane]
+        course = courses[int(lane)]
         slow = PERIOD / (float(course.speed.min()) * ramped.system.structure.frequency)
         length = min(bins, max(1, math.ceil(slow / course.duration * bins)))
         for start in random.integers(0, bins - length + 1, _PLACES):

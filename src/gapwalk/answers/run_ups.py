@@ -98,7 +98,7 @@ class RunUps(Shown):
     @cached_property
     def diverged(self) -> NDArray[np.bool_]:
         """True for each run-up whose motion diverged."""
-        return np.isnan(self.low).any(axis=(1, 2))
+        return np.asarray(np.isnan(self.low).any(axis=(1, 2)))
 
     @cached_property
     def speeds(self) -> NDArray[np.float64]:

@@ -189,7 +189,7 @@ def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -
     count = int((knots[-1] - phase) / PERIOD * samples)
     if count > _MOST_SAMPLES:
         raise ModelError(
-            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, more than {_MOST_SAMPLES:,}; "
+            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, over {_MOST_SAMPLES:,} samples; "
             "run up faster, or ask for fewer samples"
         )
     even = phase + PERIOD / samples * np.arange(count + 1)
@@ -198,7 +198,7 @@ def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -
     close |= angles > knots[-1]
     angles = angles[~close]
     angles[-1] = knots[-1]
-    return angles
+    return np.asarray(angles, dtype=np.float64)
 
 
 def pieces_of(system: System, course: SpeedCourse, thetas: NDArray[np.float64]) -> Iterator[Piece]:

@@ -31,7 +31,7 @@ from gapwalk.summary import SummaryParts, summarizes
 if TYPE_CHECKING:
     from typing import Self
 
-CHUNK = 512
+CHUNK = 1024
 """Run-ups in a chunk: one part of a file, and what a killed run loses at most."""
 _MOST = 1_000_000
 
@@ -326,7 +326,9 @@ def _pace_heading(system: System) -> list[str]:
 
 def _peak_rows(found: RunUp) -> Iterator[list[object]]:
     yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    yield from map(list, found.peaks)
+    for each in found.peaks:
+        row: list[object] = [*each]
+        yield row
 
 
 def _run_rows(found: RunUps) -> Iterator[list[object]]:
