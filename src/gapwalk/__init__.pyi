@@ -15,6 +15,8 @@ from . import special_points as special_points
 from . import studies as studies
 from . import train as train
 from .answers.rattle_bands import RattleBands as RattleBands
+from .answers.spread import Spread as Spread
+from .answers.tolerance import Tolerance as Tolerance
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
@@ -83,6 +85,8 @@ from .studies.study_file import read_study as read_study
 from .studies.sweep import Sweep as Sweep
 from .studies.sweep import SweepOptions as SweepOptions
 from .studies.sweep_study import sweep as sweep
+from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
+from .studies.tolerance_study import tolerance as tolerance
 from .studies.verify import verify as verify
 from .verification import Verification as Verification
 

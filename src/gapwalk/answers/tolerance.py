@@ -314,7 +314,7 @@ class Tolerance(Shown):
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
-            yield f"note: no polynomial explains the points at {names}; their indices are those of one parameter at a time"
+            yield f"note: no polynomial explains the points at {names}; their indices are of one parameter at a time"
 
     def _influences(self, index: int) -> Influences:
         column = self.values[:, index]
@@ -337,6 +337,7 @@ class Tolerance(Shown):
         from scipy.stats import sobol_indices
 
         judged = np.arange(len(x)) % _TEST == 0
+        low, width = self._scaling
         for degree in _DEGREES:
             terms = polynomial(x, degree)
             if np.sum(~judged) < _FEW * terms.shape[1]:
@@ -344,7 +345,6 @@ class Tolerance(Shown):
             coefficients = np.linalg.lstsq(terms[~judged], values[~judged])[0]
             rest = values[judged] - terms[judged] @ coefficients
             unexplained = float(np.var(rest) / np.var(values))
-            low, width = self._scaling
 
             def function(points: Array, c: Array = coefficients, d: int = degree) -> Array:
                 return polynomial((points.T - low) / width, d) @ c
