@@ -245,5 +245,5 @@ def test_the_parameter_of_the_response_cannot_vary():
 
 
 def test_the_picture_has_a_row_for_each_point(found):
-    rows = [axes for axes in picture_of(found).axes if axes.get_title().startswith("distribution")]
+    rows = [axes for axes in picture_of(found).axes if axes.get_title("left").startswith("distribution")]
     assert [len(axes.get_yticks()) for axes in rows] == [len(found.points)]

@@ -277,12 +277,6 @@ class Tolerance(Shown):
         """Return the tables of the points, of their indices, and of all samples."""
         return {"points": self._point_rows, "indices": self._index_rows, "samples": self._sample_rows}
 
-    def plot(self, measure: str = "", **options: object):
-        """Draw the response, below it the distributions of its special points, and what matters for each."""
-        from gapwalk.plot import draw
-
-        return draw(self, **({"measure": measure} if measure else {}), **options)
-
     def __repr__(self) -> str:
         return (
             f"Tolerance({len(self.points)} special points of {self.parameter}, {len(self.samples):,} samples of "
