@@ -24,8 +24,10 @@ from .answers.rattle_bands import RattleBands as RattleBands
 from .answers.run_up import run_up as run_up
 from .answers.run_ups import run_ups as run_ups
 from .answers.speed_course import SpeedCourse as SpeedCourse
+from .answers.spread import Spread as Spread
 from .answers.threshold import Threshold as Threshold
 from .answers.threshold import ThresholdOptions as ThresholdOptions
+from .answers.tolerance import Tolerance as Tolerance
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
@@ -97,6 +99,8 @@ from .studies.sweep import Sweep as Sweep
 from .studies.sweep import SweepOptions as SweepOptions
 from .studies.sweep_study import sweep as sweep
 from .studies.threshold_study import threshold as threshold
+from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
+from .studies.tolerance_study import tolerance as tolerance
 from .studies.verify import verify as verify
 from .verification import Verification as Verification
 

@@ -1,5 +1,9 @@
 """Public names of `gapwalk.analysis`; see `gapwalk.lazy_names`."""
 
+from .answers.spread import SpreadLaw as SpreadLaw
+from .answers.spread import Spreads as Spreads
+from .answers.spread import measured_parts as measured_parts
+from .answers.spread import spread_in_percent as spread_in_percent
 from .attractors.attractor_catalogue import match as match
 from .attractors.compare_motions import Agreement as Agreement
 from .attractors.compare_motions import Contrast as Contrast

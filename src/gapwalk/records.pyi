@@ -18,6 +18,11 @@ from .answers.settled_sweep import SettledSweep as SettledSweep
 from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
 from .answers.settled_sweep import Stretch as Stretch
 from .answers.threshold import Confirmation as Confirmation
+from .answers.tolerance import Chance as Chance
+from .answers.tolerance import Influences as Influences
+from .answers.tolerance import ToleranceCheck as ToleranceCheck
+from .answers.tolerance_tracking import Further as Further
+from .answers.tolerance_tracking import HowFound as HowFound
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
 from .attractors.basins import BasinShares as BasinShares

@@ -14,6 +14,7 @@ from gapwalk.answers.tolerance import chance_of
 from gapwalk.answers.tolerance_tracking import HowFound, Tracker
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from gapwalk.plot.picture import picture_of
 from gapwalk.studies.tolerance_study import ToleranceOptions, ToleranceStudy, tolerance
 
 CAMPAIGN = Path(__file__).resolve().parents[1] / "data" / "tolerance_campaign.csv"
@@ -27,6 +28,7 @@ PERCENT = {
     "stiffness.q3.q3": 2,
     "mass.q1.q1": 2,
 }
+IDLE = Path(__file__).resolve().parents[2] / "examples" / "idle.toml"
 GAP, LOAD, DAMPING = 1.0, 0.15, 0.1
 OPTIONS = ToleranceOptions(samples=120, check=2)
 
@@ -203,19 +205,13 @@ def test_the_interval_is_that_of_clopper_and_pearson():
     assert half.high == pytest.approx(stats.beta.ppf(0.975, 21, 20), rel=1e-9)
 
 
-MODEL = """
-coordinates = ["x"]
-frequency = 0.5
-
-[mass]
-matrix = [[1.0]]
-
-[damping]
-matrix = [[0.1]]
-
-[stiffness]
-matrix = [[0.0]]
-"""
+def test_the_table_of_a_study_takes_units_and_percent():
+    study = next(each for each in gw.studies.read_studies(IDLE) if each.name == "scatter")
+    clearance, drag, amplitude = study.options.spreads.laws
+    assert clearance.sd == pytest.approx(0.1 * study.system["mesh.clearance"])
+    assert (drag.low, drag.high) == (-2.2, -1.8)
+    assert amplitude.sd == pytest.approx(0.6)
+    assert study.options.samples == 200
 
 
 @pytest.mark.parametrize(
@@ -249,7 +245,5 @@ def test_the_parameter_of_the_response_cannot_vary():
 
 
 def test_the_picture_has_a_row_for_each_point(found):
-    figure = gw.plot.figure
-    assert figure is not None
-    axes = found.plot()
-    assert axes is not None
+    rows = [axes for axes in picture_of(found).axes if axes.get_title("left").startswith("distribution")]
+    assert [len(axes.get_yticks()) for axes in rows] == [len(found.points)]

@@ -277,12 +277,6 @@ class Tolerance(Shown):
         """Return the tables of the points, of their indices, and of all samples."""
         return {"points": self._point_rows, "indices": self._index_rows, "samples": self._sample_rows}
 
-    def plot(self, measure: str = "", **options: object):
-        """Draw the response, below it the distributions of its special points, and what matters for each."""
-        from gapwalk.plot import draw
-
-        return draw(self, **({"measure": measure} if measure else {}), **options)
-
     def __repr__(self) -> str:
         return (
             f"Tolerance({len(self.points)} special points of {self.parameter}, {len(self.samples):,} samples of "
@@ -337,6 +331,7 @@ class Tolerance(Shown):
         from scipy.stats import sobol_indices
 
         judged = np.arange(len(x)) % _TEST == 0
+        low, width = self._scaling
         for degree in _DEGREES:
             terms = polynomial(x, degree)
             if np.sum(~judged) < _FEW * terms.shape[1]:
@@ -344,7 +339,6 @@ class Tolerance(Shown):
             coefficients = np.linalg.lstsq(terms[~judged], values[~judged])[0]
             rest = values[judged] - terms[judged] @ coefficients
             unexplained = float(np.var(rest) / np.var(values))
-            scaling = self._scaling
 
             def function(
                 points: Array, c: Array = coefficients, d: int = degree, scaling: tuple[Array, Array] = scaling

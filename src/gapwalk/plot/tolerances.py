@@ -75,7 +75,7 @@ def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float])
     for row, special in enumerate(found.points):
         column = values[:, row][~np.isnan(values[:, row])]
         look = style.symbol_style(special.kind)
-        color = style.GREY if special.kind is Kind.GRAZING else look.options().get("color", style.BLACK)
+        color = style.GREY if special.kind is Kind.GRAZING else look.color
         if len(column) > 1:
             heights, edges = np.histogram(column, bins=min(_BINS, max(5, int(np.sqrt(len(column))))))
             top = row + 0.4 - _WIDE * heights / heights.max()
@@ -85,11 +85,10 @@ def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float])
             ax.plot([middle], [row + 0.4], "|", color=style.BLACK, markersize=style.points(8), zorder=3)
         ax.plot([special.value], [row + 0.4], "o", color=style.BLACK, markersize=style.points(3), zorder=4)
     texts = [f"{each.kind}{f' {each.contact}' if each.contact else ''}" for each in found.points]
-    shares = [
-        "" if not found.known.any() or chance.count == chance.samples else f"\nin {100.0 * chance.value:.3g} %"
-        for chance in (found.exists if found.known.any() else [None] * len(texts))  # type: ignore[union-attr]
-    ]
-    ax.set_yticks(range(len(texts)), [text + share for text, share in zip(texts, shares, strict=True)])
+    for row, chance in enumerate(found.exists if found.known.any() else ()):
+        if chance.count < chance.samples:
+            texts[row] += f"\nin {100.0 * chance.value:.3g} %"
+    ax.set_yticks(range(len(texts)), texts)
     ax.set(xlim=within, ylim=(len(texts) - 0.5, -0.6))
     ax.set_xlabel(parameter_words(found.parameter, found.branch.system.units))
     ax.set_title("distribution; bar: middle 90 %, dot: nominal", fontsize=style.points(8.5))

@@ -41,3 +41,4 @@ from .sweep_study import SweepStudy as SweepStudy
 from .tables import Start as Start
 from .tables import Surroundings as Surroundings
 from .tables import check_signal as check_signal
+from .tolerance_study import ToleranceStudy as ToleranceStudy
