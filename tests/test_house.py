@@ -56,6 +56,10 @@ ROOT_NAMES = ("__version__",)
 
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
+    ("answers/rattle_map.py", "plot", "plot"): "the plot() of a map is a convenience; finding it never draws",
+    ("answers/rattle_bands.py", "plot", "plot"): "bands.plot() is a convenience; finding them never draws",
+    ("answers/run_up.py", "plot", "plot"): "run.plot() is a convenience; running up never draws",
+    ("answers/run_ups.py", "plot", "plot"): "run_ups.plot() is a convenience; running up never draws",
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
     (
         "attractors/compare_motions.py",

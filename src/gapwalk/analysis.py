@@ -3,8 +3,8 @@
 Functions: `contrast`, `energy`, `gradients`, `hysteresis`, `impact_plane`, `lyapunov`, `match`, `rattle`, `section`,
 `spectrum`, `stick_slip`, `strobe`, `waterfall`.
 
-Classes: `Agreement`, `ContactLoad`, `Contrast`, `Crossing`, `Energy`, `EnergyItem`, `Gradient`, `Gradients`,
-`Hysteresis`, `Impact`, `Impulsiveness`, `LinePair`, `Lyapunov`, `LyapunovOptions`, `Peak`, `Phase`, `Plane`,
+Classes: `Agreement`, `BatchOptions`, `ContactLoad`, `Contrast`, `Crossing`, `Energy`, `EnergyItem`, `Gradient`,
+`Gradients`, `Hysteresis`, `Impact`, `Impulsiveness`, `LinePair`, `Lyapunov`, `LyapunovOptions`, `Peak`, `Phase`, `Plane`,
 `Rattle`, `Regime`, `RegimeOptions`, `Section`, `SideRattle`, `SignalPair`, `Spectrum`, `SpectrumOptions`,
 `StickSlip`, `Strike`, `Waterfall`.
 """

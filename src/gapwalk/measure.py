@@ -1,8 +1,10 @@
-"""Measured records, their comparison with computed orbits, and parameters fitted to them.
+"""Measured records and special points, their comparison with computed ones, and parameters fitted to them.
 
-Functions: `align`, `find_impact_damping`, `fit`, `match_impact_damping`, `read_measurement`.
+Functions: `align`, `find_impact_damping`, `fit`, `fit_points`, `match_impact_damping`, `read_measurement`,
+`read_points`.
 
-Classes: `Alignment`, `DampingMatch`, `Estimate`, `Fit`, `FitOptions`, `Record`, `Signal`.
+Classes: `Alignment`, `Combination`, `DampingMatch`, `Estimate`, `Fit`, `FitOptions`, `FittedPoint`, `MeasuredPoint`,
+`PointFit`, `Record`, `Signal`.
 """
 
 from gapwalk.lazy_names import lazy_names

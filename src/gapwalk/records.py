@@ -1,12 +1,14 @@
 """Records that are fields of other records or results of functions; users do not create them.
 
-Classes: `AttractorKind`, `Band`, `BasinCheck`, `BasinShares`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`,
-`BranchWalk`, `Cascade`, `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Connection`, `ContactEvent`, `ContactRecord`,
-`ContactRest`, `DiagramBranch`, `DryModes`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `FoundOrbit`,
-`FrictionPhase`, `Hold`, `Instability`, `Kink`, `Lane`, `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`,
-`Match`, `Member`, `Modes`, `Motion`, `OrbitCheck`, `Origin`, `Passage`, `Place`, `RegimeCheck`, `Rest`, `Rotation`,
-`SearchResult`, `Share`, `SlipEvent`, `SpecialCheck`, `SpecialPointPath`, `Spot`, `Summary`, `SummaryText`, `Table`,
-`Tally`, `Tree`, `Turns`, `Unexplained`, `Window`.
+Classes: `AttractorKind`, `Band`, `BandEnd`, `BasinCheck`, `BasinShares`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`,
+`BranchWalk`, `Cascade`, `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Confirmation`, `Connection`, `ContactEvent`,
+`ContactRecord`, `ContactRest`, `DiagramBranch`, `Direction`, `DryModes`, `End`, `EndReason`, `Equilibrium`, `Fate`,
+`Figure`, `ForcePeak`, `FoundOrbit`, `FrictionPhase`, `GapSpan`, `GapState`, `Hold`, `Instability`, `JumpDelay`, `Kink`,
+`Lane`, `LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `Mover`,
+`OrbitCheck`, `Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `RunUp`,
+`RunUps`, `Sample`, `SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`,
+`SpecialCheck`, `SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `Tree`, `Turns`,
+`Unexplained`, `Window`, `Worst`.
 """
 
 from gapwalk.lazy_names import lazy_names

@@ -1,5 +1,23 @@
 """Public names of `gapwalk.records`; see `gapwalk.lazy_names`."""
 
+from .answers.gap_spans import BandEnd as BandEnd
+from .answers.gap_spans import GapSpan as GapSpan
+from .answers.gap_spans import Mover as Mover
+from .answers.gap_spans import RattleBand as RattleBand
+from .answers.gap_states import GapState as GapState
+from .answers.rattle_bands import Severity as Severity
+from .answers.rattle_bands import Worst as Worst
+from .answers.rattle_map import RattleMap as RattleMap
+from .answers.run_up import ForcePeak as ForcePeak
+from .answers.run_up import JumpDelay as JumpDelay
+from .answers.run_up import RunUp as RunUp
+from .answers.run_ups import RunUps as RunUps
+from .answers.settled_sweep import Direction as Direction
+from .answers.settled_sweep import Sample as Sample
+from .answers.settled_sweep import SettledSweep as SettledSweep
+from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
+from .answers.settled_sweep import Stretch as Stretch
+from .answers.threshold import Confirmation as Confirmation
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
 from .attractors.basins import BasinShares as BasinShares

@@ -186,12 +186,31 @@ def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_
     stiffness, damping, mass = [[2.0, -1.0], [-1.0, 1.7]], np.diag([0.05, 0.05]), np.diag([1.0, 1.3])
     harmonic = Harmonic(0.3, {"b": 1.0})
     system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=4.0)
-    down, up = walk(system, 0.3).special_points, walk(system.at(frequency=0.3), 4.0).special_points[::-1]
-    assert [each.kind for each in down] == [each.kind for each in up]
-    assert sum(each.kind is Kind.GRAZING for each in down) >= 4
-    for a, b in zip(down, up, strict=True):
-        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
-        assert (a.before.total, a.after.total, a.nature) == (b.after.total, b.before.total, b.nature)
+    down, up = (
+        places(walk(system, 0.3).special_points),
+        places(walk(system.at(frequency=0.3), 4.0).special_points[::-1]),
+    )
+    assert [sorted(each.kind for each in place) for place in down] == [
+        sorted(each.kind for each in place) for place in up
+    ]
+    assert sum(each.kind is Kind.GRAZING for place in down for each in place) >= 4
+    for one, other in zip(down, up, strict=True):
+        for a, b in zip(one, other, strict=True):
+            assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        assert (one[0].before.total, one[-1].after.total) == (other[0].after.total, other[-1].before.total)
+        natures = [sorted(each.nature for each in place) for place in (one, other)]
+        assert natures[0] == natures[1]
+
+
+def places(points):
+    """Return special points in groups, of those that no error tells apart: a graze and a flip 3e-15 beside it."""
+    found = [[points[0]]]
+    for point in points[1:]:
+        if abs(point.value - found[-1][-1].value) <= 1e-14:
+            found[-1].append(point)
+        else:
+            found.append([point])
+    return found
 
 
 def test_an_impact_that_passes_the_beginning_of_the_period_leaves_no_trace():

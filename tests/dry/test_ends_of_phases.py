@@ -79,8 +79,8 @@ def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch() -> None:
     assert np.abs(moved.state - last.state).max() > 1e-3
 
 
-def test_a_stage_may_close_where_another_event_has_closed_it_within_rounding() -> None:
-    # the stage opens for 6e-7 rad; where it turns back, friction stops, and the stage counts as closed
+def test_a_stage_opens_for_a_moment_in_which_friction_stops_within_rounding_of_its_clearance() -> None:
+    # the stage opens for 6e-7 rad, by 4e-13; where it turns back, friction stops, which is another event
     system = random_system(1).at(frequency=float.fromhex("0x1.4efc2215c82c1p-1"))
     state = ["0x1.4e335c06fa4e1p+1", "0x1.d52a4fcfc6ed3p-1", "0x1.394ef4cd4b4f7p+0", "0x1.86377ec33e641p-2"]
     start = np.array([float.fromhex(each) for each in (*state, "0x1.a21a8c4e0eea3p-3")])
@@ -89,3 +89,4 @@ def test_a_stage_may_close_where_another_event_has_closed_it_within_rounding() -
     opened, closed = [event for event in arc.contacts if 3.40 < event.theta < 3.41]
     assert (opened.enters, closed.enters) == (False, True)
     assert 0.0 < closed.theta - opened.theta < 1e-6
+    assert closed.velocity == pytest.approx(-opened.velocity, rel=1e-3)

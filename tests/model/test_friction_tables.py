@@ -376,6 +376,9 @@ def test_a_jenkins_element_follows_its_limit_over_the_angle_but_not_by_jumps() -
     assert varied(0.1, own, varies="f.limit").size == 2
     with pytest.raises(ModelError, match=r"f.stiffness varies over the angle; only the limit of friction can"):
         varied(0.1, own, varies="f.stiffness")
+    for belt in (rigid, own):
+        with pytest.raises(ModelError, match=r'f.speed varies .* varies = "f.deflection" and the amplitude -a'):
+            varied(0.1, *((stop,) if belt is rigid else ()), belt, varies="f.speed")
     for parts, name in (((own,), "f.limit"), ((stop, soft), "stop.stiffness")):
         with pytest.raises(ModelError, match="a spring in series cannot follow a jump"):
             gw.System(["x", "y"], np.eye(2), contacts=parts, harmonics=[gw.loads.Rectangle(0.1, name)])

@@ -286,12 +286,6 @@ def test_a_walk_over_the_frequency_meets_the_orbits_of_shooting(name, to, error,
             gw.Balance(5, stability="hill"),
             r"'fr' has a memory.*stability = \"variational\"",
         ),
-        (
-            [friction("fr", {"q1": 1.0}, 0.3, stiffness=2.0, speed=0.1)],
-            (gw.Harmonic(0.4, varies={"fr.speed": 1.0}, name="wave"),),
-            gw.Balance(5),
-            r"'fr': its speed varies.*Vary its deflection.*shooting",
-        ),
     ],
 )
 def test_friction_that_is_not_included_is_refused_by_name(contacts, loads, method, message):

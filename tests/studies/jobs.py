@@ -6,6 +6,7 @@ import gapwalk as gw
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies import basin_work as basin_job
 from gapwalk.studies import regime_study as regime_job
+from gapwalk.studies import run_up_study
 from gapwalk.studies.study_file import Study, check_study
 from tests.models import CLUTCH
 
@@ -30,9 +31,10 @@ REGIMES = HEAD + (
     'second = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.5 }\nresolution = [4, 9]\ncarry = "up"\n'
     "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
 )
-MODELS = {"settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
+RUN_UP = HEAD + 'kind = "run-up"\nfrom = 0.4\nto = 0.6\nrate = [0.002, 0.004]\nstarts = 3\nbins = 10\n'
+MODELS = {"run-up": RUN_UP, "settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
 
-SMALL = ((regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
+SMALL = ((run_up_study, "CHUNK", 4), (regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
 """What makes chunks of so few cells that each job has some."""
 
 

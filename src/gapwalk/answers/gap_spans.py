@@ -21,7 +21,6 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.motion import Motion
-from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
 _LOOK = 64  # forcing periods over which a motion without period is watched
@@ -164,7 +163,7 @@ def spans_of(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     last: Stretch | Sample | None = None
     for piece in sweep.pieces:
         changes = list(_changes(piece, gap))
-        begin, state = changes[0]
+        state = changes[0][1]
         if last is None:
             ends.append(BandEnd(start_of(piece), RANGE))
             states.append(state)
@@ -181,10 +180,10 @@ def spans_of(sweep: SettledSweep, gap: str) -> list[GapSpan]:
     final = last.end if isinstance(last, Stretch) else last.value
     bound = sweep.within[1] if sweep.direction is Direction.UP else sweep.within[0]
     is_whole = abs(final - bound) <= abs(sweep.within[1] - sweep.within[0]) * 1e-9
-    if isinstance(last, Sample):  # the next sample would lie beyond the range
+    if isinstance(last, Sample) or is_whole:  # the next sample would lie beyond the range
         ends.append(BandEnd(bound, RANGE))
     else:
-        ends.append(BandEnd(bound, RANGE) if is_whole else replace(_between(last, final), error=abs(final - bound)))
+        ends.append(_between(last, final) if last.lost is not None else BandEnd(final, LOST, abs(final - bound)))
     spans = [GapSpan(low, high, state) for (low, high), state in zip(pairwise(ends), states, strict=True)]
     if sweep.direction is Direction.DOWN:
         spans = [GapSpan(span.high, span.low, span.state) for span in reversed(spans)]
@@ -267,9 +266,3 @@ def _through(
 def _touched(orbit: Orbit, gap: str) -> set[int]:
     inner = innermost(orbit.system, gap)
     return {inner[event.switch] for event in orbit.events if event.switch in inner}
-
-
-def value_words(value: float, parameter: str, system: System) -> str:
-    """Write a value of the parameter with its unit."""
-    unit = system.units.parameter(parameter) if system.units else None
-    return f"{value:.6g} {unit}" if unit else f"{value:.6g}"

@@ -64,7 +64,7 @@ class SlowSweepOptions:
         Options of the walks.
     """
 
-    steps: int = 200
+    steps: int = 100
     longest: int = 2
     patience: int = 300
     walk: WalkOptions = WalkOptions()
@@ -143,6 +143,8 @@ class SettledSweep:
         Periodic motions that were followed, and motions that were sampled; both in the order of the sweep.
     notes
         Failures, in sentences.
+    name
+        How the motions are met if not by a sweep; empty for a sweep.
     """
 
     parameter: str
@@ -151,6 +153,12 @@ class SettledSweep:
     stretches: tuple[Stretch, ...]
     samples: tuple[Sample, ...]
     notes: tuple[str, ...] = ()
+    name: str = ""
+
+    @property
+    def met(self) -> str:
+        """How the motions are met: ``rising``, ``falling``, or otherwise."""
+        return self.name or str(self.direction)
 
     @property
     def pieces(self) -> list[Stretch | Sample]:

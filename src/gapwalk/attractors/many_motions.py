@@ -70,11 +70,14 @@ class ContactFigures(NamedTuple):
         Largest magnitude of each contact force.
     impacts : shape (count, contacts)
         Closings of a contact per forcing period, on both sides together.
+    sides : shape (count, contacts, 2)
+        The same on the positive and on the negative side.
     """
 
     states: NDArray[np.float64]
     peaks: NDArray[np.float64]
     impacts: NDArray[np.float64]
+    sides: NDArray[np.float64]
 
 
 def motions_of(
@@ -155,7 +158,7 @@ class ExactMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
-        impacts = np.full(peaks.shape, np.nan)
+        sides = np.full((*peaks.shape, 2), np.nan)
         names, innermost = [contact.name for contact in self.system.structure.contacts], innermost_switches(self.system)
         for index in np.flatnonzero(finite_rows(states)).tolist():
             try:
@@ -164,12 +167,11 @@ class ExactMotions:
                 continue
             ends[index] = motion.states[-1]
             peaks[index] = np.abs(motion.forces).max(axis=0)
-            closings = np.zeros(impacts.shape[1])
-            for contact, _, switch in innermost:
+            sides[index] = 0.0
+            for contact, side, switch in innermost:
                 entries = [event for event in motion.events if event.enters and event.switch == switch]
-                closings[names.index(contact)] += len(entries)
-            impacts[index] = closings / periods
-        return ContactFigures(ends, peaks, impacts)
+                sides[index, names.index(contact), 0 if side > 0 else 1] = len(entries) / periods
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
 
     def part(self, which: NDArray[np.intp]) -> ExactMotions:
         """See `ManyMotions.part`."""
@@ -237,12 +239,12 @@ class BatchMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self._batch.systems[0].structure.contacts)), np.nan)
-        impacts = peaks.copy()
+        sides = np.full((*peaks.shape, 2), np.nan)
         if run := self._run(states, periods, survey=True):
             which, blocks = run
             survey = blocks.survey(periods)
-            ends[which], peaks[which], impacts[which] = blocks.states, survey.peak_force, survey.impacts.sum(axis=2)
-        return ContactFigures(ends, peaks, impacts)
+            ends[which], peaks[which], sides[which] = blocks.states, survey.peak_force, survey.impacts
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
 
     def part(self, which: NDArray[np.intp]) -> BatchMotions:
         """See `ManyMotions.part`."""

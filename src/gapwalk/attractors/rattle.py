@@ -27,6 +27,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.energy import impact_losses
 from gapwalk.orbit.orbit import Orbit
 
+_VERTICES, _AT_VERTEX, _FLAT = 12, 1e-7, 1e-12  # parabolas; change of the angle, and relative rise, that end them
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
 
@@ -315,8 +316,6 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
     function
         A function that returns its values, shape (samples,), for a motion.
     """
-    from scipy.optimize import minimize_scalar  # imported late: it takes long
-
     if not len(nodes):
         return 0.0
     motion = along.motion
@@ -324,16 +323,43 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
     best = int(np.argmax(values))
     if not 0 < best < len(nodes) - 1:
         return float(values[best])
-    before, after = nodes[best - 1], nodes[best + 1]
-    flow, coefficients, state = flow_of(motion.system), coefficients_of(motion.system), motion.states[before]
-    start, stop = float(motion.theta[before]), float(motion.theta[after])
+    places = nodes[best - 1 : best + 2]
+    flow, coefficients, state = flow_of(motion.system), coefficients_of(motion.system), motion.states[places[0]]
+    start = float(motion.theta[places[0]])
 
-    def negative(theta: float) -> float:
+    def value_at(theta: float) -> float:
         at = flow.integrate(coefficients, state, start, theta).state
-        return -float(function(Motion.of(motion.system, np.array([theta]), at[None]))[0])
+        return float(function(Motion.of(motion.system, np.array([theta]), at[None]))[0])
 
-    found = minimize_scalar(negative, bounds=(start, stop), method="bounded", options={"xatol": 1e-6})
-    return max(-float(found.fun), float(values[best]))
+    return _summit(motion.theta[places].tolist(), values[best - 1 : best + 2].tolist(), value_at)
+
+
+def _summit(thetas: list[float], values: list[float], value_at: Callable[[float], float]) -> float:
+    """Return the maximum of a function from three points, of which the middle one is the highest.
+
+    The vertices of parabolas converge to it superlinearly (successive parabolic interpolation; Brent 1973, chapter 5),
+    and the error of the maximum is the square of theirs. The nodes are so dense that two or three of them suffice.
+    """
+    (a, b, c), (fa, fb, fc) = thetas, values
+    for _ in range(_VERTICES):
+        left, right = (b - a) * (fb - fc), (b - c) * (fb - fa)
+        if left == right:
+            break
+        theta = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right)
+        if not a < theta < c or abs(theta - b) <= _AT_VERTEX:
+            break
+        f = value_at(theta)
+        rises = f - fb
+        if f >= fb:
+            (a, fa), (c, fc) = ((b, fb), (c, fc)) if theta > b else ((a, fa), (b, fb))
+            b, fb = theta, f
+        elif theta > b:
+            c, fc = theta, f
+        else:
+            a, fa = theta, f
+        if abs(rises) <= _FLAT * abs(fb):
+            break
+    return fb
 
 
 def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:

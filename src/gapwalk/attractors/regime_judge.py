@@ -156,7 +156,7 @@ class _RegimeJudge:
             if not peaks.size:
                 peaks = np.full((len(lengths), found.peaks.shape[1]), np.nan)
                 impacts = peaks.copy()
-            self.found.states[which], peaks[which], impacts[which] = found
+            self.found.states[which], peaks[which], impacts[which] = found[:3]
         self.found = self.found._replace(peaks=peaks, impacts=impacts)
 
     def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:

@@ -31,6 +31,7 @@ _SAME = 0.5  # least share of the residual far beyond it that is there at once
 _BEFORE = 1e-3  # largest share of it just before the discontinuity
 _LOCATED = 1e-13  # distance to which it is located
 _MOVED = 1e-3  # radians by which an event may move meanwhile
+_ELSEWHERE = "the start of the period: begin it elsewhere, with another phase of the loads"
 _AT_ONCE = 1e-7  # radians within which events count as one
 
 
@@ -88,7 +89,8 @@ def _difference(first: Orbit, last: Orbit) -> str:
             theta = min(own.theta, other.theta)
             together = [event for event in (*ours, *theirs) if abs(event.theta - theta) <= _AT_ONCE]
             names = sorted({_name(first, event) for event in together})
-            return f"beyond it, {', '.join(names)} behave{'' if names[1:] else 's'} otherwise at theta = {theta:.6g}"
+            words = f"beyond it, {', '.join(names)} behave{'' if names[1:] else 's'} otherwise at theta = {theta:.6g}"
+            return f"{words}, {_ELSEWHERE}" if theta < _AT_ONCE else words
     return "beyond it, its last events are others"
 
 

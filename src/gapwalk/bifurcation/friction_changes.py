@@ -253,11 +253,12 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
     corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
     length, theta = abs(far.arclength - stuck.arclength), change.theta
 
-    def beside(distance: float) -> BranchPoint | None:
-        correction = corrector.correct(stuck.x + way * distance * stuck.tangent, stuck.tangent)
+    def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
+        # from the last point: a guess from farther away may slip, and then leads to another position
+        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
         if correction is None:
             return None
-        point = corrector.point(correction, stuck.tangent, stuck.arclength + way * distance)
+        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
         # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
         reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
         return point if never_slips(point.orbit, change.contact) and not reaches else None
@@ -265,7 +266,7 @@ def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, 
     distance, point, step = 0.0, stuck, _FIRST * length
     theta, value = margin(point.orbit, change, theta)
     for _ in range(_APPROACHES):
-        nearer = beside(distance + step)
+        nearer = ahead(point, step)
         if nearer is None:
             step *= 0.5
             continue

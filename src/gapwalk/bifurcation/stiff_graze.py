@@ -170,7 +170,9 @@ class _Corner:
             label += self._growth(label)
         if length_of(self._at(label).x - point.x) < _LITTLE:
             raise ConvergenceError("the graze is passed, but the walk does not advance")
-        special = [each for each in self._special(begin, label) if each.point.arclength > point.arclength]
+        special = list(self._special(begin, label))
+        if point is not self._first:  # what lies between the two has been found before
+            special = [each for each in special if each.point.arclength > point.arclength]
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
 

@@ -264,7 +264,7 @@ def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
 @command(7)
 def measure(
     file: Path,
-    record: Path,
+    record: Path | None = None,
     /,
     *,
     fit: Names = None,
@@ -273,23 +273,25 @@ def measure(
     json: Json = False,
     debug: Debug = False,
 ) -> int:
-    """Compare a measured record with the computed motion, and fit parameters to it.
+    """Compare a measured record with the computed motion, and fit parameters to it; or fit them to measured jumps.
 
-    The table [measurement] of the model file defines the measured signal. Pictures (PNG and SVG) and tables (CSV) are
-    written; existing ones are overwritten.
+    The table [measurement] of the model file defines the measured signal, or, with the key sweep, the range in which
+    jumps and other special points were measured. Pictures (PNG and SVG, of a record) and tables (CSV) are written;
+    existing ones are overwritten.
 
     Parameters
     ----------
     file
         The model file.
     record
-        The record: a CSV or MAT file with the columns time, acceleration and optionally speed.
+        The record: a CSV or MAT file with the columns time, acceleration and optionally speed. Of special points, a CSV
+        file with the columns kind, value, error and optionally which; by default those of the model file.
     fit
         A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those named in the file.
     changes
         A changed value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
     output
-        The picture to write; by default named after the record. The tables are named after it.
+        The picture to write; by default named after the record, or the model file. The tables are named after it.
     """
     from gapwalk.cli.measure_command import measure_file
 

@@ -7,6 +7,7 @@ arrays; values that all lanes share are scalars.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -26,6 +27,7 @@ from gapwalk.model.coefficients import layout_of
 from gapwalk.model.structure import Structure
 
 _SWEEPS = 2  # over the reactions of several stops
+_DRIVING = re.compile(r"\bt\d+\b")
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,9 @@ class Form:
         True if all lanes have the same coefficients.
     survey
         True if extremes, contacts and largest forces are recorded.
+    driven
+        True if the table of the excitation holds what the loads contribute to the state of each lane over each step,
+        because the lanes run at different speeds. Then nothing else may vary over the angle.
     """
 
     structure: Structure
@@ -51,6 +56,7 @@ class Form:
     modal: bool
     shared: bool
     survey: bool
+    driven: bool = False
 
 
 class Source:
@@ -84,9 +90,10 @@ class Source:
                 fetch, inside = [], [f"{name} = C[{int(name[1:]) * LANES} + l]" for name in chunk.numbers]
             elif len(self._chunks) == 1:
                 fetch, outside = [], fetch
+            inside += self._driving(chunk) if self.form.driven else []
             lines = [*inside, *chunk.loads(self._rows), *chunk.lines, *chunk.stores(self._rows)]
             loops += [*fetch, f"for l in range({LANES}):", *_indented(lines, 1).splitlines()]
-        columns = self._excitation.columns
+        columns = 0 if self.form.driven else self._excitation.columns
         times = [f"t{column} = T[i * {columns} + {column}]" for column in range(columns)]
         return FRAME.format(
             lanes=LANES,
@@ -182,11 +189,18 @@ class Source:
     def _drift(self, i: int) -> str:
         terms = [f"{self._slot('transition', i, j)} * z{j}" for j in self._present("transition", i)]
         present = self._present("loads", i)
-        if self.form.shared and present:
+        if self.form.driven and present:
+            terms.append(f"t{i}")
+        elif self.form.shared and present:
             terms.append(self._excitation.load(i))
         elif present:
             terms += [f"{self._slot('loads', i, b)} * t{b}" for b in present]
         return total(terms)
+
+    def _driving(self, chunk: Chunk) -> list[str]:
+        """Write the lines that read what the loads contribute to a lane."""
+        used = sorted({int(name[1:]) for line in chunk.lines for name in _DRIVING.findall(line)})
+        return [f"t{i} = T[(i * {2 * self.n} + {i}) * {LANES} + l]" for i in used]
 
     def _kick(self, i: int) -> Iterable[str]:
         for k in self._present("weights", i):

@@ -164,7 +164,7 @@ class Switchboard(BreakpointGeometry):
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
         self.modes.start(coefficients, theta, unit)
-        self._changed = [theta] * self.count
+        self._changed, self._speeds = [theta] * self.count, [math.inf] * self.count
         self._left = self._changed.copy()
         self._start_dry(theta)
         near = self._are_near(depths, state, _ON)
@@ -247,7 +247,7 @@ class Switchboard(BreakpointGeometry):
         if inside is before:
             return False
         # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
-        self._changed[switch] = theta if reported else theta + _LATE
+        self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
             for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
@@ -271,16 +271,13 @@ class Switchboard(BreakpointGeometry):
         return True
 
     def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
-        """Return True if an event repeats the last change of its switch, within time or distance that is rounding.
-
-        Another event may have set the switch where a motion turns within rounding of the breakpoint: its own follows.
-        """
+        """Return True if an event follows the last change of its switch within time or distance that is rounding."""
         passed = theta - self._changed[switch]
         if passed <= _REPEATED:
             return True
         state = self._state[: 2 * self.n].tolist()
         near = 4.0 * _ON * (self._scales[switch] + self._size(state))
-        return abs(velocity) * passed * float(self._coefficients[0]) <= near
+        return max(abs(velocity), self._speeds[switch]) * passed * float(self._coefficients[0]) <= near
 
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
@@ -299,8 +296,9 @@ class Switchboard(BreakpointGeometry):
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
         for other in others:
-            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only
-            if not near[other] or theta - self._changed[other] <= _REPEATED or self.dry.holds(other):
+            # a stop that is held stays on its breakpoint, and its rate has a sign by rounding only; and where a motion
+            # has hardly left since a switch changed, its own event follows
+            if not near[other] or self._repeats(other, 0.0, theta) or self.dry.holds(other):
                 continue
             if (depths[other] > 0.0) is self._inside[other] and not on[other]:
                 reach = COOLDOWN * float(self._coefficients[0]) * abs(self._rate(other, theta))

@@ -34,6 +34,8 @@ _NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
+_TURNS = 1e-3  # share of the accelerations below which one may turn at once
+_UNSEEN = 1e-13  # share of its limit by which an extension may be off
 
 Array = NDArray[np.float64]
 
@@ -391,7 +393,8 @@ class DrySwitches(LoneFriction):
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies
-            if just or (steady and self.slips[place] * self.slip_acceleration(place, now, theta) > 0.0):
+            turning = self.slips[place] * self.slip_acceleration(place, now, theta)
+            if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
                 return
             self._stick(place, theta)
             if not self.columns:
@@ -400,6 +403,19 @@ class DrySwitches(LoneFriction):
             return
         self.apply()
         self._report(modes, theta)
+
+    def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
+        """Return True if a spring whose slip rate vanishes would be back at its limit before rounding shows.
+
+        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
+        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
+        """
+        if not -_TURNS * largest(now.accelerations) < turning < 0.0:
+            return False
+        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + _LATER)
+        bend = (later - turning) / (_LATER * float(self.base[0]))
+        away = 2.0 / 3.0 * abs(turning) ** 3
+        return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
 
     def holds(self, switch: int) -> bool:
         """Return True if the stop of a switch is held."""

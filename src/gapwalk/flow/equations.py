@@ -65,7 +65,8 @@ class Equations(RunTimeParameters):
         ]
         variations = [(*variation[:4], [load for load, _ in variation.loads]) for variation in structure.variations]
         slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
-        return f"{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
+        ramp = "ramp " if self.ramp else ""
+        return f"{ramp}{structure.size} {contacts} {list(self.layout.orders)} {variations} {self.layout.cycles} {slots}"
 
     @cached_property
     def positions(self) -> list:
@@ -80,7 +81,13 @@ class Equations(RunTimeParameters):
     @cached_property
     def rate(self) -> hy.expression:
         """Symbol of ``r = 1/W``, by which derivatives over t become derivatives over theta."""
-        return self._coefficient(0)
+        return 1.0 / self._speed if self.ramp else self._coefficient(0)
+
+    @cached_property
+    def _speed(self) -> hy.expression:
+        """The speed W of a ramp: its square grows linearly with theta."""
+        growth, square = (hy.par[self.indices[len(self.pattern) - place]] for place in (2, 1))
+        return hy.sqrt(square + growth * hy.time)
 
     def gap(self, contact: int, stage: int) -> hy.expression:
         """Return the weighted deflection of a contact past a breakpoint: the stage's event function.
@@ -276,7 +283,11 @@ class Equations(RunTimeParameters):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
             return hy.expression(0.0)
-        return hy.par[self.indices[int(slot)]]
+        found, count = hy.par[self.indices[int(slot)]], len(self.layout)
+        for power in (1, 2) if self.ramp else ():
+            if self.pattern[slot + power * count]:
+                found = found + hy.par[self.indices[slot + power * count]] * self._speed**power
+        return found
 
     def _terms(self, slots, symbols) -> list[hy.expression]:
         """Return the products of coefficients and symbols, without those that are zero."""

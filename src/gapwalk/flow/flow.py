@@ -401,7 +401,7 @@ class _Integrator:
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         self._turns.start(coefficients, unit)
-        along = self._still if direction is None else direction.reshape(self.directions, -1)
+        along = direction.reshape(self.directions, -1) if self.directions and direction is not None else self._still
         self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
         # otherwise the Taylor series of the first step is finite
         if self.equations.formulas and not math.isfinite(self._taylor.time):

@@ -26,7 +26,7 @@ class LengthUnit:
     """Conversion of coefficients of one layout to another unit of length, and the choice of the unit for a motion."""
 
     def __init__(self, layout: CoefficientLayout) -> None:
-        n, forms = layout.structure.size, layout.structure.contacts
+        n, forms, self._layout = layout.structure.size, layout.structure.contacts, layout
         self._size = n
         self._loads = layout.accelerations[:, 2 * n + len(forms) :].ravel()
         self._stiffness, self._damping = layout.accelerations[:, :n], layout.accelerations[:, n : 2 * n]
@@ -71,7 +71,8 @@ class LengthUnit:
     def carried(self, coefficients: NDArray[np.float64], unit: float) -> NDArray[np.float64]:
         """Convert the coefficients of a system, or of a direction of systems, to lengths in that unit."""
         scaled = coefficients.copy()
-        scaled[..., self._loads] /= unit
+        for first in range(0, scaled.shape[-1] - 2, len(self._layout)):  # of a ramp also their growth with the speed
+            scaled[..., first + self._loads] /= unit
         scaled[..., self._clearances] /= unit
         scaled[..., self._sways] /= unit
         for slots, power in self._scaled:

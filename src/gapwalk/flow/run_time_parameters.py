@@ -23,6 +23,8 @@ class RunTimeParameters:
         True for each coefficient that is included; the others are zero.
     varying
         For each sensitivity, the slots of the coefficients that vary along its direction.
+    ramp
+        True if the speed changes with the angle. Then the pattern covers the slots of a ramp (`gapwalk.flow.ramp`).
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
     then the weights of the event functions, the modes, the levels of the cycles, the slips and sticks of friction, the
@@ -33,11 +35,13 @@ class RunTimeParameters:
     layout: CoefficientLayout
     pattern: NDArray[np.bool_]
     varying: tuple[NDArray[np.intp], ...] = ()
+    ramp: bool = False
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
         """Slots of the coefficients that are included, in the order of their run-time parameters."""
-        return np.roll(np.flatnonzero(self.pattern), -1)
+        slots = np.flatnonzero(self.pattern)
+        return slots if self.ramp else np.roll(slots, -1)  # of a ramp the square of the speed is the last one
 
     @cached_property
     def indices(self) -> dict[int, int]:

@@ -7,7 +7,6 @@ Method: docs/numerics/measurement.md
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,21 +18,17 @@ from gapwalk.attractors.section import check_count
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.alignment import Alignment, Misfit, Slopes, aligned, found_phase
+from gapwalk.measurement.estimates import RECORD, Estimate, determined, doubts_of, independent, limits_of
 from gapwalk.measurement.measured_record import Record
-from gapwalk.model.laws import never_negative
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry
 from gapwalk.orbit.orbit import Orbit
 
 _SETTLED = 1e-4  # change of the sum of squares, in noise variances, that is small compared with any error bar
 _TOLERANCE = 1e-12  # relative tolerance of step and gradient
-_INDEPENDENT = 1e-7  # smallest independent part of a slope, relative to its size, for which a parameter is fitted
 _ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
-_RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which a direction is undetermined
-_SHARE = 0.05  # component of an undetermined direction above which a parameter counts as undetermined
 _COLOURED = 0.2  # correlation of neighbouring residuals above which standard errors are too small
 _NOISE = 4.0  # that correlation must also exceed this many of its own standard errors
-_BOUND = 1e-4  # distance from a bound, relative to the parameter, below which it counts as at the bound
 _ROUNDING = 1e-6  # residual, relative to the record, below which its correlation has no meaning
 _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
 
@@ -176,7 +171,9 @@ def fit(
     ConvergenceError
         If no minimum is found within the allowed number of evaluations.
     """
-    names, limits = _checked(orbit, parameters, bounds or {}, record)
+    names, limits = limits_of(orbit.system, parameters, bounds or {})
+    if orbit.system.structure.pace in names and record.speed is not None:
+        raise ModelError("the frequency is known from the measured speed; do not fit it")
     misfit = Misfit(orbit, record, signal_of(orbit.system, signal), order)
     begun = found_phase(misfit, orbit) if phase is None else phase
     before = aligned(misfit, orbit, begun)
@@ -203,27 +200,6 @@ def fit(
     )
 
 
-def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple[float, float]], record: Record):
-    """Check the names; return them with their lowest and highest values, shape (2, k)."""
-    names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
-    limits: list[tuple[float, float]] = []
-    for place, name in enumerate(names):
-        value = orbit.system[name]  # refuses an unknown name
-        if name in names[:place]:
-            raise ModelError(f"{name} is listed twice; name it once")
-        if name == orbit.system.structure.pace and record.speed is not None:
-            raise ModelError("the frequency is known from the measured speed; do not fit it")
-        low, high = bounds.get(name, (-math.inf, math.inf))
-        low = max(low, 0.0) if name.rpartition(".")[2] in never_negative() else low
-        if not low <= value <= high or not low < high:
-            raise ModelError(f"{name} begins at {value:g}, which does not lie between its bounds {low:g} and {high:g}")
-        limits.append((low, high))
-    for name in bounds:
-        if name not in names:
-            raise ModelError(f"there are bounds for {name}, which is not fitted")
-    return names, np.array(limits, dtype=float).reshape(-1, 2).T
-
-
 def descend(
     misfit: Misfit,
     orbit: Orbit,
@@ -236,11 +212,11 @@ def descend(
     """Minimise the sum of squares of a misfit; raise a ConvergenceError if that takes too many evaluations."""
     trial = _Trial(misfit, orbit, names, phase)
     values, slopes, evaluations = first, trial.slopes(first), 0
-    free = _independent(slopes)
+    free = independent(slopes.table, slopes.moving)
     for _ in range(_ROUNDS):
         values, count = _minimise(trial, values, free, bounds, max_evaluations)
         slopes, evaluations = trial.slopes(values), evaluations + count
-        now = _independent(slopes)
+        now = independent(slopes.table, slopes.moving)
         if np.count_nonzero(now) <= np.count_nonzero(free):
             break
         free = now  # a parameter without effect at the start may have one here, e.g. a gap
@@ -280,19 +256,6 @@ class _Trial:
         return float(x[-1]) if self._phase is None else self._phase
 
 
-def _independent(slopes: Slopes) -> NDArray[np.bool_]:
-    """Mark the parameters whose effect is not a combination of the effects of others, shape (k,)."""
-    from scipy.linalg import qr  # imported late, as above
-
-    free, places = np.zeros(len(slopes.moving), dtype=bool), np.flatnonzero(slopes.moving)
-    if len(places):
-        columns = slopes.table[:, places]
-        table, order = qr(columns / np.linalg.norm(columns, axis=0), mode="r", pivoting=True)
-        own = np.abs(np.diag(table)) > _INDEPENDENT
-        free[places[order[: len(own)][own]]] = True
-    return free
-
-
 def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tuple[NDArray[np.float64], int]:
     """Return the values at the minimum over the free ones, and the number of evaluations."""
     from scipy.optimize import least_squares  # imported late: it takes long
@@ -330,30 +293,6 @@ def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]
     cosine = float(np.abs(free.T @ residual / (sizes * size)).max(initial=0.0))
     text = f"no minimum: the fit reached the end of the branch of this motion ({found.lost})"
     return (text,) if cosine > _EDGE else ()
-
-
-class Estimate(NamedTuple):
-    """One fitted parameter.
-
-    Attributes
-    ----------
-    name
-        Its name.
-    start, value
-        The first guess, and the fitted value.
-    error
-        Standard error; infinite if the record does not determine the parameter, nan if it ended at a bound.
-    """
-
-    name: str
-    start: float
-    value: float
-    error: float
-
-    def __str__(self) -> str:
-        if np.isnan(self.error):
-            return f"{self.value:.6g} (at its bound)"
-        return f"{self.value:.6g} ± {self.error:.2g}" if np.isfinite(self.error) else f"{self.value:.6g} (undetermined)"
 
 
 class Verdict(NamedTuple):
@@ -404,69 +343,15 @@ def judge(
     size
         Norm of the record.
     """
-    count, samples = len(names), len(residual)
-    scale = np.maximum(np.abs(values), np.abs(first))
-    held = (values - bounds[0] <= _BOUND * scale) | (bounds[1] - values <= _BOUND * scale)
-    sizes = np.linalg.norm(slopes.table, axis=0)
-    idle = ~held & ~slopes.moving
-    free = np.flatnonzero(~held & ~idle)
-    covariance = np.full((count, count), np.nan)
-    covariance[idle, idle] = np.inf
-    undetermined = [
-        f"the record does not determine {names[k]}: it changes nothing in this signal"
-        for k in np.flatnonzero(idle).tolist()
-    ]
-    if len(free):
-        within, directions = _covariance(slopes.table[:, free], residual, samples - count - 1)
-        covariance[np.ix_(free, free)] = within
-        undetermined += [
-            _sentence([names[k] for k in free.tolist()], direction / sizes[free]) for direction in directions
-        ]
-    variances = np.diag(covariance)
-    errors = np.sqrt(variances)
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.outer(errors, errors)
-    estimates = tuple(
-        Estimate(*row) for row in zip(names, first.tolist(), values.tolist(), errors.tolist(), strict=True)
+    variance = float(residual @ residual) / max(1, len(residual) - len(names) - 1)
+    estimates, correlation, held, undetermined = determined(
+        names, first, values, bounds, slopes.table, slopes.moving, variance, RECORD
     )
-    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual, size)), tuple(undetermined))
-
-
-def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):
-    """Compute the covariance of the errors, infinite for undetermined parameters, and the undetermined directions.
-
-    Directions are given in units of the parameters in which all slopes have equal size.
-    """
-    sizes = np.linalg.norm(slopes, axis=0)
-    _, singular, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
-    seen = singular > _RANK * singular[0]
-    variance = float(residual @ residual) / max(1, freedom)
-    inverse = (rows[seen].T / singular[seen] ** 2) @ rows[seen]
-    covariance = variance * inverse / np.outer(sizes, sizes)
-    blurred = np.any(np.abs(rows[~seen]) > _SHARE, axis=0)
-    covariance[blurred, :] = covariance[:, blurred] = np.nan
-    covariance[blurred, blurred] = np.inf
-    return covariance, rows[~seen]
-
-
-def _sentence(names: Sequence[str], direction: NDArray[np.float64]) -> str:
-    """Describe parameters that can be changed together without changing the signal."""
-    weights = np.abs(direction) / np.abs(direction).max()
-    parts = [(name, value) for name, value, weight in zip(names, direction, weights, strict=True) if weight > 1e-4]
-    ratio = " : ".join(f"{value / parts[0][1]:.3g}" for _, value in parts)
-    together = " and ".join(name for name, _ in parts)
-    return (
-        f"the record does not determine {together}: changing them as {ratio} leaves the signal unchanged; "
-        "fit one fewer of them"
-    )
+    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual, size)), undetermined)
 
 
 def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64], size: float) -> Iterator[str]:
-    for each in estimates:
-        if np.isnan(each.error):
-            yield f"{each.name} ended at its bound {each.value:.6g}; the errors of the others hold for this value"
-        elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
-            yield f"{each.name} is poorly determined: its standard error is larger than its value"
+    yield from doubts_of(estimates)
     squares = float(residual @ residual)
     near = float(residual[1:] @ residual[:-1]) / squares if squares > (_ROUNDING * size) ** 2 else 0.0
     if near > max(_COLOURED, _NOISE / np.sqrt(len(residual))):

@@ -226,11 +226,13 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
     """List numbers of friction and rigid stops that leave their bounds over the angle, or must not vary."""
     for variation in structure.variations:
         form = structure.contacts[variation.contact]
-        yield from _memory_problems(structure, variation)
+        if problems := [*_friction_problems(structure, variation)]:
+            yield from problems
+            continue
         law, name = form.law, variation.name
         prefix = form.name if variation.stage < 0 else form.stage_prefix(form.stages[variation.stage])
         least, most = {"restitution": (0.0, 1.0), "static": (1.0, math.inf)}.get(name, (0.0, math.inf))
-        of_friction = law.is_dry and name not in ("speed", *law.arguments)
+        of_friction = law.is_dry and name not in law.arguments
         if not (of_friction or name == HYSTERESIS.name or (law.rebounds and name == "restitution")):
             continue
         value = float(values[structure.place(f"{prefix}.{name}")])
@@ -240,9 +242,14 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
             yield f"{prefix}.{name} varies from {low:.4g} to {high:.4g} over the angle; it must be {bounds}"
 
 
-def _memory_problems(structure: Structure, variation: Variation) -> Iterator[str]:
-    """List what cannot vary of a Jenkins element: its stiffness, and its limit by jumps."""
+def _friction_problems(structure: Structure, variation: Variation) -> Iterator[str]:
+    """List what cannot vary of friction: the speed of a base, and of a Jenkins element its stiffness or a jump."""
     varied = structure.contacts[variation.contact]
+    if varied.law.is_dry and variation.name == "speed":
+        yield (
+            f"{varied.name}.speed varies over the angle, but the speed of a base is constant; a base that shakes as "
+            f'a cos(theta) is a load with varies = "{varied.name}.deflection" and the amplitude -a'
+        )
     if varied.law.has_memory and variation.name == "stiffness":
         yield f"{varied.name}.stiffness varies over the angle; only the limit of friction can: vary {varied.name}.limit"
     if not any(structure.harmonics[load].kind.has_levels for load, _ in variation.loads):

@@ -30,6 +30,7 @@ from gapwalk.orbit.floquet import multipliers
 
 _KEPT = 1e-6  # change over one period, as a share, of what is kept but for rounding
 _BITS = 30  # of the grid of positions that are kept: 1e-9 of a length of the system
+_MOMENT = 1e-5  # radians of a phase at the start of an arc that an error of the state makes
 _ROUNDING = 1e-12  # multipliers of motions with friction that are 0 but for rounding, over the largest
 
 
@@ -164,14 +165,28 @@ class Closure(NamedTuple):
 
 
 def _joined(arcs: Sequence[Arc]) -> tuple[SlipEvent, ...]:
-    """Return the log of slip of successive arcs as one."""
-    found: list[SlipEvent] = []
-    modes: dict[int, int] = {}
-    for event in (event for arc in arcs for event in arc.slips):
-        if modes.get(event.contact) != event.slip:
-            found.append(event)
-            modes[event.contact] = event.slip
+    """Return the log of slip of successive arcs as one.
+
+    The state at the start of an arc is off by what Newton's method leaves. If friction slips there, its force may be a
+    little within its bound; then it would stick for a moment. Such a moment is left out.
+    """
+    modes, found = {event.contact: event.slip for event in arcs[-1].slips}, list[SlipEvent]()
+    for arc in arcs:
+        for place, event in enumerate(arc.slips):
+            before, is_start = modes[event.contact], event.theta == arc.slips[0].theta
+            if is_start and _lasts_a_moment(arc.slips[place:], before):
+                event = event._replace(slip=before)
+            if event.slip != before or (is_start and arc is arcs[0]):
+                found.append(event)
+                modes[event.contact] = event.slip
     return tuple(found)
+
+
+def _lasts_a_moment(events: Sequence[SlipEvent], before: int) -> bool:
+    """Return True if friction returns to the mode before an arc a moment after the start, the first of the events."""
+    following = (each for each in events[1:] if each.contact == events[0].contact)
+    later = next(following, events[0])
+    return later.slip == before and later.theta - events[0].theta < _MOMENT
 
 
 def transition_of(arc: Arc) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +26,21 @@ from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
 from gapwalk.studies.sweep import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
+
+
+class InPlane(Protocol):
+    """A record in the plane of two parameters."""
+
+    @property
+    def first(self) -> str:
+        """Name of the horizontal parameter."""
+        ...
+
+    @property
+    def second(self) -> str:
+        """Name of the vertical parameter."""
+        ...
+
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
@@ -54,7 +69,7 @@ def _fill(ax: Axes, cells: NDArray[Any], within: Ranges, words: tuple[str, str],
     return image
 
 
-def _fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ranges, words: tuple[str, str]) -> None:
+def fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ranges, words: tuple[str, str]) -> None:
     """Fill the cells of a plane with the colours of their codes 0, 1, ..."""
     _fill(ax, codes, within, words, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5)
 
@@ -77,7 +92,7 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
     fills = [_FILLS[index % len(_FILLS)] for index in range(len(found.attractors))]
     words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
     colors = [_IMPOSSIBLE, _RUNAWAY, _UNRESOLVED, *fills]
-    _fill_colors(ax, found.labels - IMPOSSIBLE, colors, window.within, (words[0], words[1]))
+    fill_colors(ax, found.labels - IMPOSSIBLE, colors, window.within, (words[0], words[1]))
     share = 100.0 / found.labels.size
     entries: list[tuple[str, Any]] = [
         (f"{name} ({share * count:.1f} %)", fill)
@@ -117,10 +132,10 @@ def draw_cells(found: Regimes, ax: Axes, *, loci: Iterable[Locus] = ()) -> None:
     for code, (text, color, cells) in enumerate(_regimes(found)):
         codes[cells] = code
         entries.append((text, color))
-    _fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
+    fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
     checked, different = found.check.checked, len(found.check.different)
     note = f"checked with the exact flow: {different} of {checked} cells differed"
-    lines = _draw_loci(ax, found, list(loci))
+    lines = draw_loci(ax, found, list(loci))
     write_legend(ax, [*entries, *lines], note=note if checked else "not checked with the exact flow")
 
 
@@ -211,7 +226,7 @@ def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
         yield text, style.regime_color(word), cells
 
 
-def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
+def draw_loci(ax: Axes, found: InPlane, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
     """Draw loci in black on white, visible on any colour; return their legend entries."""
     for locus in loci:
         if (locus.first, locus.second) != (found.first, found.second):

@@ -14,7 +14,8 @@ from pydantic import AfterValidator, Field, ValidationInfo
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import signal_of
 from gapwalk.measurement.alignment import Alignment, align
-from gapwalk.measurement.fit import Estimate, Fit, fit
+from gapwalk.measurement.estimates import Estimate
+from gapwalk.measurement.fit import Fit, fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.measurement.read_record import FIELDS, read_measurement
 from gapwalk.model.model_file import check_model, in_order
@@ -25,10 +26,10 @@ from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.derived_schema import given_of, table_schema
-from gapwalk.studies.set_values import leaves_of
+from gapwalk.studies.measure_points import SweptMeasurement, SweptModel, are_ranges, exist
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import Counted
-from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
+from gapwalk.studies.tables import Start, StartOrState, Surroundings
 from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
 _LINES = 12  # spectral lines that the summary lists
@@ -63,26 +64,6 @@ def _are_those_of_a_record(columns: Mapping[str, str]) -> Mapping[str, str]:
     return columns
 
 
-def _exist(names: tuple[str, ...], info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
-    for name in names:
-        check_parameter(name, info.context)
-    return names
-
-
-def _are_ranges(bounds: object, info: ValidationInfo[Surroundings]) -> dict[str, tuple[float, float]]:
-    if not isinstance(bounds, Mapping):
-        raise ValueError(f'is {given(bounds)}; it must be a table, such as {{ "stage2.clearance" = [0.5, 2.0] }}')
-    found: dict[str, tuple[float, float]] = {}
-    for value, path in leaves_of(bounds, ()):
-        name = ".".join(str(key) for key in path)
-        check_parameter(name, info.context)
-        numbers = value if isinstance(value, list) else []
-        if len(numbers) != 2 or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-            raise ValueError(f"gives {name} {given(value)}; it must be a list of two numbers, as in [0.5, 2.0]")
-        found[name] = (float(numbers[0]), float(numbers[1]))
-    return found
-
-
 Factor = Annotated[float, Gt(0)]
 
 
@@ -114,8 +95,8 @@ class Measurement:
     order: Factor = 1.0
     period: Counted = 1
     start: StartOrState = Start.SETTLE
-    fit: Annotated[tuple[str, ...], AfterValidator(_exist)] = ()
-    bounds: Annotated[Any, AfterValidator(_are_ranges)] = field(default_factory=dict)
+    fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
+    bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -142,8 +123,10 @@ class MeasuredModel(Measurement):
         return read_measurement(path, self.columns, **scales)
 
 
-def read_measured_model(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None) -> MeasuredModel:
-    """Read a model file with its table ``[measurement]``.
+def read_measured_model(
+    path: str | os.PathLike[str], changes: Mapping[str, object] | None = None
+) -> MeasuredModel | SweptModel:
+    """Read a model file with its table ``[measurement]``: for a record, or, with the key ``sweep``, for special points.
 
     Parameters
     ----------
@@ -178,18 +161,24 @@ def read_measured_model(path: str | os.PathLike[str], changes: Mapping[str, obje
         problems.append(source.problem(_NO_REDUCTION, ("reduction",)))
     if model is None or system is None or table is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
+    if isinstance(table, SweptMeasurement):
+        return SweptModel(**values_of(table), system=system, title=model.title)
     about = {"system": system, "frequency_given": "frequency" in source.data, "title": model.title}
     return MeasuredModel(**values_of(table), **about)
 
 
-def check_measurement(source: Source, system: System | None) -> tuple[Measurement | None, list[Problem]]:
+def check_measurement(
+    source: Source, system: System | None
+) -> tuple[Measurement | SweptMeasurement | None, list[Problem]]:
     """Check the table ``[measurement]`` of a file, if it has one."""
     if "measurement" not in source.data:
         return None, []
     surroundings = Surroundings(system, "frequency" in source.data)
-    schema, table = table_schema(Measurement), source.data["measurement"]
-    part, problems = validate(schema, table, source, ("measurement",), lambda: surroundings)
-    return part and Measurement(**given_of(Measurement, part)), problems
+    table = source.data["measurement"]
+    is_swept = isinstance(table, Mapping) and ("sweep" in table or "point" in table)
+    kind = SweptMeasurement if is_swept else Measurement
+    part, problems = validate(table_schema(kind), table, source, ("measurement",), lambda: surroundings)
+    return part and kind(**given_of(kind, part)), problems
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
@@ -20,6 +21,7 @@ from gapwalk.model.laws import FRICTION, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, read_source
+from gapwalk.model.named_file import read_named
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System
@@ -308,7 +310,8 @@ def _validated(
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
     system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed)
+    read = partial(read_named, source=source)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed, read)
     return validate(study_schema(kind_of(kind)), tables[at], source, at, lambda: surroundings)
 
 

@@ -73,6 +73,11 @@ _HOMES = {
     "sweep": "sweep_study.SweepStudy",
     "basins": "basin_study.BasinStudy",
     "regimes": "regime_study.RegimeStudy",
+    "tolerance": "tolerance_study.ToleranceStudy",
+    "rattle": "rattle_study.RattleStudy",
+    "threshold": "threshold_study.ThresholdStudy",
+    "run-up": "run_up_study.RunUpStudy",
+    "design": "design_study.DesignStudy",
 }
 _added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
 

@@ -99,6 +99,8 @@ class Surroundings:
         Returns the keys of all kinds of study, which are not allowed as names of studies.
     guessed
         True if the numbers of the system are placeholders: then values of parameters are not checked.
+    read
+        Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
     """
 
     system: System | None
@@ -107,6 +109,7 @@ class Surroundings:
     taken: tuple[str, ...] = ()
     all_keys: Callable[[], frozenset[str]] = frozenset
     guessed: bool = False
+    read: Callable[[str], NamedFile] | None = None
 
 
 def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) -> tuple[float, ...]:

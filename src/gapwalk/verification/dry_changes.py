@@ -49,10 +49,14 @@ def mismatch(orbit: Orbit, changes: Sequence[Change]) -> float:
 
 
 def _of_modes(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> float:
-    """Return the longest angle over which modes differ, times the steepest slope of a guard at its ends."""
+    """Return the longest angle over which modes differ, times the steepest slope of a guard at its ends.
+
+    Where only the stored motion has a phase, its guard is zero at both ends: its slope is of the order of that angle.
+    """
     if not theirs or not ours:
         return math.inf
-    every = sorted([(each.theta, 0, each) for each in theirs] + [(each.theta, 1, each) for each in ours])
+    every = [(each.theta, 0, each) for each in theirs] + [(each.theta, 1, each) for each in ours]
+    every.sort(key=lambda each: each[:2])  # events of one motion at the same angle stay in their order
     modes, worst, since, slope = [theirs[0].mode, ours[0].mode], 0.0, None, 0.0
     for theta, side, each in every:
         modes[side] = each.mode
@@ -61,7 +65,7 @@ def _of_modes(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> f
         if modes[0] != modes[1] and since is None:
             since, slope = theta, abs(each.slope) if side else 0.0
         elif modes[0] == modes[1] and since is not None:
-            worst, since = max(worst, (theta - since) * (slope or 1.0)), None
+            worst, since = max(worst, (theta - since) * (slope or theta - since)), None
     return worst if since is None else max(worst, end - since)
 
 

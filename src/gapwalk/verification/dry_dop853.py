@@ -37,7 +37,7 @@ _PERIOD = 2.0 * math.pi
 _STEP = 1e-150  # of the complex step
 _EXACT = 2e-11  # error of a step, relative to the motion
 _BARELY = 1e-8  # excess of a force over its bound where friction would slip for no time, as at switching-sliding
-_HOP = 1e-3  # angle of a flight that is located from its parabola
+_HOP = 1e-3  # angle of a flight that is located from its parabola, and of a step while slip pauses
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
 
@@ -154,8 +154,9 @@ class _Motion(DryInstant):
 
     def _advance(self, stop: float) -> tuple[str, int] | None:
         """Take one step, to the first event in it if there is any; return that."""
+        self._end_pauses()
         hops = self._hops()
-        most = min([stop - self.theta, *(1.5 * hop for hop in hops.values())])
+        most = min([stop - self.theta, *(1.5 * hop for hop in hops.values()), *(_HOP for _ in self.pausing)])
         h = min(self._step, most)
         with np.errstate(over="ignore", invalid="ignore"):
             while True:

@@ -184,15 +184,9 @@ class DryEquations(Equations):
         return found.accelerations @ self._vectors[0][self._first].T + self._swaying(angles)
 
     def _swaying(self, angles: Values) -> Values:
-        """Return the accelerations of what is added to the deflections, and of bases, shape (L, contacts)."""
+        """Return the accelerations of what is added to the deflections, shape (L, contacts)."""
         still = np.zeros((len(angles), self.size))
-        found = self.deflections(angles, still, derivative=2) * self.omega**2 + np.zeros((len(angles), 1))
-        for index in self.dry:
-            name = self._contacts[index].name
-            if (factors := self._shares.get((name, "speed"))) is not None:
-                slope = self._loads.at(angles, _ALL, None, 1) @ factors * self.omega
-                found[:, index] -= self._own[index]["speed"][0] * slope
-        return found
+        return self.deflections(angles, still, derivative=2) * self.omega**2 + np.zeros((len(angles), 1))
 
     def derivatives(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Values:
         """Return the derivatives of states over the angle; of an extension in slip, which its limit determines, 0."""
@@ -251,8 +245,7 @@ class DryEquations(Equations):
         loads = self._loads.at(angles, _ALL)
         rates = self._moves(angles, states[:, :n], states[:, n : 2 * n], _ALL, loads)[1][:, self._first].copy()
         for index in self.dry:
-            own = {"speed": self._own[index]["speed"]}
-            rates[:, index] -= self._named(self._contacts[index].name, own, loads, _ALL)["speed"]
+            rates[:, index] -= self._own[index]["speed"]
         return rates
 
     def rebound(self, switch: int, angles: Values, states: Values) -> None:

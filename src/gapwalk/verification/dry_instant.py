@@ -18,12 +18,14 @@ import numpy as np
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
+from gapwalk.verification.guard_samples import FIRES
 
 SMALL = 1e-25
 """Size of the imaginary parts: rounding does not see their squares."""
 
 EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
+_PAUSE = 1e-6  # slip rate, relative to the velocities, by which slip may reverse in a pause
 _HELD = 1e-7  # angle of a flight that is not made any more
 
 
@@ -43,6 +45,9 @@ class DryInstant:
         The states of all.
     modes, levels
         What is closed, slips and is held; and the levels of numbers that jump.
+    pausing
+        Jenkins elements that slip on, though their slip rate reverses for a moment: they would be back at their limit
+        before rounding shows.
     length, speed, scales
         The size of the motion, of its velocities, and of each part of a state.
     """
@@ -59,6 +64,7 @@ class DryInstant:
         self.scales[n : 2 * n] = speed
         self.length, self.speed, self._slack = length, speed, EQUAL
         self.levels = equations.levels(np.array([1e-9]))
+        self.pausing, self._stopped = set[int](), dict[int, float]()
         self.modes = self._start()
 
     def _now(self) -> Loading:
@@ -202,7 +208,12 @@ class DryInstant:
                     self._set_slider(other)
         elif index in equations.memories:
             z = float(np.real(self.states[0, equations.memories[index]]))
-            modes.slip[index] = 0 if modes.slip[index] else round(math.copysign(1.0, z))
+            if modes.slip[index]:
+                modes.slip[index], self._stopped[index] = 0, self.theta
+            else:
+                modes.slip[index] = round(math.copysign(1.0, z))
+                if self.theta == self._stopped.get(index):
+                    self.pausing.add(index)
         elif not modes.slip[index]:
             modes.slip[index] = round(math.copysign(1.0, float(self._now().forces[0, index])))
             released = (index,)
@@ -229,7 +240,7 @@ class DryInstant:
                 found["slip", index] = slip * now.sliding[:, index] / self.speed if slip else left / size
             elif not equations.is_idle(index, limits, modes):
                 if slip:
-                    rates = slip * now.sliding[:, index]
+                    rates = slip * now.sliding[:, index] + (_PAUSE * self.speed if index in self.pausing else 0.0)
                     if index in equations.creeping:
                         rates = rates - self._creeps(index, angles, states)
                     found["slip", index] = rates / self.speed
@@ -237,6 +248,12 @@ class DryInstant:
                     left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
                     found["slip", index] = left / (equations.stiffnesses[index] * self.length)
         return found
+
+    def _end_pauses(self) -> None:
+        """End the pauses of elements whose slip rate has its direction again."""
+        for index in [*self.pausing]:
+            if self.modes.slip[index] * self._slip_rate(index) > FIRES * self.speed:
+                self.pausing.discard(index)
 
     def _creeps(self, index: int, angles: Values, states: Values) -> Values:
         rows = zip(np.real(angles), np.real(states), strict=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk import Harmonic, System, backlash
+from gapwalk import Harmonic, System
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Hysteretic, Rigid
 
@@ -93,8 +93,9 @@ class _Draw:
 
     def gap(self, name: str) -> list[Contact]:
         clearance, stiffness = self.length * self.uniform(0.1, 1.0), 10.0 ** self.uniform(-0.3, 1.5)
-        damping = self.uniform(0.02, 0.2) / self.length
-        return [backlash(name, self.deflection(), clearance, stiffness, impact_damping=damping, side=self.side())]
+        damping = {"impact_damping": self.uniform(0.02, 0.2) / self.length}
+        stop = Stage(clearance, stiffness, side=self.side())
+        return [Contact(name, self.deflection(), [stop], law="hunt-crossley", numbers=damping)]
 
 
 def random_system(seed: int) -> System:

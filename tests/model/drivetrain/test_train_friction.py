@@ -318,9 +318,7 @@ def test_a_prescribed_motion_moves_friction_and_stop() -> None:
     assert len(found.contacts) == len(expected.contacts) > 0
 
 
-@pytest.mark.parametrize(
-    "number", ["s_friction.limit", "s.stage2.hysteresis", "s_stop.restitution", "f.limit", "f.speed"]
-)
+@pytest.mark.parametrize("number", ["s_friction.limit", "s.stage2.hysteresis", "s_stop.restitution", "f.limit"])
 def test_numbers_of_friction_and_stops_vary(number: str) -> None:
     stages = [
         gw.Stage(0.1, 3.0, numbers={"hysteresis": 0.2}),

@@ -20,6 +20,7 @@ from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEq
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
@@ -261,6 +262,60 @@ def gradient(special: SpecialPoint, names: Sequence[str] = (), method: Method | 
     return Gradient(special, names, slopes, errors)
 
 
+def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns of a special point, its parameter value last, by other parameters.
+
+    They predict the point in a system near by: shape (unknowns, parameters), the unknowns as in
+    `gapwalk.bifurcation.loci.locus_start.equation_of`. Those of a condition on multipliers come from forward
+    differences and have about six digits; `gradient` is more accurate. Errors are those of `gradient`.
+    """
+    orbit, parameter = special.orbit, special.parameter
+    found = []
+    for first in range(0, len(names), _BATCH):
+        batch = tuple(names[first : first + _BATCH])
+        plane = plane_of(orbit.method().for_loci(), orbit, (parameter, batch[0]))
+        plane = replace(plane, names=(parameter, *batch))
+        if isinstance(plane, ShotPlane):
+            plane = replace(plane, alike=tuple(dict.fromkeys((*moving_names(orbit.system, parameter), *names))))
+        widths = [abs(orbit.system[name]) or 1.0 for name in plane.names]
+        equation, unknowns, scales = equation_of(plane, special, widths)
+        found.append(_solved(equation, unknowns, scales, plane.names))
+    return np.hstack(found)
+
+
+def shifts_at(
+    equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
+) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters.
+
+    Parameters
+    ----------
+    equation
+        Equation of the point in the plane of the parameter of its branch alone.
+    unknowns, scales
+        Unknowns of the solution, its parameter value last, and their scales.
+    names
+        The other parameters; shape of the result is (unknowns, parameters).
+
+    Raises
+    ------
+    ConvergenceError
+        If the equation is not satisfied, or the locus is vertical.
+    """
+    plane, found = equation.plane, []
+    system, parameter = plane.system, plane.names[0]
+    if isinstance(equation, MultiplierEquation) and not equation.kind.is_turning:
+        equation = replace(equation, step=_STEPS[1])
+    for first in range(0, len(names), _BATCH):
+        batch = tuple(names[first : first + _BATCH])
+        wide = replace(plane, names=(parameter, *batch))
+        if isinstance(wide, ShotPlane):
+            wide = replace(wide, alike=tuple(dict.fromkeys((*moving_names(system, parameter), *names))))
+        every = np.append(scales[: len(unknowns)], powers_of_two(np.array([abs(system[n]) or 1.0 for n in batch])))
+        found.append(_solved(equation.on(wide, every), unknowns, every, wide.names))
+    return np.hstack(found)
+
+
 def moving_names(system: System, parameter: str) -> tuple[str, ...]:
     """Return the names of the parameters that are not zero, without the one that is followed."""
     structure = system.structure
@@ -277,9 +332,9 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
     equation, unknowns, scales = equation_of(plane, special, widths)
     if not isinstance(equation, MultiplierEquation) or special.kind.is_turning:
         # first derivatives suffice; at a fold those of the multiplier are multiplied by zero
-        found = _solved(equation, unknowns, scales, plane.names)
+        found = _solved(equation, unknowns, scales, plane.names)[-1]
         return found, _ROUNDING * np.abs(found)
-    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names) for step in _STEPS]
+    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names)[-1] for step in _STEPS]
     changes = [np.abs(b - a) for a, b in pairwise(tried)]
     best = int(np.argmin([float(np.max(change)) for change in changes]))
     return tried[best + 1], changes[best]
@@ -288,6 +343,7 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
 def _solved(
     equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
 ) -> NDArray[np.float64]:
+    """Return the derivatives of all unknowns by the parameters after the first."""
     system, size = equation.system, len(unknowns)
     residual, by_all, _ = equation.linearised(unknowns, *(system[name] for name in names[1:]))
     own = by_all[:, :size] * scales[:size]
@@ -299,4 +355,4 @@ def _solved(
         raise ConvergenceError(
             f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
         )
-    return solved[-1, 1:] * scales[size - 1]
+    return solved[:, 1:] * scales[:size, None]

@@ -173,6 +173,16 @@ class ShotPlane(OrbitPlane):
     alike: tuple[str, ...] = ()
     """Parameters of which any may be the second and following; they share one compiled flow. Empty for `names`."""
 
+    def with_system(self, system: System) -> ShotPlane:
+        """Return the plane of another system with the same parts, with the same compiled flow.
+
+        Looking up a compiled flow takes as long as a period of motion; a parameter that changes no coefficient here
+        must change none there.
+        """
+        other = replace(self, system=system)
+        other.__dict__.update(_flow=self._flow, _length=self._length)  # lengths are units, of any value
+        return other
+
     def place(self, unknowns: NDArray[np.float64], *point: float, keeps: int | None = None) -> Place:
         """See `OrbitPlane.place`; the friction of the contact `keeps` keeps its mode. Errors as in `Flow.integrate`."""
         coefficients, slopes = self._parameters.coefficients(*point)
@@ -319,4 +329,6 @@ class ShotPlane(OrbitPlane):
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
     """Return the derivatives of the final state by initial state and parameters, in rows of state_size + k."""
     assert arc.sensitivity is not None
-    return np.concatenate((transition_of(arc), arc.sensitivity), axis=1)
+    transition = transition_of(arc)
+    # by one parameter alone the sensitivity is a vector
+    return np.concatenate((transition, arc.sensitivity.reshape(len(transition), -1)), axis=1)

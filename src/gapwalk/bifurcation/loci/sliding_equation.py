@@ -9,6 +9,8 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.friction_margins import Change, margin, modes_around
+from gapwalk.bifurcation.friction_margins import instant_of as instant_in
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
@@ -17,7 +19,8 @@ from gapwalk.errors import ConvergenceError
 from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.friction_gauge import FrictionGauge
-from gapwalk.model.coefficients import layout_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.friction_phases import Margin
 from gapwalk.orbit.orbit import Orbit
 
 _STEP = 1e-150  # of the complex step
@@ -144,12 +147,33 @@ class SlidingEquation(LocusEquation):
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
 
-def nearest_margin(orbit: Orbit, instant: Instant):
-    """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant."""
+def nearest_margin(orbit: Orbit, instant: Instant) -> Margin:
+    """Return the margin of an orbit that is nearest to zero, of those that vanish at such an instant.
+
+    On one side of a point of sliding the margin is that of the phase that vanishes there; the orbit at the point itself
+    may have that phase, very short.
+    """
+    what, contact, side = instant
     alike = [each for each in orbit.margins if (each.what, each.contact, each.side) == instant_of(instant)]
+    phases = orbit.friction.get(contact, [])
+    within = {"rate": (side, 0, side), "reserve": (0, side, 0)}.get(what)
+    own = [phase for phase, around in zip(phases, modes_around(phases), strict=True) if around == within]
+    if own and within is not None:
+        shortest = min(own, key=lambda phase: phase.length)
+        theta, value = margin(orbit, Change(contact, *within, shortest.start, False), shortest.start)
+        alike.append(Margin(contact, what, side, theta, value, _range(orbit, instant, theta)))
     if not alike:
         raise ConvergenceError("no friction of this motion is near such a point")
     return min(alike, key=lambda each: abs(each.value) / each.range)
+
+
+def _range(orbit: Orbit, instant: Instant, theta: float) -> float:
+    """Return the size of the quantity that vanishes at an instant: of rates that of the motion, of forces the bound."""
+    if instant.what == "rate":
+        return float(np.abs(orbit.extremes).max()) * float(orbit.system.frequency)
+    now, gauge = instant_in(orbit, theta), FrictionGauge(layout_of(orbit.system.structure), instant.contact)
+    bound, _ = gauge.bound_and_force(coefficients_of(orbit.system), now.theta, now.state, gauge.sticking(now.modes))
+    return float(bound)
 
 
 def instant_of(instant: Instant) -> tuple[str, int, int]:

@@ -83,6 +83,11 @@ class CsvColumns:
                         )
         return dict(zip(places, table, strict=True))
 
+    def texts(self, place: int) -> list[str]:
+        """Return the entries of a column as texts; empty where a line ends before it."""
+        lines = [_entries(line, self.mark) for _, line in self.rows]
+        return [line[place].strip() if place < len(line) else "" for line in lines]
+
 
 def number_row(values: object, what: str) -> NDArray[np.float64]:
     """Return one row of finite numbers; refuse anything else, with the reason."""

@@ -402,22 +402,18 @@ def check_dry(layout: CoefficientLayout) -> None:
     Raises
     ------
     ModelError
-        If friction sticks rigidly, or the speed of its base varies.
+        If friction sticks rigidly.
     """
     for slots in layout.contacts:
         law, name = slots.form.law, slots.form.name
         if not isinstance(law, Friction):
             continue
-        refused = f"harmonic balance cannot include {name!r}: "
         if not law.has_memory:
             raise ModelError(
-                f"{refused}its force law {law.name!r} sticks rigidly, and the force in stick is a reaction, which does "
-                "not follow from the deflection. Give it a stiffness in series, which makes it a Jenkins element "
-                "(stiffness = 100 beside limit or coefficient, in the units of the model), or use the method shooting"
-            )
-        if "speed" in slots.waves:
-            raise ModelError(
-                f"{refused}its speed varies over the angle. Vary its deflection, or use the method shooting"
+                f"harmonic balance cannot include {name!r}: its force law {law.name!r} sticks rigidly, and the force "
+                "in stick is a reaction, which does not follow from the deflection. Give it a stiffness in series, "
+                "which makes it a Jenkins element (stiffness = 100 beside limit or coefficient, in the units of the "
+                "model), or use the method shooting"
             )
 
 

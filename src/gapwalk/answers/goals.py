@@ -1,0 +1,401 @@
+"""Goals of a design: what a response should be, as margins that must not be negative, with their derivatives.
+
+A goal is reached where all its margins are at least zero. How it is reached may be open: folds leave a band at its
+lower or its upper end, or vanish in it. Each such way is a smooth problem of its own, and all are tried.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, innermost
+from gapwalk.answers.local_response import LocalResponse, band_points
+from gapwalk.attractors.rattle import largest
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.flow.quadrature import quadrature
+from gapwalk.model.modes import find_modes
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+MARGIN = 1e-3
+"""Safety margin: as a share of the width of a band, of a limit, or of a measure of size 1."""
+
+_LOWEST = 3  # local minima of a measure along a branch that are kept away from zero
+_STEP = 1e-5  # relative change of a parameter for the derivative of a natural frequency
+
+
+class Need(NamedTuple):
+    """One margin of a goal at a design.
+
+    Attributes
+    ----------
+    margin
+        What is left, relative to the width of the band or to the limit; negative: missing.
+    slopes : shape (k,)
+        Its derivatives by relative changes of the parameters.
+    words
+        Description.
+    """
+
+    margin: float
+    slopes: NDArray[np.float64]
+    words: str
+
+
+@dataclass(frozen=True)
+class Goal(ABC):
+    """A goal of a design."""
+
+    ways: ClassVar[tuple[str, ...]] = ("",)
+    """Ways in which it may be reached; each is tried."""
+
+    @abstractmethod
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+
+    @abstractmethod
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins at a design, with their derivatives, less the safety margin."""
+
+    @abstractmethod
+    def margin(self, response: LocalResponse) -> float:
+        """Return how far the goal is reached at a design, in whichever way; negative if it is not."""
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return sentences on what an isolated branch has against the goal."""
+        return []
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
+        low, high = getattr(self, "within", ends)
+        if not ends[0] <= low < high <= ends[1]:
+            raise ModelError(
+                f"a goal is set from {low:g} to {high:g}; it must lie inside the range of the response, "
+                f"{ends[0]:g} to {ends[1]:g}"
+            )
+
+
+_MOVES: dict[str, Callable[[float, float, float], bool]] = {  # True if a point of a band leaves it at its upper end
+    "below": lambda value, low, high: value > high,
+    "above": lambda value, low, high: value > low,
+    "apart": lambda value, low, high: value > 0.5 * (low + high),
+}
+
+
+def _moved_out(
+    response: LocalResponse, points: Sequence[SpecialPoint], within: tuple[float, float], way: str, margin: float
+) -> list[Need]:
+    """Return the margins of special points that are to leave a band on the sides that a way says."""
+    low, high = within
+    width, needs = high - low, []
+    for special in points:
+        to_top = _MOVES[way](special.value, low, high)
+        slopes = special.gradient(*response.names).slopes * np.array(response.scales)
+        side = 1.0 if to_top else -1.0
+        part = side * (special.value - (high if to_top else low)) / width
+        words = f"{special.kind} at {special.value:.6g} {'above' if to_top else 'below'} the band"
+        needs.append(Need(part - margin, side * slopes / width, words))
+    return needs
+
+
+@dataclass(frozen=True)
+class NoPoint(Goal):
+    """No special point of a kind in a band of the walked parameter.
+
+    Parameters
+    ----------
+    kind
+        ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
+    within
+        The band.
+    """
+
+    kind: Kind
+    within: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        known = [str(each) for each in Kind.known() if not each.no_locus]
+        if str(self.kind) not in known:
+            raise ModelError(f"a goal is without {str(self.kind)!r}; {did_you_mean(str(self.kind), known)}")
+        object.__setattr__(self, "kind", next(each for each in Kind.known() if str(each) == str(self.kind)))
+        low, high = self.within
+        if not low < high:
+            raise ModelError(f"the band of a goal is from {low:g} to {high:g}; write the smaller value first")
+
+    @property
+    def ways(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Ways in which the points leave the band."""
+        return (*_MOVES, "vanish") if self.kind in (Kind.FOLD, Kind.FLIP) else tuple(_MOVES)
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        return f"no {self.kind} between {parameter} = {self.within[0]:g} and {self.within[1]:g}"
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margin of each point of the kind; or, if they are to vanish, of the branch that bears them.
+
+        Between a pair of folds the branch runs back. The smallest component of its tangent along the parameter is
+        negative there, zero where the pair merges in a cusp, and positive beyond. For flips the product of all
+        multipliers plus one plays this role.
+        """
+        points = [each for each in response.branch.special_points if each.kind == self.kind]
+        if way != "vanish" and (points or "vanish" not in self.ways):
+            return _moved_out(response, points, self.within, way, margin)
+        # without points, others must not appear: a design beyond the cusp may come back to it, and no further
+        measure = response.advance if self.kind is Kind.FOLD else _from_flips
+        words = "the branch does not run back" if self.kind is Kind.FOLD else "no multiplier passes -1"
+        return [
+            Need(value - margin, response.slopes(place, measure), f"{words} near {place.point.value:.6g}")
+            for place, value in response.lowest(measure, *self.within, most=_LOWEST)
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the distance of the nearest point from the band, as a share of its width; 1 if there is none."""
+        low, high = self.within
+        parts = [
+            max(low - each.value, each.value - high) / (high - low)
+            for each in response.branch.special_points
+            if each.kind == self.kind
+        ]
+        return min([1.0, *parts])
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence on each special point of the kind inside the band."""
+        low, high = self.within
+        points = [each for each in branch.special_points if each.kind == self.kind]
+        return [
+            f"an isolated branch has a {each.kind} at {each.value:.8g}, inside the band"
+            for each in points
+            if low <= each.value <= high
+        ]
+
+
+def _from_flips(point: BranchPoint) -> float:
+    return float(np.prod(1.0 + point.orbit.free_multipliers).real)
+
+
+@dataclass(frozen=True)
+class Quiet(Goal):
+    """A gap does not rattle over a band: it stays closed on one side, or it stays open.
+
+    Parameters
+    ----------
+    gap
+        Name of the contact.
+    within
+        The band.
+    """
+
+    ways: ClassVar[tuple[str, ...]] = ("closed", "open")
+
+    gap: str
+    within: tuple[float, float]
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        return f"{self.gap} quiet between {parameter} = {self.within[0]:g} and {self.within[1]:g}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if there is no such gap, or the band leaves the range of the response."""
+        super().check(system, ends)
+        chosen_gaps(system, self.gap)
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins of the depth of its turning points where it is least in the band.
+
+        A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
+        """
+        state = GapState.CLOSED if way == "closed" else GapState.OPEN
+
+        def measure(point: BranchPoint) -> float:
+            return quiet_depth(point.orbit, self.gap, state)
+
+        return [
+            Need(value - margin, response.slopes(place, measure), f"{self.gap} {way} at {place.point.value:.6g}")
+            for place, value in response.lowest(measure, *self.within, most=_LOWEST)
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the depth by which the gap stays closed or open over the band, relative to its clearance."""
+        return max(
+            response.lowest(lambda point, state=state: quiet_depth(point.orbit, self.gap, state), *self.within)[0][1]
+            for state in (GapState.CLOSED, GapState.OPEN)
+        )
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the gap rattles on the branch inside the band."""
+        points = [point for point in band_points(branch, *self.within) if gap_state(point.orbit, self.gap).rattles]
+        if not points:
+            return []
+        values = [point.value for point in points]
+        return [f"{self.gap} rattles on an isolated branch between {min(values):.6g} and {max(values):.6g}"]
+
+
+def quiet_depth(orbit: Orbit, gap: str, state: GapState) -> float:
+    """Return the depth by which a gap stays closed or open over an orbit, relative to its clearance; negative if not.
+
+    Parameters
+    ----------
+    orbit
+        The orbit.
+    gap
+        Name of the contact.
+    state
+        The state, closed or open.
+    """
+    depths, breakpoints = [], orbit.system.breakpoints
+    for switch, side in innermost(orbit.system, gap).items():
+        contact, _, clearance = breakpoints[switch]
+        turns = [side * value for value in orbit.turns[contact].values]
+        size = abs(clearance) or 1.0
+        depths.append((min(turns) - clearance if state is GapState.CLOSED else clearance - max(turns)) / size)
+    return max(depths) if state is GapState.CLOSED else min(depths)
+
+
+@dataclass(frozen=True)
+class PeakBelow(Goal):
+    """The peak force or torque of a contact stays below a limit over a band, stable motion or not.
+
+    Parameters
+    ----------
+    contact
+        Name of the contact.
+    limit
+        The limit, in N m or non-dimensional.
+    within
+        The band.
+    """
+
+    contact: str
+    limit: float
+    within: tuple[float, float]
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        unit = " N m" if system.units else ""
+        low, high = self.within
+        return f"peak of {self.contact} below {self.limit:g}{unit} between {parameter} = {low:g} and {high:g}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if there is no such contact, the limit is no force, or the band leaves the range."""
+        super().check(system, ends)
+        known = [contact.name for contact in system.structure.contacts if not contact.law.rebounds]
+        if self.contact not in known:
+            raise ModelError(f"a goal limits the force of {self.contact!r}; {did_you_mean(self.contact, known)}")
+        if not self.limit > 0.0:
+            raise ModelError(f"the limit of {self.contact} is {self.limit!r}; it must be a force > 0")
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins where the peak is largest."""
+        return [
+            Need(
+                value - margin,
+                response.slopes(place, self._left),
+                f"peak of {self.contact} {self.limit * (1.0 - value):.6g} at {place.point.value:.6g}",
+            )
+            for place, value in response.lowest(self._left, *self.within, most=_LOWEST)
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return what is left to the limit, as a share of it."""
+        return response.lowest(self._left, *self.within)[0][1]
+
+    def against(self, branch: Branch) -> list[str]:
+        """Return a sentence if the peak is above the limit on the branch inside the band."""
+        peaks = [(-self._left(point), point.value) for point in band_points(branch, *self.within)]
+        share, value = max(peaks, default=(-1.0, 0.0))
+        if share <= 0.0:
+            return []
+        return [f"the peak of {self.contact} on an isolated branch is {(1.0 + share) * self.limit:.6g} at {value:.6g}"]
+
+    def _left(self, point: BranchPoint) -> float:
+        return 1.0 - peak_force(point.orbit, self.contact) / self.limit
+
+
+def peak_force(orbit: Orbit, contact: str) -> float:
+    """Return the largest magnitude of the force of a contact in an orbit, in N m or non-dimensional."""
+    place = [form.name for form in orbit.system.structure.contacts].index(contact)
+    along = quadrature(orbit.system, orbit.state, orbit.period)
+    nodes = np.arange(len(along.motion.theta))
+    return largest(along, nodes, lambda motion: np.abs(motion.forces[:, place]))
+
+
+@dataclass(frozen=True)
+class Resonance(Goal):
+    """A resonance lies below or above a value of the frequency or speed.
+
+    Parameters
+    ----------
+    number
+        Number of the natural frequency: 1 for the first that is not zero, with the first stage of every contact closed.
+    below, above
+        The limits, in the unit of the frequency or speed; give one or both.
+    order
+        Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
+        multiple of the frequency.
+    """
+
+    number: int
+    below: float | None = None
+    above: float | None = None
+    order: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.below is None and self.above is None:
+            raise ModelError("a goal names a resonance, but no limit; write below = ... or above = ...")
+
+    def words(self, system: System, parameter: str) -> str:
+        """Describe the goal."""
+        unit = f" {system.units.parameter(system.structure.pace)}" if system.units else ""
+        limits = (("above", self.above), ("below", self.below))
+        parts = [f"{word} {value:g}{unit}" for word, value in limits if value is not None]
+        return f"resonance {self.number} with order {self.order:g} {' and '.join(parts)}"
+
+    def check(self, system: System, ends: tuple[float, float]) -> None:
+        """Raise a ModelError if the system has no such natural frequency."""
+        self.value(system)
+
+    def value(self, system: System) -> float:
+        """Return the frequency or speed at which the order meets the natural frequency."""
+        rates = find_modes(system).frequencies
+        rates = rates[np.isfinite(rates)]
+        rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
+        if not 1 <= self.number <= len(rates):
+            raise ModelError(f"a goal names resonance {self.number}; the system has {len(rates)}")
+        order = self.order / float(system.turns or 1)
+        return float(rates[self.number - 1]) / (order * system.structure.frequency)
+
+    def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
+        """Return the margins, with their derivatives."""
+        system, slopes = response.system, np.empty(len(response.names))
+        value = self.value(system)
+        for k, (name, scale) in enumerate(zip(response.names, response.scales, strict=True)):
+            pair = [self.value(system.at({name: system[name] + sign * _STEP * scale})) for sign in (-1.0, 1.0)]
+            slopes[k] = (pair[1] - pair[0]) / (2.0 * _STEP)
+        words = f"resonance {self.number} at {value:.6g}"
+        return [
+            Need(side * (value - limit) / abs(limit) - margin, side * slopes / abs(limit), words)
+            for side, limit in ((-1.0, self.below), (1.0, self.above))
+            if limit is not None
+        ]
+
+    def margin(self, response: LocalResponse) -> float:
+        """Return the distance from the nearest limit, as a share of it."""
+        value = self.value(response.system)
+        pairs = ((-1.0, self.below), (1.0, self.above))
+        return min(side * (value - limit) / abs(limit) for side, limit in pairs if limit is not None)
+
+
+AnyGoal = NoPoint | Quiet | PeakBelow | Resonance
+"""A goal of any kind."""

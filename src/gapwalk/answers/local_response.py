@@ -1,0 +1,246 @@
+"""One response over a range of a parameter, and how its points move when other parameters change.
+
+A point of a response that is not a special point has no place of its own. If it is the extreme of a measure along the
+branch, the derivative of that extreme by a parameter is that of the measure at any point nearby, because the measure
+does not change along the branch there (envelope theorem). So a point is corrected again at slightly changed values of
+each parameter, in the plane across the branch, and the central difference of the measure is the derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.branch_start import start_branch
+from gapwalk.bifurcation.follow import follow
+from gapwalk.continuation.corrector import Corrector, hermite
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import EndReason
+from gapwalk.errors import ConvergenceError
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+COARSE = WalkOptions(initial_step=0.02, largest_step=0.05)
+"""Steps of the responses that are walked at each design."""
+
+_STEP = 1e-4  # change of a parameter for a central difference, as a share of its scale
+_INSIDE = 1e-9  # share of the range by which a point at its end may miss it
+_NARROW = 1e-3  # share of the bracket to which an extreme along the branch is located
+
+
+class Place(NamedTuple):
+    """Point of a response.
+
+    Attributes
+    ----------
+    point
+        The point.
+    is_fixed
+        True if it stays at its value of the walked parameter, as the ends of a range do.
+    """
+
+    point: BranchPoint
+    is_fixed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LocalResponse:
+    """The response of a system over a range, walked from one end to the other.
+
+    Attributes
+    ----------
+    branch
+        The branch.
+    names
+        Parameters that may change.
+    scales
+        Size of a relative change of 1 of each of them.
+    """
+
+    branch: Branch
+    names: tuple[str, ...]
+    scales: tuple[float, ...]
+
+    @classmethod
+    def of(
+        cls, lead: Orbit, parameter: str, end: float, names: Sequence[str], scales: Sequence[float], walk: WalkOptions
+    ) -> LocalResponse:
+        """Walk the response from an orbit at one end of the range to the other end.
+
+        Raises
+        ------
+        ConvergenceError
+            If the branch does not reach the other end.
+        """
+        branch = follow(lead, parameter, end, walk=walk)
+        last = branch.ends[-1]
+        if last.reason is not EndReason.RANGE or abs(last.value - end) > abs(end - branch.values[0]) * _INSIDE:
+            raise ConvergenceError(
+                f"the response from {parameter} = {branch.values[0]:.6g} does not reach {end:.6g}: {last.reason_words}"
+            )
+        return cls(branch, tuple(names), tuple(scales))
+
+    @property
+    def system(self) -> System:
+        """The system at the beginning of the response."""
+        return self.branch.system
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Ends of the range, the smaller one first."""
+        first, last = float(self.branch.values[0]), float(self.branch.values[-1])
+        return min(first, last), max(first, last)
+
+    @property
+    def forward(self) -> float:
+        """1 if the walk begins at the smaller end, -1 otherwise."""
+        return 1.0 if self.branch.values[-1] > self.branch.values[0] else -1.0
+
+    def advance(self, point: BranchPoint) -> float:
+        """Return the component of the tangent along the walked parameter: negative where the branch runs back."""
+        return self.forward * float(point.tangent[-1])
+
+    def lowest(
+        self, measure: Callable[[BranchPoint], float], low: float, high: float, most: int = 1
+    ) -> list[tuple[Place, float]]:
+        """Find the places of a stretch where a measure is lowest.
+
+        Parameters
+        ----------
+        measure
+            The measure.
+        low, high
+            The stretch of the walked parameter.
+        most
+            Number of local minima that are returned at most, the lowest first; the ends of the stretch count.
+        """
+        found: list[tuple[Place, float]] = []
+        for run in self._runs(low, high):
+            values = [measure(place.point) for place in run]
+            count = len(run)
+            for k, value in enumerate(values):
+                if value > min(values[max(k - 1, 0) : k + 2]):
+                    continue
+                place = run[k]
+                if 0 < k < count - 1:
+                    place, value = self._refined(run[k - 1].point, place.point, run[k + 1].point, measure, value)
+                found.append((place, value))
+        return sorted(found, key=lambda each: each[1])[:most]
+
+    def slopes(self, place: Place, measure: Callable[[BranchPoint], float]) -> NDArray[np.float64]:
+        """Return the derivatives of a measure by relative changes of the parameters, at a place; shape (k,)."""
+        slopes = np.empty(len(self.names))
+        for k, (name, scale) in enumerate(zip(self.names, self.scales, strict=True)):
+            values = [measure(self._moved(place, name, sign * _STEP * scale)) for sign in (-1.0, 1.0)]
+            slopes[k] = (values[1] - values[0]) / (2.0 * _STEP)
+        return slopes
+
+    @cached_property
+    def _corrector(self) -> Corrector:
+        first = self.branch.points[0].orbit
+        method = first.method()
+        way = 1 if self.forward > 0.0 else -1
+        return start_branch(first, self.branch.parameter, float(self.branch.values[-1]), way, method).corrector
+
+    def _moved(self, place: Place, name: str, change: float) -> BranchPoint:
+        """Return the point that takes the place of one when a parameter changes."""
+        point, scales = place.point, self._corrector.scales
+        system = point.orbit.system
+        other = system.at({name: system[name] + change})
+        equation = point.orbit.method().pose(other, self.branch.parameter, point.orbit.period)
+        corrector = Corrector(equation, scales)
+        x = np.append(equation.unknowns(point.orbit), point.value) / scales
+        corrected = corrector.at_value(x, point.value) if place.is_fixed else corrector.correct(x, point.tangent)
+        if corrected is None:
+            raise ConvergenceError(f"the motion at {point.value:.6g} has no neighbour with another {name}")
+        return corrector.point(corrected, point.tangent, point.arclength)
+
+    def _runs(self, low: float, high: float) -> Iterator[list[Place]]:
+        """Yield each run of the branch through a stretch, with points at its ends."""
+        within, points = (low, high), self.branch.points
+        slack = _INSIDE * (self.ends[1] - self.ends[0])
+        run: list[Place] = []
+        for k, point in enumerate(points):
+            if k:
+                for bound in sorted(within, key=lambda value: abs(value - points[k - 1].value)):
+                    if (points[k - 1].value - bound) * (point.value - bound) < 0.0:
+                        run.append(Place(self._at(points[k - 1], point, bound), is_fixed=True))
+                        if not low <= point.value <= high and len(run) > 1:
+                            yield run
+                            run = []
+            if low - slack <= point.value <= high + slack:
+                run.append(Place(point, is_fixed=k in (0, len(points) - 1)))
+            elif len(run) == 1:
+                run = []
+        if run:
+            yield run
+
+    def _at(self, one: BranchPoint, other: BranchPoint, value: float) -> BranchPoint:
+        """Return the point between two at a value of the walked parameter."""
+        share = (value - one.value) / (other.value - one.value)
+        guess = hermite(one, other, share)
+        corrected = self._corrector.at_value(guess, value)
+        if corrected is None:
+            return min(one, other, key=lambda point: abs(point.value - value))
+        arclength = one.arclength + share * (other.arclength - one.arclength)
+        return self._corrector.point(corrected, one.tangent, arclength)
+
+    def _refined(
+        self,
+        before: BranchPoint,
+        middle: BranchPoint,
+        after: BranchPoint,
+        measure: Callable[[BranchPoint], float],
+        value: float,
+    ) -> tuple[Place, float]:
+        """Return the place of the lowest value between two points, and that value."""
+        from scipy.optimize import minimize_scalar  # imported late: it takes long
+
+        best = (middle, value)
+
+        def of(arclength: float) -> float:
+            nonlocal best
+            one, other = (before, middle) if arclength < middle.arclength else (middle, after)
+            length = other.arclength - one.arclength
+            if length <= 0.0:
+                return value
+            guess = hermite(one, other, (arclength - one.arclength) / length)
+            corrected = self._corrector.correct(guess, (other.x - one.x) / np.linalg.norm(other.x - one.x))
+            if corrected is None:
+                return value
+            point = self._corrector.point(corrected, one.tangent, arclength)
+            found = measure(point)
+            if found < best[1]:
+                best = (point, found)
+            return found
+
+        ends = (before.arclength, after.arclength)
+        minimize_scalar(of, bounds=ends, method="bounded", options={"xatol": _NARROW * (ends[1] - ends[0])})
+        return Place(best[0], is_fixed=False), best[1]
+
+
+def band_points(branch: Branch, low: float, high: float) -> list[BranchPoint]:
+    """Return the points of a branch in a stretch of its parameter."""
+    return [point for point in branch.points if low <= point.value <= high]
+
+
+def unstable_spans(branch: Branch, low: float, high: float) -> list[tuple[float, float]]:
+    """Return the spans of a stretch over which the motions of a branch are unstable."""
+    spans: list[tuple[float, float]] = []
+    for one, other in pairwise(branch.points):
+        a, b = sorted((one.value, other.value))
+        a, b = max(a, low), min(b, high)
+        if a < b and not (one.stable and other.stable):
+            if spans and spans[-1][0] <= b and a <= spans[-1][1]:
+                spans[-1] = (min(a, spans[-1][0]), max(b, spans[-1][1]))
+            else:
+                spans.append((a, b))
+    return spans

@@ -1,0 +1,163 @@
+"""Extremum of a locus: the largest or smallest value of one parameter on a curve of special points.
+
+Between two points of the locus the slope of one parameter by the other changes its sign where the extremum lies. It is
+exact at each point, from the derivatives of the locus equation, so that a bracketing method ends at rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.loci.follow_locus import follow_locus
+from gapwalk.bifurcation.loci.locus import Locus, LocusPoint
+from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.errors import ConvergenceError
+from gapwalk.orbit.shooting import Shooting
+
+_EXACT = 1e-12  # relative width of the bracket at which the extremum is located
+_EDGE = 1e-9  # share of a range within which a point lies at its end
+
+
+class Extremum(NamedTuple):
+    """Extremum of a locus within a range.
+
+    Attributes
+    ----------
+    special
+        The special point there; its value is that of the extremal parameter.
+    at
+        Value of the other parameter.
+    error
+        Estimated error of the extremal value.
+    is_edge
+        True if it lies at an end of the range, beyond which the locus goes on.
+    locus
+        The locus.
+    """
+
+    special: SpecialPoint
+    at: float
+    error: float
+    is_edge: bool
+    locus: Locus
+
+    @property
+    def value(self) -> float:
+        """The extremal value."""
+        return self.special.value
+
+
+def locus_extremum(
+    special: SpecialPoint,
+    parameter: str,
+    over: str,
+    to: tuple[tuple[float, float], tuple[float, float]],
+    way: int,
+) -> Extremum:
+    """Follow a special point over one parameter to the extremum of another.
+
+    Parameters
+    ----------
+    special
+        The point at which the locus starts.
+    parameter, over
+        The parameter of which the extremum is wanted, and the other one.
+    to
+        Ranges of `parameter` and of `over`.
+    way
+        1 for the largest value, -1 for the smallest.
+
+    Raises
+    ------
+    ModelError
+        If the kind of point has no locus.
+    ConvergenceError
+        If the locus cannot be followed.
+    """
+    locus = follow_locus(special, parameter, over, to)
+    points = list(locus.points)
+    best = max(range(len(points)), key=lambda k: way * points[k].values[0])
+    there = points[best]
+    width = to[1][1] - to[1][0]
+    is_edge = min(abs(there.values[1] - end) for end in to[1]) < _EDGE * width
+    neighbours = [points[k] for k in (best - 1, best + 1) if 0 <= k < len(points)]
+    if is_edge or len(neighbours) < 2:
+        return Extremum(_special(special, locus, there), there.values[1], _blur(there), is_edge, locus)
+    curve = _Curve(special, locus, there)
+    low, high = sorted(point.values[1] for point in neighbours)
+    try:
+        at, value = curve.turning(low, high)
+    except (ConvergenceError, ValueError):  # a cusp, or a corner: the point of the walk is the best there is
+        spread = max(abs(point.values[0] - there.values[0]) for point in neighbours)
+        return Extremum(_special(special, locus, there), there.values[1], spread, False, locus)
+    return Extremum(_special(special, locus, curve.point(at)), at, _blur(there) + _EXACT * abs(value), False, locus)
+
+
+class _Curve:
+    """A locus near one of its points, as a function of the second parameter."""
+
+    def __init__(self, special: SpecialPoint, locus: Locus, near: LocusPoint) -> None:
+        self.locus, self.near, self.names = locus, near, (locus.first, locus.second)
+        plane = plane_of(Shooting(), near.orbit, self.names)
+        widths = [abs(value) or 1.0 for value in near.values]
+        equation, unknowns, scales = equation_of(plane, _special(special, locus, near), widths)
+        self._corrector = Corrector(equation, powers_of_two(scales))
+        self._guess = np.append(unknowns, near.values[1]) / self._corrector.scales
+
+    def turning(self, low: float, high: float) -> tuple[float, float]:
+        """Return where the first parameter is stationary between two values of the second, and its value there.
+
+        Raises
+        ------
+        ValueError
+            If its slope has equal signs at both.
+        ConvergenceError
+            If a point cannot be found.
+        """
+        from scipy.optimize import brentq  # imported late, because the import is slow
+
+        at = float(brentq(lambda value: self._solved(value)[1], low, high, xtol=_EXACT * abs(high - low), rtol=1e-14))
+        return at, self._solved(at)[0]
+
+    def point(self, at: float) -> LocusPoint:
+        """Return the point of the locus at a value of the second parameter."""
+        correction = self._corrected(at)
+        x = correction.x * self._corrector.scales
+        equation = self._corrector.equation
+        orbit = equation.orbit(x[:-1], float(x[-1]), correction.evaluation)
+        values = orbit.system[self.names[0]], orbit.system[self.names[1]]
+        return LocusPoint(values, orbit, self.near.angle, correction.x, self.near.tangent, self.near.arclength)
+
+    def _solved(self, at: float) -> tuple[float, float]:
+        """Return the first parameter at a value of the second, and its slope."""
+        correction, scales = self._corrected(at), self._corrector.scales
+        evaluation = correction.evaluation
+        assert evaluation.by_parameter is not None
+        slopes = np.linalg.solve(evaluation.by_unknowns * scales[:-1], -evaluation.by_parameter)
+        return float(correction.x[-2] * scales[-2]), float(slopes[-1] * scales[-2])
+
+    def _corrected(self, at: float):
+        correction = self._corrector.at_value(self._guess, at)
+        if correction is None:
+            raise ConvergenceError(f"the locus has no point at {self.names[1]} = {at:.10g}")
+        return correction
+
+
+def _special(special: SpecialPoint, locus: Locus, point: LocusPoint) -> SpecialPoint:
+    """Return a point of a locus as a special point of the branch along the first parameter."""
+    value = point.values[0]
+    branch_point = BranchPoint(value, point.orbit, point.x, point.tangent, math.nan, math.nan)
+    sides = point.orbit.instability
+    return SpecialPoint(special.kind, branch_point, sides, sides, math.nan, locus.contact, parameter=locus.first)
+
+
+def _blur(point: LocusPoint) -> float:
+    """Return the rounding of a parameter of a point."""
+    return 1e-10 * abs(point.values[0])

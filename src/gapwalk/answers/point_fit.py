@@ -1,0 +1,471 @@
+"""Fit named parameters to special points measured in slow sweeps, such as jump frequencies and ends of rattle bands.
+
+The residual of a point is its computed value minus the measured one, over the standard uncertainty of the measurement.
+The special points are tracked from trial to trial; their gradients are exact, and give the standard errors.
+
+Method: docs/numerics/measurement.md
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.measured_points import MeasuredPoint, match_points, measured_of
+from gapwalk.answers.point_tracking import Corrected, TrackedPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.measurement.estimates import Estimate, Evidence, determined, doubts_of, independent, limits_of
+from gapwalk.measurement.fit import FitOptions
+from gapwalk.model.system import System
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.orbit.find import carry
+from gapwalk.summary import SummaryParts, Table, Tables, remarks, row_of, rows_of, summarizes
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-13  # relative tolerance of step, cost and gradient
+_ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
+_RANK = 1e-6  # slopes of multipliers have about nine digits; see `gapwalk.measurement.estimates`
+_IDLE = 1e-6  # shift of the points by 100 % of a parameter, in uncertainties, below which it has no effect
+_ROUNDING = 1e-9  # the same, relative to that of the most effective parameter
+_SAME = 1e-6  # scaled distance within which two special points are one
+_EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
+_UNLIKELY = 1e-3  # probability of so large a sum of squares below which the uncertainties are in doubt
+_SMALL = 0.05  # component of a combination below which it is not named
+_MET = 1e-6  # share of the range within which a walk must meet a fitted point
+
+_POINTS = Evidence("the points do not determine", "it moves none of them", "leaves the points where they are")
+
+
+@dataclass(frozen=True, slots=True)
+class FittedPoint:
+    """A measured special point beside the computed one.
+
+    Attributes
+    ----------
+    kind, contact
+        Its kind, and the contact that grazes.
+    before, after
+        Values computed with the first guess and with the fitted parameters.
+    measured, error
+        Measured value and its standard uncertainty.
+    """
+
+    kind: str
+    contact: str
+    before: float
+    after: float
+    measured: float
+    error: float
+
+    @property
+    def residual(self) -> float:
+        """Fitted minus measured value, in standard uncertainties."""
+        return (self.after - self.measured) / self.error
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """A combination of relative changes of the parameters, and how well the points determine it.
+
+    Attributes
+    ----------
+    weights
+        Weight of the relative change of each parameter; the sum of their squares is 1.
+    singular
+        Singular value: by how many standard uncertainties a relative change of 1 moves the points.
+    """
+
+    weights: tuple[float, ...]
+    singular: float
+
+    @property
+    def error(self) -> float:
+        """Standard error of the combination, relative; infinite if it is not determined."""
+        return 1.0 / self.singular if self.singular > 0.0 else math.inf
+
+    def words(self, names: Sequence[str]) -> str:
+        """Return the combination as a sum, without small parts."""
+        parts = [(w, name) for w, name in zip(self.weights, names, strict=True) if abs(w) > _SMALL]
+        parts.sort(key=lambda part: -abs(part[0]))
+        text = " ".join(f"{'-' if w < 0.0 else '+'} {abs(w):.2f} {name}" for w, name in parts)
+        return text.removeprefix("+ ")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PointFit(Shown):
+    """Parameters fitted to measured special points.
+
+    Attributes
+    ----------
+    parameter
+        Parameter of the branch.
+    estimates
+        The fitted parameters, each with its standard error.
+    points
+        The points, before and after, beside the measured ones.
+    correlation : shape (k, k)
+        Correlations of the estimates' errors.
+    combinations
+        Combinations of the parameters from the best to the least determined one, without those at a bound.
+    chi_square
+        Sum of the squares of the residuals in standard uncertainties.
+    freedom
+        Number of points minus that of combinations that they determine.
+    evaluations
+        Number of systems in which the points were computed.
+    system
+        The fitted system.
+    branch
+        The branch of the fitted system, walked again; None if it could not be, or only points were given.
+    notes
+        Further information, in sentences.
+    failures
+        Reasons to distrust the result.
+    """
+
+    parameter: str
+    estimates: tuple[Estimate, ...]
+    points: tuple[FittedPoint, ...]
+    correlation: Array
+    combinations: tuple[Combination, ...]
+    chi_square: float
+    freedom: int
+    evaluations: int
+    system: System
+    branch: Branch | None
+    notes: tuple[str, ...]
+    failures: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return the estimate of one parameter."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
+
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """Names of the parameters that did not end at a bound, in the order of the weights of combinations."""
+        return tuple(each.name for each in self.estimates if not math.isnan(each.error))
+
+    @summarizes
+    def summary(self, failures: bool = True) -> SummaryParts:
+        """Return the parameters, the points, what the points determine, notes, and failures if wanted."""
+        units = self.system.units
+        yield f"{len(self.estimates)} parameters fitted to {len(self.points)} measured points"
+        rows = []
+        for each in self.estimates:
+            value, _, rest = str(each).partition(" ")
+            rows.append([parameter_symbol(each.name, units), f"{each.start:.6g}", f"{value} {rest}".strip()])
+        yield Table(["parameter", ">before", "after"], rows)
+        symbol = parameter_symbol(self.parameter, units)
+        yield Table(
+            ["point", "contact", f">{symbol} before", ">after", ">measured", ">residual"],
+            [
+                [
+                    *(p.kind, p.contact, f"{p.before:.8g}", f"{p.after:.8g}"),
+                    *(f"{p.measured:.8g} ± {p.error:.2g}", f"{p.residual:+.2f}"),
+                ]
+                for p in self.points
+            ],
+        )
+        if self.combinations:
+            rows = [[each.words(self.free_names), f"{each.singular:.3g}", _percent(each)] for each in self.combinations]
+            yield Table(["combination of relative changes", ">singular value", ">known to"], rows)
+        yield f"chi-square {self.chi_square:.3g} with {self.freedom} degrees of freedom"
+        yield from remarks(self.notes, self.failures if failures else ())
+
+    def tables(self) -> Tables:
+        """Return the tables of parameters, points, and combinations with their weights."""
+        names = self.free_names
+        return {
+            "parameters": lambda: rows_of(row_of(each) for each in self.estimates),
+            "points": lambda: rows_of({**row_of(each), "residual": each.residual} for each in self.points),
+            "combinations": lambda: rows_of(
+                {"singular": each.singular, "error": each.error, **dict(zip(names, each.weights, strict=True))}
+                for each in self.combinations
+            ),
+        }
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{each.name} = {each}" for each in self.estimates)
+        parts = [values, f"chi-square {self.chi_square:.3g} of {self.freedom}", *self.failures]
+        return f"PointFit({'; '.join(parts)})"
+
+
+def _percent(each: Combination) -> str:
+    return f"± {100.0 * each.error:.2g} %" if math.isfinite(each.error) else "undetermined"
+
+
+def fit_points(
+    branch: Branch | Iterable[SpecialPoint],
+    measured: Iterable[MeasuredPoint | Sequence[object]],
+    parameters: Sequence[str],
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    options: FitOptions | None = None,
+) -> PointFit:
+    """Fit named parameters of a system to measured special points, such as jump frequencies and ends of rattle bands.
+
+    The sum of the squares of the residuals is minimised (trust region, `scipy.optimize.least_squares`) with exact
+    gradients of the points. Each point is the continuation of one of the nominal branch. Standard errors follow from
+    the uncertainties of the measured values, which are taken as independent. At the end the branch is walked again with
+    the fitted parameters, and must meet the points.
+
+    Parameters
+    ----------
+    branch
+        The branch computed with the first guess of the parameters; or special points of one system.
+    measured
+        The measured points, each as `MeasuredPoint` or as (kind, value, error) or (kind, value, error, which).
+    parameters
+        Names of the parameters to fit; any but that of the branch.
+    bounds
+        Lowest and highest value by name. Clearances and damping coefficients are never negative.
+    options
+        Limits on the work.
+
+    Returns
+    -------
+    fitted : PointFit
+        The parameters with their standard errors; ``failures`` name those that the points do not determine.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an invalid bound, or a measured point that matches no special point or several.
+    ConvergenceError
+        If no minimum is found within the allowed number of evaluations.
+
+    Examples
+    --------
+    >>> branch = gw.follow(gw.find_orbit(system), "frequency", 0.5)
+    >>> measured = [("fold", 0.6204, 0.0005), ("fold", 0.6388, 0.0005)]
+    >>> print(gw.measure.fit_points(branch, measured, ["stage2.clearance"]).summary())
+    """
+    if isinstance(branch, System):
+        raise ModelError(
+            "fit_points was given a system; give a branch, as in gw.follow(gw.find_orbit(system), 'frequency', 0.5)"
+        )
+    specials = tuple(branch.special_points if isinstance(branch, Branch) else branch)
+    wanted = [measured_of(each) for each in measured]
+    matched = match_points(specials, wanted)
+    system, parameter = matched[0].orbit.system, matched[0].parameter
+    names, limits = limits_of(system, parameters, bounds or {})
+    if not names:
+        raise ModelError("parameters is empty; name the parameters to fit")
+    for name in names:
+        if system.structure.place(name) == system.structure.place(parameter):
+            raise ModelError(f"{name} is the parameter of the branch, which was measured; name other parameters")
+    first = np.array([system[name] for name in names])
+    trial = _Trial(matched, wanted, names)
+    values, evaluations = _minimised(trial, first, limits, (options or FitOptions()).max_evaluations)
+    residual, table = trial.residual(values), trial.table(values)
+    moving = _moving(table, _sizes(first, values))
+    bounds_of = (limits[0], limits[1])
+    estimates, correlation, held, undetermined = determined(
+        names, first, values, bounds_of, table, moving, 1.0, _POINTS, _RANK
+    )
+    combinations = _combinations(table[:, ~held] * _sizes(first, values)[~held])
+    seen = sum(math.isfinite(each.error) for each in combinations)
+    found = trial.found_at(values)
+    points = tuple(
+        FittedPoint(str(s.kind), s.contact, s.value, each.value, m.value, m.error)
+        for s, each, m in zip(matched, found, wanted, strict=True)
+    )
+    fitted = system.at(dict(zip(names, values.tolist(), strict=True)))
+    again, doubts = (None, ()) if not isinstance(branch, Branch) else _walked(branch, fitted, names, points)
+    squares, freedom = float(residual @ residual), len(points) - seen
+    return PointFit(
+        parameter,
+        estimates,
+        points,
+        correlation,
+        combinations,
+        squares,
+        freedom,
+        evaluations,
+        fitted,
+        again,
+        (*doubts_of(estimates), *_notes(squares, freedom)),
+        (*undetermined, *_edge(trial, residual, table, held), *doubts),
+    )
+
+
+class _Trial:
+    """Evaluates trial values; the points are tracked from those of the last accepted values."""
+
+    def __init__(self, matched: list[SpecialPoint], measured: list[MeasuredPoint], names: tuple[str, ...]) -> None:
+        made = {id(special): TrackedPoint.of(special, names) for special in matched}
+        self.points = [made[id(special)] for special in matched]
+        self._names, self._values = names, np.array([each.value for each in measured])
+        self._errors = np.array([each.error for each in measured])
+        self._system, self.lost = matched[0].orbit.system, ""
+        self._at, self._found = np.array([]), list[Corrected]()
+        self._base, self._slopes = self.points[0].origin, [point.slopes for point in self.points]
+        self._unknowns = [point.unknowns for point in self.points]
+
+    def found_at(self, x: Array) -> list[Corrected]:
+        """Return the points at trial values; raise a ConvergenceError if one is lost."""
+        if np.array_equal(x, self._at):
+            return self._found
+        values = dict(zip(self._names, x.tolist(), strict=True))
+        self._system.at(values)
+        known: dict[int, Corrected] = {}
+        for point, unknowns, slopes in zip(self.points, self._unknowns, self._slopes, strict=True):
+            if id(point) in known:
+                continue
+            each = point.found_at(x, unknowns + slopes @ (x - self._base))
+            if each is None:
+                place = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+                raise ConvergenceError(
+                    f"the {point.special.kind} that was at {point.value:.8g} is not found at {place}; "
+                    "perhaps it has vanished there"
+                )
+            known[id(point)] = each
+        tracked = {id(point): point for point in self.points}
+        for one, other in combinations(known, 2):
+            a, b = known[one].unknowns, known[other].unknowns
+            is_alike = tracked[one].special.kind == tracked[other].special.kind and len(a) == len(b)
+            if is_alike and float(np.abs((a - b) / tracked[one].scales[: len(a)]).max()) < _SAME:
+                raise ConvergenceError(f"two points of kind {tracked[one].special.kind} came to one at {a[-1]:.8g}")
+        self._at, self._found = x.copy(), [known[id(point)] for point in self.points]
+        return self._found
+
+    def residual(self, x: Array) -> Array:
+        """Return the residuals at trial values; infinite if a point is lost, to shorten the step."""
+        try:
+            found = self.found_at(x)
+        except (NumericalError, ModelError) as error:
+            self.lost = str(error)
+            return np.full(len(self.points), np.inf)
+        return (np.array([each.value for each in found]) - self._values) / self._errors
+
+    def table(self, x: Array) -> Array:
+        """Return the derivatives of the residuals, and track from there on."""
+        found = self.found_at(x)
+        known = {id(each): (point, each) for point, each in zip(self.points, found, strict=True)}
+        slopes = {key: point.slopes_at(each) for key, (point, each) in known.items()}
+        self._base, self._unknowns = x.copy(), [each.unknowns for each in found]
+        self._slopes = [slopes[id(each)] for each in found]
+        return np.array([each[-1] for each in self._slopes]) / self._errors[:, None]
+
+
+def _sizes(first: Array, values: Array) -> Array:
+    """Return the sizes of the parameters, to which relative changes refer."""
+    sizes = np.maximum(np.abs(values), np.abs(first))
+    return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _moving(table: Array, sizes: Array) -> NDArray[np.bool_]:
+    """Mark the parameters that move the points, shape (k,)."""
+    effects = np.linalg.norm(table, axis=0) * sizes
+    return effects > max(_IDLE, _ROUNDING * float(effects.max(initial=0.0)))
+
+
+def _minimised(trial: _Trial, first: Array, limits: Array, most: int) -> tuple[Array, int]:
+    """Return the values of least squares, and the number of evaluations."""
+    from scipy.optimize import least_squares  # imported late: it takes long
+
+    def freed(values: Array) -> NDArray[np.bool_]:
+        table = trial.table(values)
+        return independent(table, _moving(table, _sizes(first, values)), _RANK)
+
+    values, evaluations, free = first, 0, freed(first)
+    for _ in range(_ROUNDS):
+        if not free.any():
+            break
+        base = values
+
+        def whole(part: Array, base: Array = base, free: NDArray[np.bool_] = free) -> Array:
+            merged = base.copy()
+            merged[free] = part
+            return merged
+
+        found = least_squares(
+            lambda part, whole=whole: trial.residual(whole(part)),
+            values[free],
+            lambda part, whole=whole, free=free: trial.table(whole(part))[:, free],
+            bounds=(limits[0][free], limits[1][free]),
+            x_scale="jac",
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            gtol=_TOLERANCE,
+            max_nfev=most,
+        )
+        if found.status == 0:
+            raise ConvergenceError(
+                f"no minimum was found with {found.nfev} evaluations; start nearer to it, or allow more (FitOptions)"
+            )
+        values, evaluations = whole(found.x), evaluations + int(found.nfev)
+        now = freed(values)
+        if np.count_nonzero(now) <= np.count_nonzero(free):
+            break
+        free = now  # a parameter without effect at the start may have one here
+    return values, evaluations
+
+
+def _combinations(table: Array) -> tuple[Combination, ...]:
+    """Return the right singular vectors of the slopes by relative changes, from the best to the least determined."""
+    points, count = table.shape
+    if not count:
+        return ()
+    _, singular, rows = np.linalg.svd(np.concatenate((table, np.zeros((max(0, count - points), count)))))
+    least = max(_IDLE, _ROUNDING * float(singular[0]))
+    signs = [np.sign(row[int(np.argmax(np.abs(row)))]) for row in rows[:count]]
+    return tuple(
+        Combination(tuple((sign * row).tolist()), float(value) if value > least else 0.0)
+        for sign, row, value in zip(signs, rows[:count], singular, strict=True)
+    )
+
+
+def _notes(squares: float, freedom: int) -> tuple[str, ...]:
+    from scipy.special import chdtrc  # imported late: it takes long
+
+    if freedom <= 0:
+        return ("there are no more points than determined parameters, so nothing tests the model itself",)
+    if chdtrc(freedom, squares) < _UNLIKELY:
+        return (
+            f"the points differ from the fitted ones by more than their uncertainties (chi-square {squares:.3g} with "
+            f"{freedom} degrees of freedom), so standard errors are too small; perhaps the model lacks something",
+        )
+    return ()
+
+
+def _edge(trial: _Trial, residual: Array, table: Array, held: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return a message if the fit ended where a point is lost, which is not a minimum."""
+    sizes, size = np.linalg.norm(table, axis=0), np.linalg.norm(residual)
+    free = ~held & (sizes > 0.0)
+    if not trial.lost or size < _SAME or not free.any():
+        return ()
+    cosine = float(np.abs(table[:, free].T @ residual / (sizes[free] * size)).max())
+    return (f"no minimum: {trial.lost}",) if cosine > _EDGE else ()
+
+
+def _walked(
+    branch: Branch, fitted: System, names: tuple[str, ...], points: Sequence[FittedPoint]
+) -> tuple[Branch | None, tuple[str, ...]]:
+    """Walk the branch again in the fitted system; return it, with sentences on points that it does not meet."""
+    start, ends = branch.points[0].orbit, (branch.points[0].value, branch.ends[-1].value)
+    try:
+        moved = carry(start, fitted.at({branch.parameter: ends[0]}), names)
+        again = follow(moved, branch.parameter, ends[1])
+    except (NumericalError, ModelError) as error:
+        return None, (f"the branch was not walked again with the fitted parameters: {error}",)
+    width, missed = abs(ends[1] - ends[0]), []
+    for point in points:
+        is_inside = min(ends) <= point.after <= max(ends)
+        values = [s.value for s in again.special(point.kind) if s.contact == point.contact]
+        if is_inside and not any(abs(value - point.after) <= _MET * width for value in values):
+            missed.append(f"the fitted {point.kind} at {point.after:.8g} is not on the branch walked with these values")
+    return again, tuple(missed)

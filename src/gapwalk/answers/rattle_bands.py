@@ -1,0 +1,415 @@
+"""Rattle bands: where gaps open and close over a range of a parameter, how badly, and what ends it.
+
+The record gives the bands met by a slowly rising and by a slowly falling parameter, and their union over all settled
+motions that are known; the severity of rattle along them; and the worst motion with the share of starts that lead to
+it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_spans import BandEnd, GapSpan, RattleBand, bands_of_spans, spans_of, state_of
+from gapwalk.answers.gap_states import GapState, contact_place, gap_state
+from gapwalk.answers.settled_sweep import Sample, SettledSweep
+from gapwalk.attractors.many_motions import motions_of
+from gapwalk.attractors.rattle import Rattle, rattle
+from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import FlowError
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.system import System
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+
+_APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
+_WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
+_QUIET = 5.0  # factor on that distance where nothing rattles
+_NEXT = 2  # motions on either side of the worst one that are examined too
+_TRANSIENT = 200  # forcing periods after which the motions of many starts are compared
+_EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
+_SHOWN = 3  # movers of an end in the summary
+_LISTED = 12  # rows of severity in the summary
+
+
+@dataclass(frozen=True, slots=True)
+class Severity:
+    """Severity of the rattle of one gap in one settled motion.
+
+    In a system with units, forces are in N m, velocities in the unit of angles per second, accelerations in rad/s^2,
+    and powers in W.
+
+    Attributes
+    ----------
+    gap, met
+        Name of the contact; how the motion is met: ``rising``, ``falling``, or ``other`` if no sweep meets it.
+    value
+        Value of the parameter.
+    state
+        State of the gap.
+    period
+        Period of the motion in forcing periods; 0 if it is not periodic.
+    impacts
+        Impacts per forcing period.
+    per_second, per_turn
+        Impacts per unit of time, and per turn of the shaft whose speed is the first parameter; nan if there is none.
+    peak
+        Largest magnitude of the contact force; nan on a rigid stop.
+    approach
+        Largest approach velocity.
+    power
+        Mean power lost in the contact.
+    rms, kurtosis
+        Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap.
+    level
+        ``20 log10`` of that rms over the reference, in dB; -inf without acceleration.
+    """
+
+    gap: str
+    met: str
+    value: float
+    state: GapState
+    period: int
+    impacts: float
+    per_second: float
+    per_turn: float
+    peak: float
+    approach: float
+    power: float
+    rms: float
+    kurtosis: float
+    level: float
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The worst rattle of a gap among all settled motions that are known.
+
+    Attributes
+    ----------
+    severity
+        Its severity.
+    share
+        Share of random starts, at its value of the parameter, that lead to a motion with this peak force; nan if none
+        was followed.
+    starts
+        Number of these starts.
+    """
+
+    severity: Severity
+    share: float
+    starts: int
+
+
+@dataclass(frozen=True, eq=False)
+class RattleBands(Shown):
+    """The bands of a parameter in which gaps rattle.
+
+    Attributes
+    ----------
+    system
+        The system; its own value of the parameter plays no role.
+    parameter, within
+        The parameter and its range.
+    gaps
+        Names of the contacts.
+    reference
+        Acceleration to which levels in dB refer.
+    sweeps
+        The settled motions met by slow sweeps, then others that were found from random starts.
+    bands
+        The bands, by gap, then by how they are met (see `RattleBand.met`).
+    severities
+        Severity along the motions, in the order of the parameter.
+    worst
+        The worst motion of each gap that rattles.
+    complete
+        False if the computation was stopped before its end.
+    notes
+        Remarks, in sentences.
+    """
+
+    system: System
+    parameter: str
+    within: tuple[float, float]
+    gaps: tuple[str, ...]
+    reference: float
+    sweeps: tuple[SettledSweep, ...]
+    bands: tuple[RattleBand, ...]
+    severities: tuple[Severity, ...]
+    worst: tuple[Worst, ...]
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    def of(self, gap: str | None = None, met: str = "any") -> tuple[RattleBand, ...]:
+        """Return the bands of a gap (by default the first one) that are met in one way, from low to high."""
+        gap = self.gaps[0] if gap is None else gap
+        return tuple(band for band in self.bands if band.gap == gap and band.met == met)
+
+    def sentence(self, gap: str) -> str:
+        """Return the answer for one gap, as a sentence."""
+        low, high = (self._value(end) for end in self.within)
+        bands = self.of(gap)
+        if not bands:
+            states = {str(span.state) for sweep in self.sweeps for span in spans_of(sweep, gap)}
+            return f"{gap} is quiet ({' or '.join(sorted(states))}) from {low} to {high}"
+        ranges = " and ".join(f"from {band.low.value:.6g} to {self._value(band.high.value)}" for band in bands)
+        text = f"{gap} rattles {ranges}"
+        worst = next((each for each in self.worst if each.severity.gap == gap), None)
+        if worst is None:
+            return text
+        severity, units = worst.severity, self.system.units
+        parts = []
+        if not math.isnan(severity.peak):
+            parts.append(f"{severity.peak:.4g}{' N m' if units else ''}")
+        else:
+            parts.append(f"impacts at {severity.approach:.4g}{' ' + units.state(chr(39)) if units else ''}")
+        if units:
+            parts.append(f"{severity.per_second:.4g} impacts per second")
+        else:
+            parts.append(f"{severity.impacts:.4g} impacts per forcing period")
+        text += f"; worst at {self._value(severity.value)}: {', '.join(parts)}"
+        if worst.starts:
+            text += f" ({100 * worst.share:.3g} % of {worst.starts} starts lead there)"
+        return text
+
+    @summarizes
+    def summary(self, notes: bool = True) -> SummaryParts:
+        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
+        yield from (self.sentence(gap) for gap in self.gaps)
+        symbol = parameter_symbol(self.parameter, self.system.units)
+        rows, groups = [], []
+        for band in self.bands:
+            for name, end in (("from", band.low), ("to", band.high)):
+                movers = ", ".join(f"{each.name} {each.share:+.2f}" for each in end.movers[:_SHOWN])
+                error = f"{end.error:.0e}" if end.error else ""
+                what = ", ".join(band.states) if name == "from" else ""
+                head = (band.gap, band.met) if name == "from" else ("", "")
+                rows.append((*head, name, f"{end.value:.8g}", error, end.kind, movers, what))
+            groups.append(len(rows) - 1)
+        if rows:
+            yield ""
+            headings = ("gap", "met", "", f">{symbol}", ">±", "end", "moved most by (% per %)", "gap closes on")
+            yield Table(headings, rows, groups)
+        for gap in self.gaps:
+            yield from self._severity_parts(gap)
+        if notes:
+            yield from (f"note: {note}" for note in self.notes)
+
+    def tables(self) -> Tables:
+        """Return the tables of bands, of what moves their ends, and of severity."""
+        return {"bands": self._band_rows, "movers": self._mover_rows, "severity": self._severity_rows}
+
+    def plot(self, gap: str | None = None, **options: Any):
+        """Draw the bands over the response, and severity below; see `gapwalk.plot.rattle_picture.draw_rattle`."""
+        from gapwalk.plot import draw
+
+        return draw(self, gap, **options)
+
+    def _severity_parts(self, gap: str) -> SummaryParts:
+        rows = [each for each in self.severities if each.gap == gap and each.state.rattles]
+        if not rows:
+            return
+        chosen = sorted(
+            {id(row): row for row in sorted(rows, key=lambda row: -row.peak)[:_LISTED]}.values(), key=_place
+        )
+        units = self.system.units
+        symbol = parameter_symbol(self.parameter, units)
+        of = (lambda name, unit: f">{name} [{unit}]") if units else (lambda name, unit: f">{name}")
+        yield f"\n{gap}: the {len(chosen)} motions with the largest force, of {len(rows)} that rattle"
+        headings = (f">{symbol}", "met", "state", "period", ">impacts/s" if units else ">impacts/time", ">per turn")
+        headings += (of("peak", "N m"), of("approach", units.state("'") if units else ""), of("lost", "W"))
+        headings += (of("rms", "rad/s^2"), ">kurtosis", f">dB re {self.reference:g}")
+        yield Table(
+            headings,
+            [
+                (
+                    f"{row.value:.6g}",
+                    row.met,
+                    str(row.state),
+                    str(row.period or "none"),
+                    f"{row.per_second:.4g}",
+                    "" if math.isnan(row.per_turn) else f"{row.per_turn:.4g}",
+                    *(f"{number:.4g}" for number in (row.peak, row.approach, row.power, row.rms, row.kurtosis)),
+                    f"{row.level:.1f}",
+                )
+                for row in chosen
+            ],
+        )
+
+    def _value(self, value: float) -> str:
+        unit = self.system.units.parameter(self.parameter) if self.system.units else None
+        return f"{value:.6g} {unit}" if unit else f"{value:.6g}"
+
+    def _band_rows(self) -> Rows:
+        yield ["gap", "met", "from", "from.error", "from.kind", "to", "to.error", "to.kind", "states"]
+        for band in self.bands:
+            ends = chain.from_iterable((end.value, end.error, end.kind) for end in (band.low, band.high))
+            yield [band.gap, band.met, *ends, " ".join(state.replace(" ", "-") for state in band.states)]
+
+    def _mover_rows(self) -> Rows:
+        yield ["gap", "met", "end", "value", "parameter", "slope", "error", "percent_per_percent"]
+        for band in self.bands:
+            for name, end in (("from", band.low), ("to", band.high)):
+                for each in end.movers:
+                    yield [band.gap, band.met, name, end.value, each.name, each.slope, each.error, each.share]
+
+    def _severity_rows(self) -> Rows:
+        names = [field.name for field in fields(Severity)]
+        yield names
+        for row in self.severities:
+            yield [str(getattr(row, name)) if name == "state" else getattr(row, name) for name in names]
+
+    def __repr__(self) -> str:
+        return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
+
+
+def _place(row: Severity) -> tuple[float, str]:
+    return row.value, row.met
+
+
+def bands_of_sweeps(sweeps: Sequence[SettledSweep], gaps: Iterable[str]) -> tuple[RattleBand, ...]:
+    """Return the bands of each gap: those of each sweep, and their union, whose ends have gradients."""
+    found: list[RattleBand] = []
+    for gap in gaps:
+        every: list[GapSpan] = []
+        known: dict[int, BandEnd] = {}
+        for sweep in sweeps:
+            spans = spans_of(sweep, gap)
+            every += spans
+            if not sweep.name:
+                found += bands_of_spans(spans, gap, sweep.met)
+        for band in bands_of_spans(every, gap, "any"):
+            low, high = (known.setdefault(id(end), end.with_movers()) for end in (band.low, band.high))
+            found.append(RattleBand(gap, "any", low, high, band.spans))
+    return tuple(found)
+
+
+def severities_of(sweep: SettledSweep, gaps: Sequence[str], reference: float) -> list[Severity]:
+    """Return the severity of each gap along a sweep: at spread points of its stretches, and at its samples.
+
+    Beside the worst motion of a stretch, its neighbours are examined too.
+    """
+    apart = _APART * (sweep.within[1] - sweep.within[0])
+    rows: list[Severity] = []
+    worst, beside = -1.0, []
+    for piece in sweep.pieces:
+        found = []
+        if isinstance(piece, Sample):
+            found = _rows_at(piece, sweep, gaps, reference)
+            worst, beside = max([(worst, beside), *((_peak(row), []) for row in found)], key=lambda each: each[0])
+        else:
+            places = list(_spread(piece.points, apart, gaps))
+            for place in places:
+                found += (own := _rows_at(piece.points[place], sweep, gaps, reference))
+                if (peak := max(map(_peak, own))) > worst:
+                    near = [place + k for k in range(-_NEXT, _NEXT + 1) if place + k not in places]
+                    worst, beside = peak, [piece.points[k] for k in near if 0 <= k < len(piece.points)]
+        rows += found
+    for point in beside:
+        rows += _rows_at(point, sweep, gaps, reference)
+    return sorted(rows, key=_place)
+
+
+def _peak(row: Severity) -> float:
+    return (row.approach if math.isnan(row.peak) else row.peak) if row.state.rattles else -1.0
+
+
+def _spread(points: Sequence[BranchPoint], apart: float, gaps: Sequence[str]) -> Iterator[int]:
+    """Yield the places of points at least some distance apart, farther where all gaps are quiet.
+
+    The first is among them, and both points beside each beginning or end of rattle.
+    """
+    last, rattled, shown = -math.inf, None, -1
+    for place, point in enumerate(points):
+        rattles = any(gap_state(point.orbit, gap).rattles for gap in gaps)
+        changes = rattled is not None and rattles is not rattled
+        if changes and shown < place - 1:
+            yield place - 1
+        if changes or abs(point.value - last) >= apart * (1.0 if rattles else _QUIET):
+            yield place
+            last, shown = point.value, place
+        rattled = rattles
+
+
+def _rows_at(
+    motion: BranchPoint | Sample, sweep: SettledSweep, gaps: Sequence[str], reference: float
+) -> list[Severity]:
+    if isinstance(motion, BranchPoint):
+        whole, period, what = rattle(motion.orbit), motion.orbit.period, motion.orbit
+    else:
+        try:
+            whole = rattle(motion.motion, _WATCHED)
+        except FlowError:
+            return []
+        period, what = motion.motion.period or 0, motion
+    met, value = sweep.met, motion.value
+    return [severity_of(whole, gap, met, value, state_of(what, gap), period, reference) for gap in gaps]
+
+
+def severity_of(
+    whole: Rattle, gap: str, met: str, value: float, state: GapState, period: int, reference: float
+) -> Severity:
+    """Return the severity of one gap from all figures of a rattling motion."""
+    system = whole.system
+    sides = [side for side in whole.sides if side.contact == gap]
+    load = next(each for each in whole.contacts if each.contact == gap)
+    impacts = sum(side.impacts for side in sides)
+    moved = moved_by(system, gap)
+    signal = max((each for each in whole.coordinates if each.coordinate in moved), key=lambda each: each.rms)
+    level = 20.0 * math.log10(signal.rms / reference) if signal.rms > 0.0 else -math.inf
+    turns = system.turns
+    return Severity(
+        gap,
+        met,
+        value,
+        state,
+        period,
+        impacts,
+        impacts * system.frequency / (2.0 * math.pi),
+        math.nan if turns is None else impacts * float(turns),
+        load.peak,
+        max(side.fastest for side in sides),
+        load.power,
+        signal.rms,
+        signal.kurtosis,
+        level,
+    )
+
+
+def moved_by(system: System, gap: str) -> list[str]:
+    """Return the coordinates that deflect a gap, those that deflect it most first."""
+    slots = layout_of(system.structure).contacts[contact_place(system, gap)]
+    vector = np.abs(coefficients_of(system)[slots.deflection])
+    return [system.coordinates[k] for k in np.argsort(-vector, kind="stable").tolist() if vector[k]]
+
+
+def worst_of(
+    system: System, parameter: str, severities: Sequence[Severity], gap: str, starts: int, seed: int
+) -> Worst | None:
+    """Return the worst motion of a gap, with the share of random starts that lead to it; None if the gap is quiet."""
+    rows = [row for row in severities if row.gap == gap and row.state.rattles]
+    if not rows:
+        return None
+    worst = max(rows, key=_peak)
+    share = math.nan
+    if starts:
+        peaks, _ = settled_peaks(system.at({parameter: worst.value}), gap, starts, seed)
+        share = float(np.mean(np.abs(peaks - worst.peak) <= _EQUAL * worst.peak))
+    return Worst(worst, share, starts)
+
+
+def settled_peaks(system: System, gap: str, starts: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the peak forces of a gap in the settled motions of many starts, and the last states of these motions."""
+    states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
+    motions = motions_of(system, states)
+    found = motions.contacts(motions.advance(states, _TRANSIENT), _WATCHED)
+    return found.peaks[:, contact_place(system, gap)], found.states

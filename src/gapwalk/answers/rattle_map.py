@@ -1,0 +1,331 @@
+"""Map of rattle in the plane of two parameters: the state of each gap cell by cell, with exact borders over it.
+
+The cells are judged by the batch integrator. The borders are loci of the points at which the settled motion, followed
+from either end of the first range, begins or ceases to rattle, or is lost.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.gap_states import GapState, contact_place, gap_state, innermost, state_codes
+from gapwalk.answers.settled_sweep import SlowSweepOptions
+from gapwalk.attractors.box import centres
+from gapwalk.attractors.many_motions import ManyMotions
+from gapwalk.attractors.section import Strobe
+from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.settling_judge import judge_returns
+from gapwalk.bifurcation.follow import walk
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.loci import Locus, follow_locus
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.errors import FlowError, ModelError, NumericalError
+from gapwalk.flow.motion import Motion
+from gapwalk.model.system import System
+from gapwalk.notebook import Shown
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+
+_FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
+_LONGEST = 8  # longest period that is distinguished from motions without period
+_WATCHED = 16  # forcing periods over which gaps are watched; a multiple of most periods
+_BEYOND = 60  # points of a walk after the first change of all gaps
+_SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+
+
+class GapVerdicts(NamedTuple):
+    """States of gaps in many motions.
+
+    Attributes
+    ----------
+    codes : shape (count, gaps)
+        `GapState.code` of each gap; -1 for motions that have diverged.
+    periods : shape (count,)
+        Periods of the motions in forcing periods; 0 if they did not become periodic.
+    peaks : shape (count, gaps)
+        Largest magnitude of each contact force.
+    states : shape (count, state_size)
+        Last states of the motions.
+    """
+
+    codes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    peaks: NDArray[np.float64]
+    states: NDArray[np.float64]
+
+
+def judge_gaps(
+    motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], places: Sequence[int], patience: int
+) -> GapVerdicts:
+    """Follow motions until they are periodic or patience ends, and return what their gaps do then.
+
+    Parameters
+    ----------
+    motions
+        The flow of the motions.
+    states, scales : shape (count, state_size)
+        States at theta = 0, and the scales of their entries (`System.state_scales`).
+    places
+        Numbers of the contacts that are the gaps.
+    patience
+        The most forcing periods in which a motion may become periodic.
+    """
+    states, periods, total = states.copy(), np.zeros(len(states), dtype=int), 0
+    rest = np.arange(len(states))
+    while len(rest) and total < patience:
+        step = min(max(_FIRST, total // 2), patience - total)
+        track = motions.part(rest).strobes(states[rest], 3 * _LONGEST + 1, step)
+        states[rest] = track[-1]
+        is_bounded = np.isfinite(track).all(axis=(0, 2))
+        rest, track = rest[is_bounded], track[:, is_bounded] / scales[rest[is_bounded]]
+        sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+        periods[rest] = judge_returns(track / sizes[:, None], _LONGEST).periods
+        rest, total = rest[periods[rest] == 0], total + step + 3 * _LONGEST + 1
+    found = motions.contacts(states, _WATCHED)
+    codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
+    return GapVerdicts(np.stack(codes, axis=1), periods, found.peaks[:, list(places)], found.states)
+
+
+@dataclass(frozen=True, eq=False)
+class RattleMap(Shown):
+    """States of gaps in the plane of two parameters, cell by cell; the first row of each array is the lowest.
+
+    Attributes
+    ----------
+    system
+        The system, with the values of the other parameters.
+    first, second
+        Names of the parameters: horizontal, and vertical.
+    within
+        The range of each parameter. A cell is evaluated at its centre.
+    gaps
+        Names of the contacts.
+    codes : shape (rows, columns, gaps)
+        `GapState.code` of each gap; -1 where the motion has diverged, -2 where nothing is known yet.
+    periods : shape (rows, columns)
+        Periods of the motions; 0 if they did not become periodic.
+    peak_force : shape (rows, columns, gaps)
+        Largest magnitude of each contact force.
+    loci
+        Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
+        motion that was followed is lost.
+    checked, different
+        Number of random cells whose gaps were watched with the exact flow; one sentence for each that then differed.
+    error
+        Error of the batch integrator over one forcing period, relative to the size of the motion.
+    complete
+        False if the computation was stopped before its end.
+    notes
+        Remarks, in sentences.
+    """
+
+    system: System
+    first: str
+    second: str
+    within: Ranges
+    gaps: tuple[str, ...]
+    codes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    peak_force: NDArray[np.float64]
+    loci: tuple[Locus, ...] = ()
+    checked: int = 0
+    different: tuple[str, ...] = ()
+    error: float = 0.0
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.codes.shape != (*self.periods.shape, len(self.gaps)) or self.peak_force.shape != self.codes.shape:
+            raise ValueError(f"its parts have the shapes {self.codes.shape}, {self.periods.shape}")
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Columns and rows."""
+        rows, columns = self.periods.shape
+        return columns, rows
+
+    @property
+    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The values of the parameters at the centres of the cells."""
+        first, second = (centres(ends, count) for ends, count in zip(self.within, self.resolution, strict=True))
+        return first, second
+
+    def cells(self, gap: str | None = None) -> dict[str, int]:
+        """Return the number of cells of each state of a gap, by default of the first one, in words."""
+        place = 0 if gap is None else self.gaps.index(gap)
+        found = Counter(zip(self.codes[..., place].ravel().tolist(), (self.periods.ravel() > 0).tolist(), strict=True))
+        return {cell_word(*key): found[key] for key in sorted(found)}
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the share of cells of each state of each gap, and the loci."""
+        for gap in self.gaps:
+            shares = ", ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
+            yield f"{gap}: {shares}"
+        if self.loci:
+            yield ""
+            rows = [
+                (str(locus.kind), _contact_of(locus), str(len(locus.points)), f"{low:.6g}", f"{high:.6g}")
+                for locus in self.loci
+                for low, high in [(float(locus.values[:, 0].min()), float(locus.values[:, 0].max()))]
+            ]
+            yield Table(("border", "contact", ">points", f">{self.first} from", ">to"), rows)
+        if self.checked:
+            yield f"checked with the exact flow: {len(self.different)} of {self.checked} cells differed"
+        yield from self.different
+
+    def tables(self) -> Tables:
+        """Return the table of cells, and that of the points of the loci."""
+        return {"cells": self._cell_rows, "borders": self._locus_rows}
+
+    def plot(self, gap: str | None = None, **options: Any):
+        """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`."""
+        from gapwalk.plot import draw
+
+        return draw(self, gap, **options)
+
+    def _cell_rows(self) -> Rows:
+        yield [self.first, self.second, "period", *(f"{what}.{gap}" for gap in self.gaps for what in ("state", "peak"))]
+        across, up = self.axes
+        for row, column in np.ndindex(self.periods.shape):
+            states = (
+                entry
+                for place in range(len(self.gaps))
+                for entry in (
+                    cell_word(int(self.codes[row, column, place]), True),
+                    float(self.peak_force[row, column, place]),
+                )
+            )
+            yield [float(across[column]), float(up[row]), int(self.periods[row, column]), *states]
+
+    def _locus_rows(self) -> Rows:
+        yield ["border", "kind", self.first, self.second]
+        for number, locus in enumerate(self.loci, start=1):
+            for first, second in locus.values.tolist():
+                yield [number, str(locus.kind), first, second]
+
+    def __repr__(self) -> str:
+        columns, rows = self.resolution
+        shares = "; ".join(f"{gap}: {', '.join(self.cells(gap))}" for gap in self.gaps)
+        return f"RattleMap({self.first}, {self.second}; {columns} x {rows} cells; {shares})"
+
+
+def cell_word(code: int, is_periodic: bool) -> str:
+    """Return the state of a cell in words: ``closed``, ``one side, not periodic``, ..."""
+    if code < 0:
+        return "diverges" if code == -1 else "not done"
+    return list(GapState)[code] + ("" if is_periodic else ", not periodic")
+
+
+def _contact_of(locus: Locus) -> str:
+    return getattr(locus, "contact", "") or ""
+
+
+def borders(
+    system: System,
+    names: tuple[str, str],
+    within: Ranges,
+    gaps: Sequence[str],
+    start: str | Sequence[float],
+    options: SlowSweepOptions,
+    sections: Sequence[float],
+) -> tuple[list[Locus], list[str]]:
+    """Follow the points that end the quiet of gaps, or the motion itself, in the plane of two parameters.
+
+    At each section, a value of the second parameter, the settled motion is followed from either end of the first range
+    up to the first such point. A point that lies on a locus that is known already is not followed again.
+
+    Returns
+    -------
+    loci : list of Locus
+        The loci.
+    notes : list of str
+        What could not be followed.
+    """
+    loci: list[Locus] = []
+    notes: list[str] = []
+    for section in sections:
+        for begin, end in (within[0], within[0][::-1]):
+            here = system.at({names[0]: begin, names[1]: section})
+            try:
+                orbit = settle(here, start, SettleOptions(max_periods=options.patience, max_period=2)).orbit
+                points = [] if orbit is None else _first_changes(orbit, names[0], end, gaps, options)
+            except (NumericalError, FlowError) as error:
+                notes.append(f"{names[1]} = {section:.6g}: {error}")
+                continue
+            for point in points:
+                if any(_is_on(locus, (point.value, section), within) for locus in loci):
+                    continue
+                try:
+                    loci.append(follow_locus(point, *names, within))
+                except (ModelError, NumericalError) as error:
+                    notes.append(f"the {point.kind} at {names[0]} = {point.value:.6g} has no locus: {error}")
+    return loci, notes
+
+
+def _first_changes(
+    orbit: Orbit, parameter: str, end: float, gaps: Sequence[str], options: SlowSweepOptions
+) -> list[SpecialPoint]:
+    """Return the first point at which each gap changes its state, and the fold at which the motion is lost, if any.
+
+    Beyond the first change of all gaps the walk goes on for a while only, to the fold from which a rattling motion
+    jumps; a rattling motion that branches instead goes on rattling.
+    """
+    found: list[SpecialPoint] = []
+    left, more = {gap: gap_state(orbit, gap) for gap in gaps}, _BEYOND
+    switches = {describe_switch(orbit, switch): gap for gap in gaps for switch in innermost(orbit.system, gap)}
+    steps = walk(orbit, parameter, end, walk=options.walk)
+    for point in steps:
+        for special in steps.special_points:
+            gap = switches.get(special.contact) if special.kind is Kind.GRAZING else None
+            if gap in left and gap_state(point.orbit, gap) is not left[gap]:
+                found.append(special)
+                del left[gap]
+        lost = next((each for each in steps.special_points if not each.before.total and each.after.total), None)
+        if lost is not None and not lost.kind.no_locus and (left or lost.kind is Kind.FOLD) and lost not in found:
+            found.append(lost)
+        more -= not left
+        if lost is not None or not point.stable or not more:
+            break
+    return found
+
+
+def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
+    """Return True if a point lies on a locus, to the accuracy of straight lines between its points."""
+    widths = np.array([high - low for low, high in within])
+    line, point = locus.values / widths, np.array(place) / widths
+    first, along = line[:-1], np.diff(line, axis=0)
+    length2 = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(((point - first) * along).sum(axis=1) / length2, 0.0, 1.0)
+    away = np.linalg.norm(first + share[:, None] * along - point, axis=1)
+    return bool((away < _SAME).any())
+
+
+def differs(system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int]) -> str:
+    """Return what gaps do by the exact flow where that is not what their codes say; empty if it is."""
+    try:
+        arc = Strobe(system).arc(state, _WATCHED)
+    except FlowError as error:
+        return str(error)
+    motion = Motion.of(system, np.zeros(1), state[None], arc.contacts)
+    words = []
+    for gap, code in zip(gaps, codes, strict=True):
+        exact = gap_state(motion, gap)
+        if exact.code != code:
+            words.append(f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow")
+    return "; ".join(words)
+
+
+def gap_places(system: System, gaps: Sequence[str]) -> list[int]:
+    """Return the numbers of the contacts that are gaps."""
+    return [contact_place(system, gap) for gap in gaps]

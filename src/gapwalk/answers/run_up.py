@@ -1,0 +1,477 @@
+"""A run-up: the exact motion while the speed changes as a given function of time.
+
+The angle of the excitation is the independent variable, as everywhere in the flow. In each piece of constant
+acceleration the speed is a closed function of the angle (`gapwalk.flow.ramp`), so the motion is integrated to rounding,
+with exact contact events, period by period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.speed_course import Piece, SpeedCourse, angles_of, pieces_of
+from gapwalk.attractors.rattle import innermost_switches
+from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.spectrum import Waterfall
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.kinds import Kind
+from gapwalk.errors import ModelError
+from gapwalk.flow.contact_events import ContactEvent
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.forces import contact_deflections, contact_forces
+from gapwalk.flow.motion import check_state, force_of, integrate, train_histories, train_signals
+from gapwalk.flow.ramp import Ramped
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.system import System, check_system
+from gapwalk.model.words import parameter_symbol, parameter_words, value_words
+from gapwalk.notebook import Shown
+from gapwalk.summary import SummaryParts, Table, summarizes
+
+_REFINED = 256  # samples of an interval in which the largest force is looked for
+_BESIDE = 6  # points of a branch next to a fold, which lie on one side of it
+_OTHER = 0.05  # share of the range of a branch by which another motion differs from that at a fold
+_TOPS = 6  # of the largest samples of a force, around each of which it is looked for
+
+
+class ForcePeak(NamedTuple):
+    """The largest magnitude of a contact's force in a run-up.
+
+    Attributes
+    ----------
+    contact
+        Name of the contact.
+    force
+        The force there, with its sign, in the unit of the force.
+    speed, time, theta
+        Instant of it.
+    impacts
+        Closures of the innermost stages during the run-up.
+    fastest
+        Largest approach velocity of them; 0 without any.
+    """
+
+    contact: str
+    force: float
+    speed: float
+    time: float
+    theta: float
+    impacts: int
+    fastest: float
+
+
+class JumpDelay(NamedTuple):
+    """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump.
+
+    Attributes
+    ----------
+    fold
+        Speed of the fold.
+    jump
+        Speed at which the run-up is half way between the motions before and after; NaN if it never is.
+    delay
+        Time from the fold to the jump.
+    """
+
+    fold: float
+    jump: float
+    delay: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunUp(Shown):
+    """The motion during a run-up, sampled, exact at each sample.
+
+    Attributes
+    ----------
+    system
+        The system; its own speed plays no role.
+    course
+        Speed over time.
+    samples
+        Samples per forcing period; those at knots of the course and at the end are further ones.
+    theta : shape (samples,)
+        Angle of the excitation, in radians; it does not begin again with each period.
+    time, speed : shape (samples,)
+        Time, and the first parameter of the system, such as its speed in rpm.
+    states : shape (samples, 2n)
+        Positions, then velocities.
+    events
+        The crossings of breakpoints, in order.
+    peaks
+        The largest force of each contact.
+    """
+
+    system: System
+    course: SpeedCourse
+    samples: int
+    theta: NDArray[np.float64]
+    time: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    states: NDArray[np.float64]
+    events: tuple[ContactEvent, ...]
+    peaks: tuple[ForcePeak, ...]
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        count = len(self.theta)
+        if not (self.time.shape == self.speed.shape == (count,) and self.states.shape == (count, 2 * self.system.size)):
+            raise ValueError("the samples of a run-up do not fit together")
+
+    @property
+    def complete(self) -> bool:
+        """True: a run-up has one part."""
+        return True
+
+    @property
+    def signals(self) -> list[str]:
+        """Names of all signals."""
+        system = self.system
+        names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
+        names += [force_of(form) for form in system.structure.contacts]
+        assembly = system.structure.assembly
+        displaced = isinstance(assembly, TrainAssembly) and any(each.displaces for each in assembly.form.torques)
+        return names + [name for name in train_signals(system.structure) if name.endswith(".torque") and not displaced]
+
+    def signal(self, name: str) -> NDArray[np.float64]:
+        """Return one time history, shape (samples,).
+
+        Parameters
+        ----------
+        name
+            A coordinate, its velocity (``"q1'"``), the force of a contact (``"stop.force"``), or the torque of a link
+            of a train (``"clutch.torque"``).
+
+        Raises
+        ------
+        ModelError
+            If there is no such signal.
+        """
+        known = self.signals
+        if name not in known:
+            raise ModelError(f"a run-up has no signal {name!r}; {did_you_mean(name, known, 'signals are')}")
+        size, place = self.system.size, known.index(name)
+        if place < 2 * size:
+            return self.states[:, place]
+        if name.endswith(".force"):
+            return self.forces[:, place - 2 * size]
+        q, v = np.split(self.states, 2, axis=1)
+        found = train_histories(self.system, self.theta, q, v, np.zeros_like(q), self.forces)
+        return found[:, train_signals(self.system.structure).index(name)]
+
+    @property
+    def loudest(self) -> str:
+        """The coordinate that the contact with the largest force deflects most; else the first one."""
+        names = self.system.coordinates
+        place = int(np.argmax([abs(each.force) for each in self.peaks])) if self.peaks else 0
+        if not self.peaks or not self.peaks[place].force:
+            return names[0]
+        layout, numbers = layout_of(self.system.structure), coefficients_of(self.system)
+        return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
+
+    @cached_property
+    def forces(self) -> NDArray[np.float64]:
+        """Contact forces, shape (samples, contacts)."""
+        return _forces(self.system, self.theta, self.states)
+
+    @cached_property
+    def deflections(self) -> NDArray[np.float64]:
+        """Deflections of the contacts, shape (samples, contacts)."""
+        layout = layout_of(self.system.structure)
+        return contact_deflections(layout, coefficients_of(self.system), self.theta, self.states[:, : self.system.size])
+
+    def envelope(self, signal: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return speed, smallest and largest value of a signal in each forcing period, shapes (periods,)."""
+        values = self.signal(signal)
+        turn = np.floor((self.theta - self.theta[0]) / PERIOD + 1e-9).astype(int)
+        firsts = np.flatnonzero(np.diff(turn, prepend=-1))
+        count = np.diff(np.append(firsts, len(turn)))
+        firsts = firsts[count >= max(2, self.samples // 2)]  # not the beginning of a period at the end
+        ends = np.minimum(firsts + self.samples, len(turn) - 1)
+        pieces = [values[a : b + 1] for a, b in zip(firsts, ends, strict=True)]
+        speeds = 0.5 * (self.speed[firsts] + self.speed[ends])
+        return speeds, np.array([each.min() for each in pieces]), np.array([each.max() for each in pieces])
+
+    def half(self, coordinate: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return speed, and half the range of a signal, in each forcing period: the measure ``half.X`` of orbits."""
+        speed, low, high = self.envelope(coordinate)
+        return speed, 0.5 * (high - low)
+
+    def delays(self, branch: Branch, coordinate: str) -> tuple[JumpDelay, ...]:
+        """Compare the jumps of the run-up with the folds of a branch over the speed.
+
+        At each fold that a slow sweep in the same direction would meet, the run-up has jumped where half its range is
+        first closer to that of the other stable motion at the speed of the fold than to that of the fold.
+
+        Parameters
+        ----------
+        branch
+            A response over the speed.
+        coordinate
+            The coordinate by which motions differ.
+
+        Raises
+        ------
+        ModelError
+            If the branch is over another parameter, or the speed of the run-up changes its direction.
+        """
+        pace, measure = self.system.structure.pace, f"half.{coordinate}"
+        if branch.parameter != pace:
+            raise ModelError(f"the branch is over {branch.parameter}; a run-up needs a response over {pace}")
+        sign = np.unique(np.sign(self.course.rates))
+        sign = sign[sign != 0.0]
+        if len(sign) != 1:
+            raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
+        speed, half = self.half(coordinate)
+        values = np.array([point.value for point in branch.points])
+        sizes = np.array([point.measure(measure) for point in branch.points])
+        stable = np.array([point.orbit.stable for point in branch.points])
+        found = []
+        for special in branch.special_points:
+            if special.kind is not Kind.FOLD or not speed.min() < special.value < speed.max():
+                continue
+            before = special.point.measure(measure)
+            far = np.hypot((values - special.value) / np.ptp(values), (sizes - before) / (np.ptp(sizes) or 1.0))
+            beside = np.argsort(far, kind="stable")[:_BESIDE]
+            if sign[0] * (np.mean(values[beside]) - special.value) > 0.0 or not stable[beside].any():
+                continue  # a stable motion ends there for the other direction, or none does
+            steps = np.flatnonzero(
+                stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value))
+            )
+            shares = (special.value - values[steps]) / (values[steps + 1] - values[steps])
+            others = sizes[steps] + shares * (sizes[steps + 1] - sizes[steps])
+            others = others[np.abs(others - before) > _OTHER * np.ptp(sizes)]
+            if not len(others):
+                continue
+            after = others[np.argmin(np.abs(others - before))]
+            beyond = sign[0] * (speed - special.value) > 0.0
+            jumped = np.flatnonzero(beyond & (np.abs(half - after) < np.abs(half - before)))
+            jump = float(speed[jumped[0]]) if len(jumped) else float("nan")
+            times = np.interp([special.value, jump], *_increasing(self.speed, self.time))
+            found.append(JumpDelay(special.value, jump, float(times[1] - times[0]) if len(jumped) else float("nan")))
+        return tuple(found)
+
+    def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
+        """Compute spectra over orders in windows of some forcing periods, along the run-up.
+
+        The motion is sampled evenly over the angle, so orders stay lines while the speed changes.
+
+        Parameters
+        ----------
+        signal
+            As in `signal`.
+        top
+            Highest order.
+        periods
+            Length of a window; the resolution is one order over this number (four of them for Hann's window).
+        overlap
+            Share of a window that the next one repeats.
+
+        Raises
+        ------
+        ModelError
+            If the run-up is shorter than a window, or has too few samples for the orders.
+        """
+        turns = float(self.system.turns or 1)
+        even = np.abs((self.theta - self.theta[0]) / PERIOD * self.samples % 1.0 - 0.5) > 0.5 - 1e-6
+        values, speed, length = self.signal(signal)[even], self.speed[even], periods * self.samples
+        if len(values) < length:
+            raise ModelError(
+                f"the run-up lasts {len(values) / self.samples:.3g} forcing periods, less than a window of {periods}; "
+                "give fewer periods"
+            )
+        count = round(top / turns * periods) + 1
+        if count > length // 2:
+            raise ModelError(f"top is {top:g}; with {self.samples} samples per period there are no such orders")
+        weights = np.hanning(length + 1)[:-1]
+        starts = np.arange(0, len(values) - length + 1, max(1, round(length * (1.0 - overlap))))
+        rows = []
+        for start in starts:
+            piece = values[start : start + length]
+            mean = piece.mean()
+            lines = 2.0 * np.abs(np.fft.rfft((piece - mean) * weights)) / weights.sum()
+            rows.append([abs(mean), *lines[1:count]])
+        orders, middles = turns * np.arange(count) / periods, speed[starts + length // 2]
+        return Waterfall(
+            self.system.structure.pace, signal, middles, orders, np.array(rows), np.ones(len(starts), bool),
+            self.system.turns,
+        )  # fmt: skip
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the course, and the largest force of each contact with its impacts."""
+        units, pace = self.system.units, self.system.structure.pace
+        symbol = parameter_symbol(pace, units)
+        yield (
+            f"run-up over {symbol} from {self.course.speed[0]:.6g} to {self.course.speed[-1]:.6g} in "
+            f"{self.course.duration:.6g}{' s' if units else ''}: "
+            f"{(self.theta[-1] - self.theta[0]) / PERIOD:.4g} forcing periods, {len(self.events)} contact events"
+        )
+        yield from self.sentences
+        rows = [
+            (each.contact, f"{each.force:.6g}", f"{each.speed:.6g}", f"{each.time:.6g}", f"{each.impacts}",
+             f"{each.fastest:.4g}")
+            for each in self.peaks
+        ]  # fmt: skip
+        if rows:
+            yield Table(
+                ["contact", ">peak force", f">{parameter_words(pace, units)}", ">time", ">impacts", ">fastest"], rows
+            )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The largest force of each contact that touches, in sentences."""
+        units, pace = self.system.units, self.system.structure.pace
+        unit = " N m" if units else ""
+        return tuple(
+            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units)}; "
+            f"{each.impacts} impacts"
+            for each in self.peaks
+            if each.force
+        )
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the time history over the speed; see `gapwalk.plot.run_up_pictures.draw_run_up`. Return the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def __repr__(self) -> str:
+        return f"RunUp({self.course!r}, {len(self.events)} contact events)"
+
+
+def run_up(
+    system: System,
+    speed: SpeedCourse,
+    *,
+    state: Sequence[float] | NDArray[np.float64] | None = None,
+    phase: float = 0.0,
+    samples: int = 512,
+) -> RunUp:
+    """Compute the exact motion while the speed changes as a given function of time.
+
+    Parameters
+    ----------
+    system
+        The system; its own value of the first parameter plays no role.
+    speed
+        The speed over time, as from `SpeedCourse.ramp`.
+    state : shape (2n,)
+        Positions and velocities at the start; by default the motion that settles at the first speed, from rest.
+    phase
+        Angle of the excitation at the start, in radians.
+    samples
+        Samples per forcing period.
+
+    Returns
+    -------
+    RunUp
+        The motion, with all contact events and the largest force of each contact.
+
+    Raises
+    ------
+    ModelError
+        If the system cannot run up (dry friction, rigid stops, factors over the speed), or the state is none.
+    FlowError
+        If the motion diverges.
+
+    Notes
+    -----
+    Loads follow the angle of the excitation, and those that grow with the speed follow it at once. If a reaction holds
+    the speed of a train, it also supplies the torque that runs the train up, ``sum(J r^2) a``: the inertias that hang
+    on it pull back. `speed` is then that of the first inertia.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=1.0
+    ... )
+    >>> run = gw.run_up(mass, gw.SpeedCourse.ramp(0.5, 1.5, 0.01))
+    >>> round(float(run.time[-1]), 9)
+    100.0
+    """
+    check_system(system, "run_up")
+    if isinstance(samples, bool) or not isinstance(samples, int) or not 16 <= samples <= 65_536:
+        raise ModelError(f"samples is {samples!r}; it must be an integer from 16 to 65,536 per forcing period")
+    if not isinstance(speed, SpeedCourse):
+        raise ModelError(
+            f"speed is {speed!r}; write gw.SpeedCourse.ramp(700, 1100, 100), or gw.SpeedCourse(time, speed)"
+        )
+    ramped = Ramped(system)
+    pace = system.structure.pace
+    first = system.at({pace: float(speed.speed[0])})
+    for end in (speed.speed.min(), speed.speed.max()):
+        system.at({pace: float(end)})
+    state = start_at(first, phase) if state is None else check_state(first, state)
+    thetas = angles_of(system, speed, phase, samples)
+    rows, times, events, intervals = [state], [0.0], [], []
+    for piece in pieces_of(system, speed, thetas):
+        found = ramped.sample(state, piece.angles, piece.speed, piece.acceleration)
+        state = found.states[-1]
+        rows += list(found.states[1:])
+        times += piece.times(piece.angles[1:]).tolist()
+        events += [event._replace(theta=event.theta + piece.turn) for event in found.contacts]
+        intervals.append(piece)
+    states, time = np.array(rows), np.array(times)
+    peaks = _peaks(ramped, thetas, states, intervals, events)
+    return RunUp(first, speed, samples, thetas, time, speed.at(time)[0], states, tuple(events), peaks)
+
+
+def start_at(system: System, phase: float) -> NDArray[np.float64]:
+    """Return the state at a phase of the motion that settles from rest."""
+    settled = settle(system, "rest", SettleOptions())
+    if phase % PERIOD == 0.0:
+        return settled.state
+    return integrate(system, settled.state, phase % PERIOD / PERIOD, 16).states[-1]
+
+
+def _forces(system: System, theta: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the contact forces, which depend on the state and the angle alone."""
+    q, v = np.split(states, 2, axis=1)
+    return contact_forces(layout_of(system.structure), coefficients_of(system), theta, q, v)
+
+
+def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[ContactEvent]) -> tuple[ForcePeak, ...]:
+    """Find the largest force of each contact, between samples too."""
+    system = ramped.system
+    contacts = system.structure.contacts
+    if not contacts:
+        return ()
+    forces, starts = np.abs(_forces(system, thetas, states)), [each.angles[0] + each.turn for each in intervals]
+    inner = innermost_switches(system)
+    found = []
+    for number, form in enumerate(contacts):
+        own = {switch for contact, _, switch in inner if contact == form.name}
+        hits = [abs(event.velocity) for event in events if event.switch in own and event.enters]
+        best = (0.0, float(thetas[0]), intervals[0])
+        tops = np.argsort(-forces[:, number], kind="stable")[:_TOPS]
+        for left in sorted({max(0, int(top) - side) for top in tops for side in (0, 1)}):
+            if left + 1 >= len(thetas):
+                continue
+            piece = intervals[int(np.searchsorted(starts, thetas[left] + 1e-9, side="right")) - 1]
+            begin = thetas[left] - piece.turn
+            fine = np.linspace(begin, thetas[left + 1] - piece.turn, _REFINED)
+            pace = float(np.sqrt(piece.speed**2 + 2.0 * piece.acceleration * (begin - piece.angles[0])))
+            moved = ramped.sample(states[left], fine, pace, piece.acceleration).states
+            values = _forces(system, fine, moved)[:, number]
+            top = int(np.argmax(np.abs(values)))
+            if abs(values[top]) > abs(best[0]):
+                best = (float(values[top]), float(fine[top] + piece.turn), piece)
+        force, theta, piece = best
+        time = float(piece.times(np.array([theta - piece.turn]))[0])
+        speed = np.sqrt(piece.speed**2 + 2.0 * piece.acceleration * (theta - piece.turn - piece.angles[0]))
+        speed = float(speed) / system.structure.frequency
+        found.append(ForcePeak(form.name, force, speed, time, theta, len(hits), max(hits, default=0.0)))
+    return tuple(found)
+
+
+def _increasing(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return (x, y) if x[-1] > x[0] else (x[::-1], y[::-1])

@@ -1,0 +1,300 @@
+"""Many run-ups, at many rates and from many starts: largest forces and where they occur, with their spread."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapwalk.answers.run_up import start_at
+from gapwalk.answers.run_up_batch import run_batch
+from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.ensemble.batch import BatchOptions
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import sample
+from gapwalk.flow.ramp import Ramped
+from gapwalk.model.system import System, check_system
+from gapwalk.model.words import parameter_symbol, value_words
+from gapwalk.notebook import Shown
+from gapwalk.summary import SummaryParts, Table, summarizes
+
+LEVELS = (0.05, 0.5, 0.95)
+"""Levels of the quantiles that are listed and drawn."""
+_ROWS = 12  # of the table of rates
+_SAME = 1e-9  # relative difference of rates that are one
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunUps(Shown):
+    """Extremes, contact forces and impacts of many run-ups, each divided into equal times (bins).
+
+    Attributes
+    ----------
+    system
+        The system; its own speed plays no role.
+    courses
+        Speed over time of each run-up.
+    phases : shape (runs,)
+        Angles of the excitation at the starts, in radians.
+    low, high : shape (runs, bins, n)
+        Smallest and largest value of each coordinate; NaN once a motion has diverged.
+    forces : shape (runs, bins, contacts)
+        Largest magnitude of each contact force.
+    impacts : shape (runs, bins, contacts, 2)
+        Closures of the innermost stages, on the positive and on the negative side.
+    error, worst, trials
+        Error over a forcing period or a bin, whichever is longer, from comparisons with the exact flow: the root mean
+        square and the largest of all; see `BatchOptions.error`.
+    """
+
+    system: System
+    courses: tuple[SpeedCourse, ...]
+    phases: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    impacts: NDArray[np.float64]
+    error: float
+    worst: float
+    trials: int
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        runs, contacts = len(self.courses), len(self.system.structure.contacts)
+        if not (
+            self.phases.shape == (runs,)
+            and self.low.shape == self.high.shape
+            and self.low.shape[:2] == self.forces.shape[:2] == self.impacts.shape[:2]
+            and len(self.low) == runs
+            and self.forces.shape[2] == contacts
+        ):
+            raise ValueError("the parts of some run-ups do not fit together")
+
+    @property
+    def complete(self) -> bool:
+        """True: all run-ups are done."""
+        return True
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the contacts."""
+        return tuple(form.name for form in self.system.structure.contacts)
+
+    @property
+    def bins(self) -> int:
+        """Number of bins of each run-up."""
+        return self.forces.shape[1]
+
+    @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Mean change of the speed by time of each run-up, without sign, shape (runs,)."""
+        return np.array([abs(each.speed[-1] - each.speed[0]) / each.duration for each in self.courses])
+
+    @cached_property
+    def diverged(self) -> NDArray[np.bool_]:
+        """True for each run-up whose motion diverged."""
+        return np.isnan(self.low).any(axis=(1, 2))
+
+    @cached_property
+    def speeds(self) -> NDArray[np.float64]:
+        """Speed in the middle of each bin, shape (runs, bins)."""
+        shares = (np.arange(self.bins) + 0.5) / self.bins
+        return np.array([each.at(each.duration * shares)[0] for each in self.courses])
+
+    def peaks(self, contact: str) -> NDArray[np.float64]:
+        """Return the largest magnitude of a contact's force in each run-up, shape (runs,); NaN if it diverged.
+
+        Raises
+        ------
+        ModelError
+            If there is no such contact.
+        """
+        return self.forces[:, :, self._place(contact)].max(axis=1)
+
+    def places(self, contact: str) -> NDArray[np.float64]:
+        """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,)."""
+        forces = np.nan_to_num(self.forces[:, :, self._place(contact)])
+        return self.speeds[np.arange(len(forces)), forces.argmax(axis=1)]
+
+    def quantiles(self, contact: str, levels: Sequence[float] = LEVELS) -> tuple[NDArray, NDArray]:
+        """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates)."""
+        peaks, rates, group = self.peaks(contact), *self._groups
+        return rates, np.array([np.nanquantile(peaks[group == k], levels) for k in range(len(rates))]).T
+
+    @cached_property
+    def _groups(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        order = np.argsort(self.rates, kind="stable")
+        sorted_rates = self.rates[order]
+        new = np.diff(sorted_rates, prepend=-np.inf) > _SAME * sorted_rates
+        group = np.empty(len(order), dtype=np.intp)
+        group[order] = np.cumsum(new) - 1
+        return sorted_rates[new], group
+
+    def _place(self, contact: str) -> int:
+        if contact not in self.contacts:
+            raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(self.contacts)}")
+        return self.contacts.index(contact)
+
+    @property
+    def touching(self) -> tuple[str, ...]:
+        """Names of the contacts that touch in any run-up."""
+        return tuple(name for name in self.contacts if np.nanmax(self.peaks(name), initial=0.0) > 0.0)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The largest force of each contact with its spread, in sentences."""
+        system, found = self.system, []
+        unit = " N m" if system.units else ""
+        per = f" {system.units.parameter(system.structure.pace)}/s" if system.units else " per unit of time"
+        for name in self.touching:
+            peaks, places = self.peaks(name), self.places(name)
+            middle, most = np.nanquantile(peaks, (0.5, 0.95))
+            worst = int(np.nanargmax(peaks))
+            where = value_words(float(places[worst]), system.structure.pace, system.units)
+            found.append(
+                f"{name}: peak {middle:.4g}{unit} in half of the run-ups, {most:.4g}{unit} in 95 %; at most "
+                f"{peaks[worst]:.4g}{unit}, at {where} of the run-up at {self.rates[worst]:.4g}{per}"
+            )
+        return tuple(found)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the largest forces with their spread, and a table over the rates."""
+        symbol = parameter_symbol(self.system.structure.pace, self.system.units)
+        rates, group = self._groups
+        yield (
+            f"{len(self.courses)} run-ups over {symbol} at {len(rates)} rates from {rates[0]:.4g} to {rates[-1]:.4g}; "
+            f"error {self.error:.2g}, worst {self.worst:.2g} in {self.trials} comparisons with the exact flow"
+        )
+        yield from self.sentences
+        if np.any(self.diverged):
+            yield f"{int(self.diverged.sum())} diverged"
+        shown = np.unique(np.linspace(0, len(rates) - 1, _ROWS).round().astype(int))
+        for name in self.touching:
+            _, values = self.quantiles(name)
+            impacts = self.impacts[:, :, self._place(name)].sum(axis=(1, 2))
+            yield Table(
+                [f"{name}: rate", ">runs", ">5 %", ">half", ">95 %", ">impacts"],
+                [
+                    (f"{rates[k]:.5g}", f"{(group == k).sum()}", *(f"{each:.5g}" for each in values[:, k]),
+                     f"{np.nanmean(impacts[group == k]):.4g}")
+                    for k in shown
+                ],
+            )  # fmt: skip
+
+    def plot(self, **options: Any) -> Any:
+        """Draw largest forces over the rate; see `gapwalk.plot.run_up_pictures.draw_run_ups`. Return the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def joined(self, other: RunUps) -> RunUps:
+        """Return these run-ups with others of the same system; the error is the larger of both."""
+        rows = {name: np.concatenate((getattr(self, name), getattr(other, name))) for name in _ARRAYS}
+        error, worst = max(self.error, other.error), max(self.worst, other.worst)
+        return RunUps(
+            self.system, self.courses + other.courses, **rows, error=error, worst=worst,
+            trials=self.trials + other.trials,
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"RunUps({len(self.courses)} run-ups in {self.bins} bins, error {self.error:.2g})"
+
+
+_ARRAYS = ("phases", "low", "high", "forces", "impacts")
+
+
+def run_ups(
+    system: System,
+    speeds: Sequence[SpeedCourse],
+    *,
+    phases: ArrayLike = 0.0,
+    states: ArrayLike | None = None,
+    bins: int = 100,
+    options: BatchOptions | None = None,
+) -> RunUps:
+    """Compute many run-ups with the batch integrator: largest forces, impacts and extremes over the speed.
+
+    Parameters
+    ----------
+    system
+        The system; its own value of the first parameter plays no role.
+    speeds
+        The speed over time of each run-up.
+    phases : shape (runs,)
+        Angle of the excitation at the start of each, in radians.
+    states : shape (runs, 2n)
+        Positions and velocities at the start of each; by default those of the motion that settles at the first speed
+        from rest, at that phase.
+    bins
+        Number of equal times into which each run-up is divided.
+    options
+        Error and threads; the steps are chosen so that the error is at most `BatchOptions.error` over one forcing
+        period or one bin, whichever is longer.
+
+    Raises
+    ------
+    ModelError
+        If the system cannot run up, or a load varies a number of a contact: those need `gapwalk.run_up`.
+    FlowError
+        If the error cannot be reached.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"],
+    ...     mass=[1.0],
+    ...     damping=[0.1],
+    ...     stiffness=[1.0],
+    ...     contacts=[gw.stop("wall", {"x": 1.0}, 0.5, 20.0)],
+    ...     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
+    ...     frequency=1.0,
+    ... )
+    >>> found = gw.run_ups(mass, [gw.SpeedCourse.ramp(0.5, 1.5, rate) for rate in (0.01, 0.02)])
+    >>> found.peaks("wall").shape
+    (2,)
+    """
+    check_system(system, "run_ups")
+    courses = tuple(speeds)
+    if not courses or not all(isinstance(each, SpeedCourse) for each in courses):
+        raise ModelError("speeds must be a list of courses, such as [gw.SpeedCourse.ramp(700, 1100, rate), ...]")
+    if isinstance(bins, bool) or not isinstance(bins, int) or not 2 <= bins <= 10_000:
+        raise ModelError(f"bins is {bins!r}; it must be an integer from 2 to 10,000")
+    ramped, count = Ramped(system), len(courses)
+    try:
+        angles = np.broadcast_to(np.array(phases, dtype=float), (count,)).copy()
+    except (TypeError, ValueError):
+        raise ModelError(f"phases must be one angle for each of the {count} run-ups") from None
+    if not np.all(np.isfinite(angles)):
+        raise ModelError("phases must be finite angles, in radians")
+    if states is None:
+        begun = starts_of(system, courses, angles)
+    else:
+        begun = np.array(states, dtype=float)
+        if begun.shape != (count, 2 * system.size) or not np.all(np.isfinite(begun)):
+            raise ModelError(f"states has shape {begun.shape}; it must be ({count}, {2 * system.size}), finite numbers")
+    found = run_batch(ramped, courses, angles, begun, bins, options or BatchOptions())
+    return RunUps(
+        system, courses, angles, found.low, found.high, found.forces, found.impacts, found.error, found.worst,
+        found.trials,
+    )  # fmt: skip
+
+
+def starts_of(system: System, courses: Sequence[SpeedCourse], phases: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the state of the motion that settles at the first speed of each course, at its phase."""
+    found, firsts = np.empty((len(courses), 2 * system.size)), np.array([float(each.speed[0]) for each in courses])
+    for first in np.unique(firsts):
+        lanes = np.flatnonzero(firsts == first)
+        at_first = system.at({system.structure.pace: float(first)})
+        wanted = np.concatenate(([0.0], phases[lanes] % PERIOD))
+        angles, places = np.unique(wanted, return_inverse=True)
+        state = start_at(at_first, 0.0)
+        states = state[None] if len(angles) == 1 else sample(at_first, state, angles).states
+        found[lanes] = states[places.reshape(-1)[1:]]
+    return found

@@ -1,0 +1,419 @@
+"""Record of tolerances: where the special points of a response lie when its parameters vary from part to part.
+
+Sobol indices are those of polynomials in the parameters, fitted to a part of the samples and judged by the others
+(Sudret, Global sensitivity analysis using polynomial chaos expansions, 2008), by `scipy.stats.sobol_indices`. Where
+no polynomial explains a point, or parameters are correlated, the first-order index comes from the samples themselves:
+the share of the variance that a polynomial of one parameter explains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.point_tracking import polynomial
+from gapwalk.answers.spread import Spread, Spreads
+from gapwalk.answers.tolerance_tracking import Further, HowFound
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.errors import ModelError
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+
+Array = NDArray[np.float64]
+
+_CONFIDENCE = 0.95
+_EXPLAINED = 0.95  # share of the variance that a polynomial must explain for Sobol indices of it
+_TEST = 5  # one of so many samples judges a polynomial that was fitted to the others
+_BASE = 4096  # samples of each matrix of the Saltelli design; its evaluations are of a polynomial
+_ALONE = 4  # degree of a polynomial of one parameter
+_DEGREES = (3, 2, 1)
+_FEW = 2.0  # samples for each term of a polynomial
+_MOST = 3  # parameters that a line names
+_FAINT = 0.01  # index below which a parameter does not matter
+
+
+class Chance(NamedTuple):
+    """Probability with its confidence interval.
+
+    Attributes
+    ----------
+    count, samples
+        Samples in which it happened, and all samples that count.
+    value, low, high
+        Share, and ends of the interval of Clopper and Pearson (1934), which contains the probability in 95 % of cases.
+    """
+
+    count: int
+    samples: int
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.value:.3g} % ({100.0 * self.low:.3g} to {100.0 * self.high:.3g} %)"
+
+
+def chance_of(count: int, samples: int) -> Chance:
+    """Return the probability of something that happened `count` times in independent samples.
+
+    Raises
+    ------
+    ModelError
+        If there are no samples, or the count is not one of them.
+    """
+    from scipy.stats import binomtest  # imported late, because the import is slow
+
+    if not 0 <= count <= samples or not samples:
+        raise ModelError(f"count is {count} of {samples} samples; it must be between 0 and their number, above 0")
+    interval = binomtest(count, samples).proportion_ci(_CONFIDENCE, method="exact")
+    return Chance(count, samples, count / samples, float(interval.low), float(interval.high))
+
+
+@dataclass(frozen=True, eq=False)
+class Influences:
+    """Sobol indices of one special point.
+
+    Attributes
+    ----------
+    first : shape (parameters,)
+        Share of the variance that each parameter causes alone.
+    total : shape (parameters,)
+        The same with all its interactions; nan where it is not known.
+    unexplained
+        Share of the variance that the polynomial behind the indices does not explain: about their error.
+    """
+
+    first: Array
+    total: Array
+    unexplained: float
+
+
+@dataclass(frozen=True)
+class ToleranceCheck:
+    """Accuracy of tracked points.
+
+    Attributes
+    ----------
+    checked
+        Random tracked samples whose branches were walked.
+    largest
+        Largest difference of a tracked point from the walk.
+    different
+        A sentence for each sample in which a tracked point was not on the branch, or the walk failed.
+    with_further
+        Samples of them in which the walk found points that the nominal branch does not have.
+    """
+
+    checked: int = 0
+    largest: float = 0.0
+    different: tuple[str, ...] = ()
+    with_further: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance(Shown):
+    """Distribution of the special points of a response, when parameters vary from part to part.
+
+    Attributes
+    ----------
+    branch
+        The nominal branch.
+    spreads
+        Distribution of the parameters.
+    points
+        The nominal special points.
+    samples : shape (samples, parameters)
+        Values of the parameters.
+    shares : shape (samples, parameters)
+        Share of all parts below each of these values.
+    values : shape (samples, points)
+        Value of the branch's parameter at each special point; nan where it does not exist.
+    how : shape (samples,)
+        How the points of a sample were found; values of `HowFound`.
+    further
+        Points of walked samples that have no nominal counterpart.
+    band
+        A band of the branch's parameter in which no point should lie; None if none was asked for.
+    check
+        Tracked samples that were walked for comparison.
+    complete
+        True if all samples were done.
+    notes, failures
+        Remarks and failures, in sentences.
+    """
+
+    branch: Branch
+    spreads: Spreads
+    points: tuple[SpecialPoint, ...]
+    samples: Array
+    shares: Array
+    values: Array
+    how: NDArray[np.intp]
+    further: tuple[Further, ...] = ()
+    band: tuple[float, float] | None = None
+    check: ToleranceCheck = ToleranceCheck()
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its arrays do not fit together."""
+        count, points = len(self.samples), len(self.points)
+        if self.samples.shape != self.shares.shape or self.samples.shape != (count, len(self.names)):
+            raise ValueError("samples and parameters do not fit together")
+        if self.values.shape != (count, points) or self.how.shape != (count,):
+            raise ValueError("samples and special points do not fit together")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that vary."""
+        return self.spreads.varied
+
+    @property
+    def parameter(self) -> str:
+        """Parameter of the branch."""
+        return self.branch.parameter
+
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """True for samples whose points are known: tracked or walked."""
+        return np.isin(self.how, (HowFound.TRACKED, HowFound.WALKED))
+
+    def quantiles(self, *shares: float) -> Array:
+        """Return the values below which a point lies in given shares of the samples that have it: (shares, points).
+
+        A point that exists in no sample has nan.
+        """
+        found = np.full((len(shares), len(self.points)), np.nan)
+        for j, column in enumerate(self._columns):
+            if len(column):
+                found[:, j] = np.quantile(column, shares)
+        return found
+
+    @cached_property
+    def exists(self) -> tuple[Chance, ...]:
+        """Probability that each point exists."""
+        return tuple(chance_of(len(column), int(self.known.sum())) for column in self._columns)
+
+    def chances(self, low: float, high: float) -> tuple[Chance, ...]:
+        """Return the probability that each point lies in a band, ends included."""
+        inside = [int(np.sum((column >= low) & (column <= high))) for column in self._columns]
+        return tuple(chance_of(count, int(self.known.sum())) for count in inside)
+
+    def chance(self, low: float, high: float, kind: str = "fold") -> Chance:
+        """Return the probability that any point of a kind lies in a band; by default a fold, at which motions jump.
+
+        Points that only walked samples have are counted; those that tracked samples may have besides are not known:
+        see `check`.
+        """
+        columns = [j for j, special in enumerate(self.points) if special.kind.value == kind]
+        inside = np.any((self.values[:, columns] >= low) & (self.values[:, columns] <= high), axis=1)
+        for each in self.further:
+            if each.kind == kind and low <= each.value <= high:
+                inside[each.sample] = True
+        return chance_of(int(inside[self.known].sum()), int(self.known.sum()))
+
+    @cached_property
+    def influences(self) -> tuple[Influences, ...]:
+        """Sobol indices of each point."""
+        return tuple(self._influences(j) for j in range(len(self.points)))
+
+    def words(self, index: int) -> str:
+        """Name the parameters that matter most for a point, with their first-order indices."""
+        first = self.influences[index].first
+        order = [k for k in np.argsort(-np.nan_to_num(first), kind="stable")[:_MOST] if first[k] >= _FAINT]
+        return ", ".join(f"{self.names[k]} {first[k]:.2f}" for k in order)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the distribution of each point, the probability of a jump in the band, and how sure that is."""
+        units = self.branch.system.units
+        symbol, known = parameter_symbol(self.parameter, units), int(self.known.sum())
+        if self.band is not None and known:
+            low, high = self.band
+            chance = self.chance(low, high)
+            yield f"a jump (fold) lies between {symbol} = {low:g} and {high:g} in {chance} of all parts"
+        counts = {way: int(np.sum(self.how == way)) for way in HowFound}
+        yield (
+            f"{len(self.samples):,} samples of {len(self.names)} parameters: {counts[HowFound.TRACKED]:,} tracked, "
+            f"{counts[HowFound.WALKED]:,} walked again, {counts[HowFound.REFUSED]:,} refused, "
+            f"{counts[HowFound.FAILED] + counts[HowFound.LOST]:,} failed"
+        )
+        if known:
+            low, high = self.quantiles(0.05, 0.95)
+            rows = [
+                [
+                    f"{special.kind}{f' {special.contact}' if special.contact else ''}",
+                    f"{special.value:.6g}",
+                    f"{np.mean(column):.6g}" if len(column) else "",
+                    f"{np.std(column, ddof=1):.3g}" if len(column) > 1 else "",
+                    f"{low[j]:.6g}" if len(column) else "",
+                    f"{high[j]:.6g}" if len(column) else "",
+                    f"{100.0 * self.exists[j].value:.4g} %",
+                    self.words(j),
+                ]
+                for j, (special, column) in enumerate(zip(self.points, self._columns, strict=True))
+            ]
+            heads = (
+                "point",
+                f">{symbol}",
+                ">mean",
+                ">sd",
+                ">5 %",
+                ">95 %",
+                ">exists",
+                "what matters most (first order)",
+            )
+            yield Table(heads, rows)
+        yield from self._doubts()
+
+    def tables(self) -> Tables:
+        """Return the tables of the points, of their indices, and of all samples."""
+        return {"points": self._point_rows, "indices": self._index_rows, "samples": self._sample_rows}
+
+    def plot(self, measure: str = "", **options: object):
+        """Draw the response, below it the distributions of its special points, and what matters for each."""
+        from gapwalk.plot import draw
+
+        return draw(self, **({"measure": measure} if measure else {}), **options)
+
+    def __repr__(self) -> str:
+        return (
+            f"Tolerance({len(self.points)} special points of {self.parameter}, {len(self.samples):,} samples of "
+            f"{', '.join(self.names)})"
+        )
+
+    @cached_property
+    def _columns(self) -> list[Array]:
+        values = self.values[self.known]
+        return [column[~np.isnan(column)] for column in values.T]
+
+    def _doubts(self) -> SummaryParts:
+        check, walked = self.check, self.how == HowFound.WALKED
+        if check.checked:
+            wrong = chance_of(len(check.different), check.checked)
+            more = chance_of(check.with_further, check.checked)
+            yield (
+                f"{check.checked} tracked samples were walked for comparison: {len(check.different)} differ (at most "
+                f"{100.0 * wrong.high:.2g} % of all), the others by {check.largest:.1g} at most; "
+                f"{check.with_further} have further points (at most {100.0 * more.high:.2g} % of all)"
+            )
+            yield from (f"  {text}" for text in check.different)
+        if walked.any() and self.further:
+            count = len({each.sample for each in self.further})
+            kinds = sorted({each.kind for each in self.further})
+            yield (
+                f"note: {count} of {int(walked.sum())} samples that were walked again have further special points "
+                f"({', '.join(kinds)}), which appear there"
+            )
+        if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
+            names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
+            yield f"note: no polynomial explains the points at {names}; their indices are those of one parameter at a time"
+
+    def _influences(self, index: int) -> Influences:
+        column = self.values[:, index]
+        kept = ~np.isnan(column) & self.known
+        size = len(self.names)
+        values = column[kept]
+        if len(values) <= 4 * size or float(np.var(values)) == 0.0:
+            return Influences(np.full(size, np.nan), np.full(size, np.nan), 1.0)
+        low, width = self._scaling
+        x = (self.samples[kept] - low) / width
+        if self._independent:
+            found = self._by_polynomial(x, values)
+            if found is not None and found.unexplained <= 1.0 - _EXPLAINED:
+                return found
+        first = np.array([_explained(x[:, [k]], values, _ALONE) for k in range(size)])
+        return Influences(first, np.full(size, np.nan), 1.0)
+
+    def _by_polynomial(self, x: Array, values: Array) -> Influences | None:
+        """Return the indices of a polynomial that was fitted to most samples and judged by the rest."""
+        from scipy.stats import sobol_indices
+
+        judged = np.arange(len(x)) % _TEST == 0
+        for degree in _DEGREES:
+            terms = polynomial(x, degree)
+            if np.sum(~judged) < _FEW * terms.shape[1]:
+                continue
+            coefficients = np.linalg.lstsq(terms[~judged], values[~judged])[0]
+            rest = values[judged] - terms[judged] @ coefficients
+            unexplained = float(np.var(rest) / np.var(values))
+            low, width = self._scaling
+
+            def function(points: Array, c: Array = coefficients, d: int = degree) -> Array:
+                return polynomial((points.T - low) / width, d) @ c
+
+            laws = self.spreads.about(self.branch.system).laws
+            found = sobol_indices(
+                func=function, n=_BASE, dists=[_Law(law) for law in laws], rng=np.random.default_rng(0)
+            )
+            return Influences(np.ravel(found.first_order), np.ravel(found.total_order), unexplained)
+        return None
+
+    @cached_property
+    def _independent(self) -> bool:
+        """True if no parameter says anything about another one."""
+        size = len(self.spreads.laws)
+        matrix = np.array(self.spreads.correlation) if self.spreads.correlation else np.eye(size)
+        return bool(size) and not np.any(matrix - np.eye(size))
+
+    @cached_property
+    def _scaling(self) -> tuple[Array, Array]:
+        return self.samples.mean(axis=0), np.maximum(self.samples.std(axis=0), np.finfo(float).tiny)
+
+    def _point_rows(self) -> Rows:
+        shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+        quantiles = self.quantiles(*shares)
+        band = [] if self.band is None else ["in.band", "in.band.low", "in.band.high"]
+        heads = [f"quantile.{share:g}" for share in shares]
+        yield ["kind", "contact", self.parameter, "mean", "sd", *heads, "exists", "exists.low", "exists.high", *band]
+        chances = None if self.band is None else self.chances(*self.band)
+        for j, (special, column) in enumerate(zip(self.points, self._columns, strict=True)):
+            row = [special.kind.value, special.contact, special.value]
+            row += [
+                float(np.mean(column)) if len(column) else "",
+                float(np.std(column, ddof=1)) if len(column) > 1 else "",
+            ]
+            row += [*quantiles[:, j].tolist(), *self.exists[j][2:]]
+            yield row if chances is None else [*row, *chances[j][2:]]
+
+    def _index_rows(self) -> Rows:
+        yield ["kind", self.parameter, "parameter", "first.order", "total.order", "unexplained"]
+        for special, found in zip(self.points, self.influences, strict=True):
+            for k, name in enumerate(self.names):
+                total = float(found.total[k])
+                yield [
+                    special.kind.value,
+                    special.value,
+                    name,
+                    float(found.first[k]),
+                    "" if np.isnan(total) else total,
+                    found.unexplained,
+                ]
+
+    def _sample_rows(self) -> Rows:
+        points = [f"{special.kind.value}.{j + 1}" for j, special in enumerate(self.points)]
+        yield [*self.names, *points, "found"]
+        for sample, values, how in zip(self.samples.tolist(), self.values.tolist(), self.how.tolist(), strict=True):
+            yield [*sample, *("" if np.isnan(value) else value for value in values), HowFound(how).name.lower()]
+
+
+class _Law:
+    """Distribution of a parameter as `scipy.stats.sobol_indices` asks for it."""
+
+    def __init__(self, law: Spread) -> None:
+        self.ppf = law.quantile
+
+
+def _explained(x: Array, values: Array, degree: int) -> float:
+    """Return the share of the variance that a polynomial explains, corrected for its number of terms."""
+    terms = polynomial(x, degree)
+    rest = values - terms @ np.linalg.lstsq(terms, values)[0]
+    freedom = len(values) - terms.shape[1]
+    return max(0.0, 1.0 - float(rest @ rest) / freedom / float(np.var(values, ddof=1))) if freedom > 0 else np.nan

@@ -1,0 +1,179 @@
+"""The exact flow of a system whose speed changes steadily: a variant of the compiled flow, with the same events.
+
+Over the angle theta of the excitation, the equations of motion are those at constant speed, with 1/W a function of the
+angle. At a constant acceleration ``a = dW/dt`` the square of the speed grows linearly with the angle,
+
+    dW/dtheta = a / W,    W^2 = W0^2 + 2 a (theta - theta0)
+
+so ``1/W`` is known in closed form, and its Taylor series is part of that of the motion. The time since the start of a
+piece of constant acceleration is ``t = 2 (theta - theta0) / (W0 + W)``. Loads that grow with the speed are polynomials
+of W of degree 2, found from the coefficients themselves.
+
+A train whose speed is held by a reaction needs a torque to run up: at each instant the reaction drives the inertias of
+all its parts. That torque, ``a sum(J r^2)`` in terms of the reaction's own shaft, acts on the reaction's inertia.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.flow.equations import Equations
+from gapwalk.flow.flow import Flow, Variations
+from gapwalk.model.coefficients import layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+
+_NODES = (0.5, 1.0, 1.5)  # speeds, relative to the given one, whose parabola gives the growth with the speed
+_CHECKS = (0.7, 1.25)
+_EXACT = 1e-11  # relative difference above which a coefficient is no parabola of the speed
+
+
+@dataclass(frozen=True, eq=False)
+class Ramped:
+    """Coefficients of a system as functions of the speed, and its exact flow at a constant acceleration.
+
+    Parameters
+    ----------
+    system
+        The system; its own speed does not matter.
+
+    Raises
+    ------
+    ModelError
+        If the system has dry friction, rigid stops, or numbers that depend on the speed in another way than loads that
+        grow with its first or second power.
+    """
+
+    system: System
+
+    def __post_init__(self) -> None:
+        for problem in _problems(self.system):
+            raise ModelError(f"a run-up of this system is not possible: {problem}")
+        assert self.growth.shape[0] == 3  # refuses what is no parabola of the speed
+
+    @cached_property
+    def growth(self) -> NDArray[np.float64]:
+        """Coefficients by powers 0, 1, 2 of the speed W, shape (3, number of coefficients)."""
+        system, layout, unit = self.system, layout_of(self.system.structure), self.system.structure.frequency
+        base = system.frequency
+
+        def at(factor: float) -> NDArray[np.float64]:
+            values = system.values.copy()
+            values[0] = base * factor / unit
+            found = layout.compute(values)
+            found[0] = 0.0
+            return found
+
+        known = np.array([at(factor) for factor in _NODES])
+        found = np.linalg.solve(np.vander(_NODES, increasing=True), known)
+        scale = np.abs(known).max(axis=0)
+        constant = np.ptp(known, axis=0) <= _EXACT * scale
+        found[0, constant], found[1:, constant] = known[1, constant], 0.0
+        found[np.abs(found) <= _EXACT * scale] = 0.0
+        loads = np.zeros(len(layout), dtype=bool)
+        loads[layout.accelerations[:, 2 * layout.structure.size + len(layout.contacts) :]] = True
+        errors = [
+            np.abs(np.polynomial.polynomial.polyval(each, found) - at(each)) > 100 * _EXACT * scale for each in _CHECKS
+        ]
+        if np.any(errors) or np.any(~constant & ~loads):
+            raise ModelError(
+                "a run-up of this system is not possible: a number other than the size of a load depends on the "
+                "speed, or a load depends on it in another way than by its first or second power"
+            )
+        return found / base ** np.arange(3.0)[:, None]
+
+    @cached_property
+    def carried(self) -> NDArray[np.float64]:
+        """Constant accelerations of the coordinates by the torque that runs a train up, at ``dW/dt = 1``; shape (n,).
+
+        It is zero unless a reaction holds the speed of a train.
+        """
+        assembly, none = self.system.structure.assembly, np.zeros(self.system.size)
+        units = self.system.units
+        if not isinstance(assembly, TrainAssembly) or units is None or units.turns is None:
+            return none
+        form, train = assembly.form, assembly.numbers(self.system.values)
+        if form.reaction is None:
+            return none
+        torque = np.zeros(len(form.inertias))
+        torque[form.reaction] = np.sum(train.inertia * train.speeds**2) / train.speeds[form.reaction]
+        bodies, flexed, _ = train.flexed
+        return flexed @ (bodies.T @ torque) / (float(units.turns) * units.angle)
+
+    @cached_property
+    def flow(self) -> Flow:
+        """The compiled flow."""
+        count = len(layout_of(self.system.structure))
+        pattern = np.zeros(3 * count + 2, dtype=bool)
+        pattern[: 3 * count] = (self.growth != 0.0).ravel()
+        pattern[:count] |= pattern[: 3 * count].reshape(3, count).any(axis=0)
+        pattern[self._means] |= self.carried != 0.0
+        pattern[[0, -2, -1]] = True
+        return _compile(self.system.structure, pattern.tobytes())
+
+    @cached_property
+    def _means(self) -> NDArray[np.intp]:
+        """Slots of the constant accelerations."""
+        layout = layout_of(self.system.structure)
+        return layout.accelerations[:, 2 * layout.structure.size + len(layout.contacts)]
+
+    def coefficients(self, speed: float | NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
+        """Return the coefficients at a speed W, one or many, and an acceleration; shape (..., number)."""
+        speed = np.asarray(speed, dtype=float)
+        found = np.multiply.outer(speed**0, self.growth[0])
+        found = found + np.multiply.outer(speed, self.growth[1]) + np.multiply.outer(speed**2, self.growth[2])
+        found[..., self._means] += acceleration * self.carried
+        found[..., 0] = 1.0 / speed
+        return found
+
+    def sample(
+        self, state: NDArray[np.float64], thetas: NDArray[np.float64], speed: float, acceleration: float
+    ) -> Variations:
+        """Return the states at increasing angles, of which the first is the start, with the events; see `Flow.sample`.
+
+        Parameters
+        ----------
+        state : shape (2n,)
+            Positions and velocities at ``thetas[0]``.
+        thetas
+            Angles in radians; small ones are the most accurate, so whole turns may be left out.
+        speed, acceleration
+            Speed W at ``thetas[0]`` and its derivative by time, in consistent units.
+
+        Raises
+        ------
+        FlowError
+            As `Flow.sample`.
+        """
+        square, growth = speed**2 - 2.0 * acceleration * thetas[0], 2.0 * acceleration
+        given = self.growth.copy()
+        given[0, self._means] += acceleration * self.carried
+        given[0, 0] = 1.0 / speed  # only the size of motions is judged by it
+        return self.flow.sample(np.concatenate((given.ravel(), [growth, square])), state, thetas)
+
+
+def _problems(system: System):
+    """Yield the reasons why a system cannot run up, one sentence each."""
+    structure, layout = system.structure, layout_of(system.structure)
+    if any(form.law.is_dry for form in structure.contacts):
+        yield "it has dry friction, whose modes are decided at constant speed; leave the friction out"
+    if any(form.law.rebounds for form in structure.contacts):
+        yield "it has a rigid stop, whose impacts are decided at constant speed; give the stop a stiffness"
+    for slots in layout.contacts:
+        if any(argument in slots.waves for argument in slots.form.law.arguments):
+            yield f"a displacement is added to the deflection of {slots.form.name}; leave that load out"
+    for load in structure.equations.harmonics:
+        if load.factor is not None:
+            yield f"the load {load.name} has a factor over the speed; give it a constant amplitude, or growth 1 or 2"
+
+
+@lru_cache(maxsize=16)
+def _compile(structure: Structure, mask: bytes) -> Flow:
+    pattern = np.frombuffer(mask, dtype=bool)
+    return Flow(Equations(layout_of(structure), pattern, (), ramp=True))

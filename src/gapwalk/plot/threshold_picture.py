@@ -1,0 +1,53 @@
+"""Pictures of thresholds: the border of rattle in the plane of both parameters, its quiet side, and the limit."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from matplotlib.axes import Axes
+
+from gapwalk.answers.threshold import Threshold
+from gapwalk.model.words import parameter_words
+from gapwalk.plot import style
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import write_legend
+from gapwalk.plot.style import BLACK, GREY, stroke, symbols
+
+_QUIET = "#e4f0e2"
+_GOLD = "#f3c55b"
+
+
+@draws(Threshold)
+def draw_threshold(found: Threshold, ax: Axes) -> Finish | None:
+    """Draw the loci at which rattle begins or ceases, and the side of the parameter on which nothing rattles."""
+    units = found.system.units
+    ax.set(xlim=(found.low, found.high), ylim=sorted((found.begin, found.end)))
+    ax.set_xlabel(parameter_words(found.over, units))
+    ax.set_ylabel(parameter_words(found.parameter, units))
+    for locus in found.loci:
+        ax.plot(*locus.values.T[::-1], zorder=3, **style.locus_options(locus.kind, 0))
+    entries = [
+        (f"{locus.kind}: rattle begins or ceases", style.locus_options(locus.kind, 0)) for locus in found.loci[-1:]
+    ]
+    if found.limit is not None:
+        ax.axhspan(found.value, found.end, color=_QUIET, linewidth=0, zorder=0)
+        ax.axhline(found.value, **stroke(GREY, 0.9, "-", zorder=2))
+        ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, BLACK, _GOLD))
+        entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, BLACK, _GOLD))]
+    write_legend(ax, entries)
+    return None if found.limit is None else partial(_name, ax, found)
+
+
+def _name(ax: Axes, found: Threshold) -> None:
+    """Write both values beside the limit, on the quiet side."""
+    below = found.end < found.begin
+    is_lower = ax.yaxis_inverted() is below
+    ax.annotate(
+        f"{found.value:.6g} at {found.at:.6g}",
+        (found.at, found.value),
+        textcoords="offset points",
+        xytext=(0, 9 if is_lower else -9),
+        ha="center",
+        va="bottom" if is_lower else "top",
+        fontsize="small",
+    )

@@ -1,0 +1,444 @@
+"""The study of a design: the least change of some parameters that reaches all goals, and its proof."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from annotated_types import Ge, Le
+from pydantic import AfterValidator, Field, ValidationInfo
+
+from gapwalk.answers.design import Design, proved
+from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
+from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route
+from gapwalk.bifurcation.isolated import SearchOptions
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System, check_system
+from gapwalk.model.units import QuantityKind, read_quantity
+from gapwalk.notebook import shows_progress
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import MAX_PERIOD
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.derived_schema import key_type
+from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
+from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_registry import INLINE, check_integers
+from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
+from gapwalk.summary import SummaryParts, summarizes
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+@dataclass(frozen=True, slots=True)
+class DesignOptions:
+    """Options of a design.
+
+    Parameters
+    ----------
+    finding
+        Options of the search for the least change.
+    search_values
+        Number of values in the bands of the goals at which isolated branches of the new design are searched for, or
+        the values; 0: none.
+    search
+        Options of this search.
+    """
+
+    finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
+    search_values: int | tuple[float, ...] = 6
+    search: SearchOptions = SearchOptions()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.search_values, tuple):
+            check_integers(self, search_values=0)
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeTable:
+    """Table of a parameter that may change; fields as those of `gapwalk.Change`."""
+
+    parameter: Annotated[
+        str,
+        Field(description='write what may change, as in parameter = "stage2.clearance"'),
+        AfterValidator(known_parameter),
+    ]
+    by: float = 0.5
+    low: Annotated[float | None, Field(alias="from"), WITH_UNIT, AfterValidator(is_allowed)] = None
+    high: Annotated[float | None, Field(alias="to"), WITH_UNIT, AfterValidator(is_allowed)] = None
+    weight: float = 1.0
+
+    @property
+    def change(self) -> Change:
+        """The change that it describes."""
+        return Change(self.parameter, self.by, self.low, self.high, self.weight)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalTable:
+    """Table of a goal: one of `no`, `quiet`, `peak` and `resonance`, with its band or its limits.
+
+    Parameters
+    ----------
+    no
+        A kind of special point that may not lie in the band.
+    quiet
+        A gap that may not rattle in the band.
+    peak
+        A contact whose peak force or torque is to stay below `below` in the band.
+    resonance
+        Number of a natural frequency, which `order` is to meet below `below` or above `above`.
+    begin, end
+        The band; by default the whole range of the study.
+    below, above, order
+        The limits, and the order of the excitation.
+    """
+
+    no: str | None = None
+    quiet: str | None = None
+    peak: str | None = None
+    resonance: int | None = None
+    begin: Annotated[Any, Field(alias="from")] = None
+    end: Annotated[Any, Field(alias="to")] = None
+    below: Any = None
+    above: Any = None
+    order: float = 1.0
+
+    def __post_init__(self) -> None:
+        named = [name for name in ("no", "quiet", "peak", "resonance") if getattr(self, name) is not None]
+        if len(named) != 1:
+            given = " and ".join(named) or "nothing"
+            raise ModelError(
+                f'a goal names {given}; write one of them, as in {{ no = "fold", from = 0.6, to = 0.66 }}, '
+                '{ quiet = "mesh" }, { peak = "mesh", below = "40 N m" } or { resonance = 1, below = "600 rpm" }'
+            )
+
+    def goal(self, system: System, parameter: str, ends: tuple[float, float]) -> AnyGoal:
+        """Return the goal that it describes.
+
+        Raises
+        ------
+        ModelError
+            For a value without its unit, or one that is missing.
+        """
+        if self.resonance is not None:
+            pace = system.structure.pace
+            limits = [None if each is None else _number(system, pace, each) for each in (self.below, self.above)]
+            return Resonance(self.resonance, *limits, self.order)
+        low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
+        high = ends[1] if self.end is None else _number(system, parameter, self.end)
+        if self.no is not None:
+            return NoPoint(self.no, (low, high))  # pyright: ignore[reportArgumentType]
+        if self.quiet is not None:
+            return Quiet(self.quiet, (low, high))
+        assert self.peak is not None
+        if self.below is None:
+            unit = '"40 N m"' if system.units else "2.0"
+            raise ModelError(f"the goal for the peak of {self.peak} has no limit; write below = {unit}")
+        return PeakBelow(self.peak, _force(system, self.below), (low, high))
+
+
+def _number(system: System, parameter: str, value: object) -> float:
+    """Return a value of a parameter as a number in its unit."""
+    if system.units is not None and system.units.parameter(parameter):
+        try:
+            return system.units.read(parameter, value)
+        except ValueError as error:
+            raise ModelError(f"a value of {parameter} in a goal {error}") from None
+    return _plain(value, parameter)
+
+
+def _force(system: System, value: object) -> float:
+    """Return a force or torque, in N m where there are units."""
+    if system.units is None:
+        return _plain(value, "force")
+    try:
+        quantity = read_quantity(value, QuantityKind.TORQUE)
+    except ValueError as error:
+        raise ModelError(f"the limit of a torque in a goal {error}") from None
+    return float(quantity.number * quantity.factor)
+
+
+def _plain(value: object, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ModelError(f"a value of {what} in a goal is {value!r}; write a number")
+    return float(value)
+
+
+def _changes(tables: Iterable[ChangeTable]) -> tuple[Change, ...]:
+    return tuple(table.change for table in tables)
+
+
+def _suit(changes: tuple[Change, ...], info: ValidationInfo[Surroundings]) -> tuple[Change, ...]:
+    """Refuse limits that do not suit the system."""
+    system = None if info.context.guessed else info.context.system
+    if system:
+        for change in changes:
+            change.bounds(system)
+    return changes
+
+
+@dataclass(frozen=True)
+class DesignStudy(DesignOptions, RangeStudy):
+    """A design: the least change of some parameters that reaches all goals over a range of another one.
+
+    Parameters
+    ----------
+    parameter, begin, end
+        The walked parameter, and the range of the response. It should reach a little beyond the bands of the goals.
+    changes
+        The parameters that may change.
+    goals
+        The goals.
+    period, start
+        Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
+    finding, search_values, search
+        Options, as `gapwalk.DesignOptions`. In a table, the keys of `finding` are among the others.
+    """
+
+    kind: ClassVar[str] = "design"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "changes": Annotated[
+            list[key_type(ChangeTable)],
+            Field(min_length=1, description='write what may change, as in changes = [{ parameter = "mean.q1" }]'),
+            AfterValidator(_changes),
+            AfterValidator(_suit),
+        ],
+        "goals": Annotated[
+            list[key_type(GoalTable)],
+            Field(min_length=1, description='write the goals, as in goals = [{ no = "fold", from = 0.6, to = 0.66 }]'),
+        ],
+        **SEARCH_KEYS,
+    }
+
+    changes: tuple[Change, ...] = field(kw_only=True)
+    goals: tuple[AnyGoal, ...] = field(kw_only=True)
+    period: Annotated[int, Ge(1), Le(MAX_PERIOD)] = 1
+    start: StartOrState = Start.SETTLE
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a table."""
+        found = with_search(values)
+        begin = found.get("begin", system[found["parameter"]])
+        ends = min(begin, found["end"]), max(begin, found["end"])
+        goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
+        for goal in goals:
+            goal.check(system, ends)
+        return super().of_table({**found, "goals": goals}, system)
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        return f"least change of {len(self.changes)} parameters for {len(self.goals)} goals over {self.range_words}"
+
+    def work(self, system: System) -> DesignWork:
+        """Return the work on the design."""
+        return DesignWork(system, self)
+
+
+ROUTE = Part("search", Route, numbered=True)
+DESIGN = Part("design", Design)
+
+
+class DesignWork(Work):
+    """The searches for the least change, each way and start by itself, then the proof."""
+
+    def __init__(self, system: System, asked: DesignStudy) -> None:
+        for value in asked.ends:
+            system.at({asked.parameter: value})  # refuses what no system can have
+        for change in asked.changes:
+            change.bounds(system)
+        for goal in asked.goals:
+            goal.check(system, asked.ends)
+        self.system, self.asked = asked.first_system(system), asked
+        self._routes: list[Route] = []
+        self._whole: Design | None = None
+
+    @cached_property
+    def problem(self) -> DesignProblem:
+        """The problem, with the orbit at the beginning of the range."""
+        asked = self.asked
+        lead: Orbit = find_orbit(self.system, asked.period, asked.start)
+        return DesignProblem(lead, asked.parameter, asked.end, asked.changes, asked.goals, asked.finding)
+
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its searches if it is incomplete."""
+        self._whole = known.get(DESIGN)
+        self._routes = [route for _, route in known.all(ROUTE)] if self._whole is None else list(self._whole.routes)
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Do the remaining searches; then prove the best."""
+        for route in self.problem.routes(self._routes):
+            self._routes.append(route)
+            yield Found.part(ROUTE, route, len(self._routes) - 1)
+        self._whole = proved(self.problem, self._routes, self.asked.search_values, self.asked.search)
+        yield Found.part(DESIGN, self._whole)
+
+    @property
+    def complete(self) -> bool:
+        """True if the design is proved."""
+        return self._whole is not None
+
+    @property
+    def done(self) -> int:
+        """Number of parts that are done."""
+        return self.total if self.complete else len(self._routes)
+
+    @property
+    def total(self) -> int:
+        """Number of parts."""
+        ways = 1
+        for goal in self.asked.goals:
+            ways *= len(goal.ways)
+        return ways + min(ways, 2) * self.asked.finding.starts + 1
+
+    @property
+    def record(self) -> Design | None:
+        """The design so far; None before the first search is done."""
+        if self._whole is None and self._routes:
+            return proved(self.problem, self._routes, 0, self.asked.search, complete=False)
+        return self._whole
+
+    def finding(self) -> DesignFinding:
+        """Return the design as the finding of a study."""
+        return DesignFinding(self.record, self.done, self.total)
+
+
+@dataclass(frozen=True)
+class DesignFinding(Finding):
+    """Finding of a design, complete or not."""
+
+    found: Design | None
+    done: int
+    total: int
+
+    @property
+    def record(self) -> Design | None:
+        """The design; None before the first search is done."""
+        return self.found
+
+    @property
+    def stored(self) -> str:
+        """Describe how many parts are stored."""
+        return f"{self.done} of {self.total} parts are stored"
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the answer, the changes, the goals and the proof; notes are apart."""
+        return () if self.found is None else self.found.summary(notes=False)
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Return the changes, goals and searches as JSON values; with the responses if wanted."""
+        found = self.found
+        if found is None:
+            return {"parts": {"done": self.done, "total": self.total}}
+        document: dict[str, Any] = {
+            "answer": found.sentence,
+            "reached": found.is_reached,
+            "parameter": found.parameter,
+            "within": list(found.within),
+            "change": found.change,
+            "changes": [_plain_row(each) | {"percent": plain_numbers(each.percent)} for each in found.changes],
+            "goals": [_plain_row(each) | {"reached": each.is_reached} for each in found.judged],
+            "searches": [_plain_row(each) for each in found.routes],
+            "proof": {
+                "special_points": [special.to_dict() for special in found.response.special_points],
+                "isolated": len(found.isolated),
+                "searched": list(found.searched),
+            },
+        }
+        if points:
+            for name, branch in (("response", found.response), ("response_before", found.response_before)):
+                document[name] = {"values": branch.values.tolist(), "stable": [each.stable for each in branch.points]}
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record."""
+        return {} if self.found is None else self.found.tables()
+
+
+def _plain_row(record: Any) -> dict[str, Any]:
+    return {name: plain_numbers(value) for name, value in plain(record).items()}
+
+
+@shows_progress(lambda count, part, pace: str(pace))
+def design(
+    system: System,
+    changes: Mapping[str, float] | Sequence[Change],
+    goals: AnyGoal | Sequence[AnyGoal],
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    period: int = 1,
+    start: str | tuple[float, ...] = "settle",
+    options: DesignOptions | None = None,
+    workers: Workers | int | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Design:
+    """Find the least change of some parameters with which the response reaches all goals, and prove it.
+
+    The response over a range of one parameter is walked at each design. Gradients of its special points, and of the
+    extremes of its measures, lead to the least weighted sum of squares of relative changes. All ways in which a goal
+    may be reached are tried, and some further starts.
+
+    Parameters
+    ----------
+    system
+        The system.
+    changes
+        The parameters that may change: largest relative changes by their names, or `Change` for limits and weights.
+    goals
+        The goals: `NoPoint`, `Quiet`, `PeakBelow`, `Resonance`.
+    parameter, to
+        The walked parameter, and the range of the response, from its first value to its last.
+    period, start
+        Period and start of the motion at the first value, as in `find_orbit`.
+    options
+        Options of the search, and of the proof.
+    workers
+        Not used: the searches build on each other.
+    report
+        Called with each part of the work once it is done and written to the file.
+    output
+        A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
+
+    Returns
+    -------
+    design : Design
+        The changes, how far each goal is reached, and the responses before and after.
+
+    Raises
+    ------
+    ModelError
+        For unknown parameters, limits that do not contain the present values, or goals that are none of the system.
+    NumericalError
+        If no response of the present system is found.
+    Interrupted
+        After Ctrl-C; its `found` is the design so far.
+
+    Examples
+    --------
+    >>> goal = gw.NoPoint("fold", (0.60, 0.66))
+    >>> found = gw.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
+    >>> print(found.summary())
+    """
+    check_system(system, "design")
+    listed = [Change(name, by) for name, by in changes.items()] if isinstance(changes, Mapping) else changes
+    goals = (goals,) if isinstance(goals, AnyGoal) else tuple(goals)
+    options = options or DesignOptions()
+    begin, end = to
+    if begin == end:
+        raise ModelError(f"the range of {parameter} is from {begin:g} to {end:g}: it is empty")
+    asked = DesignStudy(
+        parameter, begin, end, **values_of(options), changes=tuple(listed), goals=goals, period=period, start=start
+    )
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

@@ -1,0 +1,176 @@
+"""Fit a model to special points measured in slow sweeps: the table ``[measurement]`` with the key ``sweep``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, ValidationInfo
+
+from gapwalk.answers.measured_points import MeasuredPoint
+from gapwalk.answers.point_fit import PointFit, fit_points
+from gapwalk.bifurcation.follow import follow
+from gapwalk.errors import ModelError
+from gapwalk.model.problems import given
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.studies.options import is_allowed, known_parameter
+from gapwalk.studies.set_values import leaves_of
+from gapwalk.studies.study_registry import Counted
+from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter
+
+_SWEEP = 'write the range that was swept, as in sweep = { parameter = "frequency", from = 1.0, to = 0.5 }'
+_POINT = (
+    """write the points that were measured, as in [[measurement.point]], kind = "fold", value = 0.62, error = 0.001"""
+)
+
+
+def exist(names: tuple[str, ...], info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
+    """Refuse names of parameters that the system does not have."""
+    for name in names:
+        check_parameter(name, info.context)
+    return names
+
+
+def are_ranges(bounds: object, info: ValidationInfo[Surroundings]) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest values by parameter, from a table of lists of two numbers."""
+    if not isinstance(bounds, Mapping):
+        raise ValueError(f'is {given(bounds)}; it must be a table, such as {{ "stage2.clearance" = [0.5, 2.0] }}')
+    found: dict[str, tuple[float, float]] = {}
+    for value, path in leaves_of(bounds, ()):
+        name = ".".join(str(key) for key in path)
+        check_parameter(name, info.context)
+        numbers = value if isinstance(value, list) else []
+        if len(numbers) != 2 or not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
+            raise ValueError(f"gives {name} {given(value)}; it must be a list of two numbers, as in [0.5, 2.0]")
+        found[name] = (float(numbers[0]), float(numbers[1]))
+    return found
+
+
+def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
+    if info.data.get("begin") == end:
+        raise ValueError(f"is {end:g}, where the range begins; make it wider")
+    return end
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """The parameter that was swept slowly, and the range over which its branch is computed.
+
+    Parameters
+    ----------
+    parameter
+        Its name.
+    begin, end
+        The range; in a table they are called ``from`` and ``to``.
+    """
+
+    parameter: Annotated[
+        str, Field(description='write what was swept, as in parameter = "frequency"'), AfterValidator(known_parameter)
+    ]
+    begin: Annotated[
+        float, Field(alias="from", description="write where the range begins"), WITH_UNIT, AfterValidator(is_allowed)
+    ]
+    end: Annotated[
+        float,
+        Field(alias="to", description="write where the range ends"),
+        WITH_UNIT,
+        AfterValidator(is_allowed),
+        AfterValidator(_differs),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class PointTable:
+    """A measured point as a table has it; parameters as `gapwalk.measure.MeasuredPoint`."""
+
+    kind: Annotated[str, Field(description='write what was measured, as in kind = "fold"')]
+    value: Annotated[Any, Field(description="write the measured value")]
+    error: Annotated[Any, Field(description="write its standard uncertainty")]
+    which: Any = ""
+
+
+def _are_points(points: Sequence[PointTable], info: ValidationInfo[Surroundings]) -> tuple[MeasuredPoint, ...]:
+    """Return the measured points, in the unit of the parameter that was swept."""
+    sweep, system, found = info.data.get("sweep"), info.context.system, []
+    units = system.units if system is not None and sweep is not None else None
+    has_unit = units is not None and units.parameter(sweep.parameter)
+    for number, point in enumerate(points, start=1):
+        numbers = (point.value, point.error)
+        try:
+            if has_unit:
+                numbers = tuple(units.read(sweep.parameter, each) for each in numbers)  # type: ignore[union-attr]
+            elif sweep is None and any(isinstance(each, str) for each in numbers):
+                continue  # their unit is unknown while the sweep is wrong itself
+            found.append(MeasuredPoint(point.kind, *numbers, point.which))
+        except (ModelError, ValueError) as error:
+            raise ValueError(f"is wrong at number {number}: {error}") from None
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class SweptMeasurement:
+    """The table ``[measurement]`` for special points that were measured in slow sweeps.
+
+    Parameters
+    ----------
+    sweep
+        The parameter that was swept, and its range.
+    point
+        The measured points.
+    period, start
+        The branch: its period in forcing periods, and the start of the search for its first orbit.
+    fit, bounds
+        Names of parameters to fit, and their lowest and highest values.
+    """
+
+    sweep: Annotated[Sweep, Field(description=_SWEEP)]
+    point: Annotated[tuple[PointTable, ...], AfterValidator(_are_points), Field(description=_POINT)] = ()
+    period: Counted = 1
+    start: StartOrState = Start.SETTLE
+    fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
+    bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SweptModel(SweptMeasurement):
+    """A model with the special points that were measured on it; other parameters as `SweptMeasurement`.
+
+    Parameters
+    ----------
+    system
+        The system, with initial guesses of the parameters to be fitted.
+    title
+        A line for people; may be empty.
+    """
+
+    system: System = field(kw_only=True)
+    title: str = field(default="", kw_only=True)
+
+
+def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> PointFit:
+    """Compute the branch of a model, and fit the parameters that it names to measured special points.
+
+    Parameters
+    ----------
+    model
+        The model.
+    points
+        Measured points; by default those of the model.
+
+    Raises
+    ------
+    ModelError
+        If no points or parameters are named, or a point matches no special point of the branch, or several.
+    ConvergenceError
+        If there is no such branch, or no fit is found.
+    """
+    wanted: Sequence[Any] = points or model.point
+    if not wanted:
+        raise ModelError(f"no point was measured; {_POINT}; or name a CSV file with the columns kind,value,error")
+    if not model.fit:
+        raise ModelError('fit is empty; name the parameters to fit, as in fit = ["stage2.clearance"]')
+    sweep = model.sweep
+    first = find_orbit(model.system.at({sweep.parameter: sweep.begin}), model.period, model.start)
+    return fit_points(follow(first, sweep.parameter, sweep.end), wanted, model.fit, bounds=model.bounds)

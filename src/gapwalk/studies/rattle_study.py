@@ -1,0 +1,393 @@
+"""The study of rattle: where gaps rattle over a range of a parameter, how badly, and what moves the ends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+
+from gapwalk.answers.coexisting import other_motions
+from gapwalk.answers.gap_spans import BandEnd
+from gapwalk.answers.gap_states import chosen_gaps
+from gapwalk.answers.rattle_bands import RattleBands, Severity, bands_of_sweeps, severities_of, worst_of
+from gapwalk.answers.settled_sweep import Direction, SettledSweep, SlowSweepOptions, settled_sweep
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System, check_system
+from gapwalk.notebook import shows_progress
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
+from gapwalk.results.result_file import Entry, Part, Parts
+from gapwalk.studies.derived_schema import key_type
+from gapwalk.studies.options import RangeStudy, Second
+from gapwalk.studies.rattle_map_work import RattleMapWork
+from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
+from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
+from gapwalk.summary import SummaryParts, summarizes
+
+
+@dataclass(frozen=True, slots=True)
+class RattleOptions:
+    """Options of a search for rattle.
+
+    Parameters
+    ----------
+    sweep
+        Options of the slow sweeps.
+    search
+        Values of the parameter at which motions are sought that the sweeps do not meet; 0: none.
+    starts
+        Random starts at each of these values, and at the worst motion, where the share that leads there is found.
+    seed
+        Seed of these starts.
+    reference
+        Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
+    check
+        Cells of a map whose gaps are watched again with the exact flow.
+    workers
+        Number of processes; by default one for each local core. The result does not depend on it.
+    """
+
+    sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)
+    search: int = 3
+    starts: int = 16
+    seed: int = 0
+    reference: float = 1.0
+    check: int = 32
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        check_integers(self, search=0, starts=0, seed=0, check=0)
+        if not self.reference > 0.0:
+            raise ModelError(f"reference is {self.reference!r}; it must be an acceleration > 0")
+
+
+def _are_gaps(gaps: tuple[str, ...] | None, info: ValidationInfo[Surroundings]) -> tuple[str, ...]:
+    gaps = tuple(gaps or ())
+    return chosen_gaps(info.context.system, gaps) if info.context.system else gaps
+
+
+def _listed(gaps: object) -> object:
+    return [gaps] if isinstance(gaps, str) else gaps
+
+
+GAPS = Annotated[
+    list[str] | None,
+    BeforeValidator(_listed),
+    Field(description='write the contacts that may rattle, as in gaps = ["mesh"]'),
+    AfterValidator(_are_gaps),
+]
+"""Names of contacts with a gap in a table; one may be written without a list."""
+
+
+@dataclass(frozen=True)
+class RattleStudy(RattleOptions, RangeStudy):
+    """Rattle bands: where gaps open and close over a range of a parameter, and how badly.
+
+    Parameters
+    ----------
+    parameter, begin, end
+        The parameter, and its range.
+    sweep, search, starts, seed, reference, check, workers
+        Options; as `gapwalk.RattleOptions`. In a table, the keys of `sweep` are among the others.
+    gaps
+        Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
+        those of links that can part.
+    start
+        Start of the first transient: ``"rest"``, or a state at theta = 0.
+    second
+        The vertical parameter of a map of rattle, and its range; None for bands over the first parameter alone.
+    resolution
+        Columns and rows of cells of a map.
+    """
+
+    kind: ClassVar[str] = "rattle"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "gaps": GAPS,
+        "resolution": key_type(Resolution),
+    }
+
+    gaps: Annotated[tuple[str, ...], OPEN] = ()
+    start: RestOrState = "rest"
+    second: Second | None = None
+    resolution: tuple[int, int] = (48, 32)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> RattleStudy:
+        """Return the study of a table; its gaps are the usual ones if the table says nothing else."""
+        return super().of_table({**values, "gaps": chosen_gaps(system, values.get("gaps") or ())}, system)
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        what = f"rattle of {', '.join(self.gaps)} over {self.range_words}"
+        if self.second is None:
+            return f"{what}, rising and falling"
+        columns, rows = self.resolution
+        return f"{what} and {self.second.words}, {columns} x {rows} cells"
+
+    def work(self, system: System) -> RattleWork | RattleMapWork:
+        """Return the work on the bands, or on the map if there is a second parameter."""
+        return RattleWork(system, self) if self.second is None else RattleMapWork(system, self)
+
+
+@dataclass(frozen=True, eq=False)
+class SweepWithSeverity:
+    """One slow sweep, and the severity along it."""
+
+    sweep: SettledSweep
+    severities: tuple[Severity, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMotions:
+    """Motions that no sweep meets, and the severity along them."""
+
+    found: tuple[SweepWithSeverity, ...]
+    notes: tuple[str, ...]
+
+
+OTHERS = Part("others", OtherMotions)
+SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
+BANDS = Part("bands", RattleBands)
+
+
+class RattleWork(Work):
+    """The two slow sweeps, then the bands and the worst motions."""
+
+    def __init__(self, system: System, asked: RattleStudy) -> None:
+        for value in asked.ends:
+            system.at({asked.parameter: value})  # refuses what no system can have
+        self.system, self.asked = system, asked
+        self.gaps = chosen_gaps(system, asked.gaps)
+        self._sweeps: dict[int, SweepWithSeverity] = {}
+        self._others: OtherMotions | None = None
+        self._whole: RattleBands | None = None
+
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its sweeps if it is incomplete."""
+        self._whole = known.get(BANDS)
+        if self._whole is None:
+            self._sweeps = dict(known.all(SWEEP))
+            self._others = known.get(OTHERS)
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Do the remaining sweeps; then find the bands."""
+        asked, left = self.asked, [number for number in range(len(Direction)) if number not in self._sweeps]
+        sweep_one = partial(_sweep_one, self.system, asked, self.gaps)
+        for index, found in workers.each(sweep_one, left, in_order=False):
+            self._sweeps[left[index]] = found
+            yield Found.part(SWEEP, found, left[index])
+        if self._others is None:
+            self._others = self._search()
+            yield Found.part(OTHERS, self._others)
+        self._whole = self._bands(complete=True)
+        yield Found.part(BANDS, self._whole)
+
+    def last(self, *, finished: bool) -> list[Entry]:
+        """Return nothing: all parts are written when they are done."""
+        return []
+
+    @property
+    def complete(self) -> bool:
+        """True if the bands are known."""
+        return self._whole is not None
+
+    @property
+    def done(self) -> int:
+        """Number of parts that are done."""
+        return self.total if self.complete else len(self._sweeps) + (self._others is not None)
+
+    @property
+    def total(self) -> int:
+        """Number of parts."""
+        return len(Direction) + 2
+
+    @property
+    def record(self) -> RattleBands | None:
+        """The bands so far; None before the first sweep is done."""
+        return self._whole or (self._bands(complete=False) if self._sweeps else None)
+
+    def finding(self) -> RattleFinding:
+        """Return the bands as the finding of a study."""
+        return RattleFinding(self.record, self.done, self.total)
+
+    @property
+    def _in_order(self) -> list[SweepWithSeverity]:
+        return [found for _, found in sorted(self._sweeps.items())]
+
+    def _search(self) -> OtherMotions:
+        asked, sweeps = self.asked, [each.sweep for each in self._in_order]
+        limits = asked.search, asked.starts, asked.seed, asked.sweep
+        found, notes = other_motions(self.system, sweeps, self.gaps, *limits)
+        each = (SweepWithSeverity(one, tuple(severities_of(one, self.gaps, asked.reference))) for one in found)
+        return OtherMotions(tuple(each), tuple(notes))
+
+    @property
+    def _step(self) -> float:
+        return (self.asked.end - self.asked.begin) / self.asked.sweep.steps
+
+    def _bands(self, *, complete: bool) -> RattleBands:
+        asked = self.asked
+        both = self._in_order
+        others = self._others or OtherMotions((), ())
+        sweeps = tuple(each.sweep for each in (*both, *others.found))
+        rows = (row for each in (*both, *others.found) for row in each.severities)
+        severities = tuple(sorted(rows, key=lambda row: row.value))
+        starts = asked.starts if complete else 0
+        worst = (worst_of(self.system, asked.parameter, severities, gap, starts, asked.seed) for gap in self.gaps)
+        notes = [*(note for sweep in sweeps for note in sweep.notes), *others.notes]
+        sampled = sum(sample.motion.orbit is None for sweep in sweeps for sample in sweep.samples)
+        if sampled:
+            notes.append(
+                f"at {sampled} values the settled motion did not become periodic within {asked.sweep.patience} forcing "
+                f"periods; nothing is known between samples, {abs(self._step):.4g} apart"
+            )
+        if not complete:
+            notes.append(f"stopped when {len(both)} of {len(Direction)} sweeps were done")
+        return RattleBands(
+            self.system,
+            asked.parameter,
+            asked.ends,
+            self.gaps,
+            asked.reference,
+            sweeps,
+            bands_of_sweeps(sweeps, self.gaps),
+            severities,
+            tuple(each for each in worst if each is not None),
+            complete,
+            tuple(notes),
+        )
+
+
+def _sweep_one(system: System, asked: RattleStudy, gaps: tuple[str, ...], number: int) -> SweepWithSeverity:
+    direction = list(Direction)[number]
+    sweep = settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep)
+    return SweepWithSeverity(sweep, tuple(severities_of(sweep, gaps, asked.reference)))
+
+
+@dataclass(frozen=True)
+class RattleFinding(Finding):
+    """Finding of a search for rattle, complete or not."""
+
+    found: RattleBands | None
+    done: int
+    total: int
+
+    @property
+    def record(self) -> RattleBands | None:
+        """The bands; None before the first sweep is done."""
+        return self.found
+
+    @property
+    def stored(self) -> str:
+        """Describe how many parts are stored."""
+        return f"{self.done} of {self.total} parts are stored"
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the sentence, the bands and the severity; notes are apart."""
+        return () if self.found is None else self.found.summary(notes=False)
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Return the bands as JSON values; with the severity along them if wanted."""
+        found = self.found
+        if found is None:
+            return {"parts": {"done": self.done, "total": self.total}}
+        document: dict[str, Any] = {
+            "parameter": found.parameter,
+            "within": list(found.within),
+            "answers": {gap: found.sentence(gap) for gap in found.gaps},
+            "bands": [
+                {
+                    "gap": band.gap,
+                    "met": band.met,
+                    "from": _end_document(band.low),
+                    "to": _end_document(band.high),
+                    "states": [str(state) for state in band.states],
+                }
+                for band in found.bands
+            ],
+            "worst": [plain_numbers_of(each) for each in found.worst],
+        }
+        if points:
+            document["severity"] = [plain_numbers_of(row) for row in found.severities]
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record."""
+        return {} if self.found is None else self.found.tables()
+
+
+def _end_document(end: BandEnd) -> dict[str, Any]:
+    movers = [plain_numbers_of(each) for each in end.movers]
+    return {"value": end.value, "kind": end.kind, "error": end.error, "movers": movers}
+
+
+def plain_numbers_of(record: Any) -> Any:
+    """Return a record of numbers and texts as JSON values."""
+    return {name: plain_numbers(value) for name, value in plain(record).items()}
+
+
+@shows_progress(lambda count, part, pace: str(pace))
+def rattle_bands(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    gaps: str | tuple[str, ...] = (),
+    *,
+    start: str | tuple[float, ...] = "rest",
+    options: RattleOptions | None = None,
+    workers: Workers | int | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> RattleBands:
+    """Find the bands of a parameter in which gaps rattle, and how badly.
+
+    The settled motion is followed for a slowly rising and a slowly falling parameter: as a branch where it is periodic,
+    in samples elsewhere. The ends of the bands are grazing points or jumps of these branches, located exactly.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter, to
+        The parameter and its range.
+    gaps
+        Names of contacts with a gap; by default all, or, in a drive train, those of links that can part.
+    start
+        Start of the first transients: ``"rest"``, or a state at theta = 0.
+    options
+        Options of the search.
+    workers
+        Number of local processes, or workers that were started before; by default as the options say.
+    report
+        Called with each part of the work once it is done and written to the file.
+    output
+        A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or contacts without a gap.
+    FlowError
+        If the first motion diverges.
+    Interrupted
+        After Ctrl-C; its `found` is the record so far.
+
+    Examples
+    --------
+    >>> print(gw.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
+    """
+    check_system(system, "rattle_bands")
+    low, high = to
+    if not low < high:
+        raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}; write the smaller value first")
+    options = options or RattleOptions()
+    asked = RattleStudy(parameter, low, high, **values_of(options), gaps=chosen_gaps(system, gaps), start=start)
+    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record

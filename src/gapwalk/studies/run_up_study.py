@@ -1,0 +1,427 @@
+"""The study of run-ups: one exact motion while the speed changes, or many at different rates and from many starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import reduce
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
+
+from gapwalk.answers.run_up import RunUp, run_up
+from gapwalk.answers.run_ups import LEVELS, RunUps, run_ups
+from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.ensemble.batch import BatchOptions
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.ramp import Ramped
+from gapwalk.model.problems import given
+from gapwalk.model.system import System
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.columns import parameter_headings
+from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.study_registry import check_integers
+from gapwalk.studies.tables import Surroundings
+from gapwalk.summary import SummaryParts, summarizes
+
+if TYPE_CHECKING:
+    from typing import Self
+
+CHUNK = 512
+"""Run-ups in a chunk: one part of a file, and what a killed run loses at most."""
+_MOST = 1_000_000
+
+
+def _speed(value: object, info: ValidationInfo[Surroundings]) -> object:
+    """Convert a text with a unit to a number in the unit of the speed."""
+    system = info.context.system
+    if system and system.units and value is not None:
+        return system.units.read(system.structure.pace, value)
+    return value
+
+
+def _rates(value: object, info: ValidationInfo[Surroundings]) -> tuple[float, ...]:
+    """Read one rate, or a list of them: numbers, or texts such as ``"100 rpm/s"``."""
+    rows = value if isinstance(value, list | tuple) else [value]
+    system, found = info.context.system, []
+    for each in rows:
+        if system and system.units:
+            text = each.strip().replace(" / ", "/") if isinstance(each, str) else ""
+            if not text.endswith("/s"):
+                unit = system.units.parameter(system.structure.pace)
+                raise ValueError(f'is {given(each)}; write the change of the speed per second, as in "100 {unit}/s"')
+            number = float(system.units.read(system.structure.pace, text.removesuffix("/s").rstrip()))
+        elif isinstance(each, bool) or not isinstance(each, int | float):
+            raise ValueError(f"is {given(each)}; it must be a number, or a list of them")
+        else:
+            number = float(each)
+        if not (number > 0.0 and math.isfinite(number)):
+            raise ValueError(f"is {given(each)}; it must be positive: from and to give the direction")
+        found.append(number)
+    if not found:
+        raise ValueError("is an empty list; write at least one rate")
+    return tuple(found)
+
+
+def _trace(value: object, info: ValidationInfo[Surroundings]) -> SpeedCourse | None:
+    """Read a measured trace from a file beside the model file."""
+    context = info.context
+    if not isinstance(value, str) or not value:
+        raise ValueError(f'is {given(value)}; write the name of a CSV file, as in trace = "run-up.csv"')
+    if context.system is None or context.read is None:
+        return None
+    try:
+        return SpeedCourse.read(context.read(value), context.system)
+    except ModelError as error:
+        raise ValueError(f"is {given(value)}, but {error}") from None
+    except ValueError as error:
+        raise ValueError(f"is {given(value)}, {error}") from None
+
+
+def _time(value: object, info: ValidationInfo[Surroundings]) -> object:
+    from gapwalk.model.units import QuantityKind, read_quantity
+
+    system = info.context.system
+    if system and system.units and isinstance(value, str):
+        return read_quantity(value, QuantityKind.TIME).number
+    return value
+
+
+def _is_positive(value: float | None) -> float | None:
+    if value is not None and not value > 0.0:
+        raise ValueError(
+            f"is {value:g}; it must be > 0: the excitation is given over its angle, which stands still at 0"
+        )
+    return value
+
+
+Speed = Annotated[float | None, BeforeValidator(_speed), AfterValidator(_is_positive)]
+
+
+@dataclass(frozen=True)
+class RunUpStudy(StudyKind):
+    """A run-up: the exact motion while the speed changes; or many at several rates or from several starts.
+
+    Parameters
+    ----------
+    begin, end
+        Speeds between which the ramp goes, called ``from`` and ``to`` in a table.
+    rate
+        Change of the speed per second (per unit of time without units), or several. With several rates or starts, the
+        run-ups are computed by the batch integrator.
+    steps
+        If not 0: number of rates, evenly spaced from the smallest `rate` to the largest one.
+    hold
+        Time for which the last speed is held.
+    times, speeds
+        Points of a measured trace in place of the ramp; in a table, ``trace`` names a CSV file with columns of time and
+        speed.
+    starts
+        Number of starts at each rate: angles of the excitation that divide its period evenly.
+    signal
+        Signal of the table and the picture of a single run-up, as in `RunUp.signal`; by default the coordinate of the
+        contact with the largest force.
+    samples
+        Samples per forcing period of a single run-up.
+    bins
+        Equal times into which each of many run-ups is divided.
+    error
+        Allowed error of many run-ups, as in `gapwalk.analysis.BatchOptions`.
+    """
+
+    kind: ClassVar[str] = "run-up"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "rate": Annotated[Any, PlainValidator(_rates)],
+        "times": None,
+        "speeds": None,
+        "trace": (Annotated[Any, PlainValidator(_trace)], None),
+    }
+
+    begin: Annotated[Speed, Field(alias="from")] = None
+    end: Annotated[Speed, Field(alias="to")] = None
+    rate: tuple[float, ...] = ()
+    steps: int = 0
+    hold: Annotated[float, BeforeValidator(_time)] = 0.0
+    times: tuple[float, ...] = ()
+    speeds: tuple[float, ...] = ()
+    starts: int = 1
+    signal: str = ""
+    samples: int = 512
+    bins: int = 100
+    error: float = 1e-4
+
+    def __post_init__(self) -> None:
+        check_integers(self, steps=0, most=_MOST)
+        check_integers(self, starts=1, most=_MOST)
+        check_integers(self, samples=16, most=65_536)
+        check_integers(self, bins=2, most=10_000)
+        BatchOptions(self.error)
+        if self.times:
+            SpeedCourse(np.array(self.times), np.array(self.speeds))
+            return
+        if self.steps and len(self.rate) < 2:
+            raise ModelError("steps needs two rates, between which they are: rate = [the lowest, the highest]")
+        for rate in self.rate[:1]:
+            if self.begin is not None and self.end is not None:
+                SpeedCourse.ramp(self.begin, self.end, rate, self.hold)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """Return the study of a table, with a ramp or a trace."""
+        trace = values.pop("trace", None)
+        ramp = [key for key in ("begin", "end", "rate") if values.get(key) in (None, ())]
+        if trace is not None:
+            if len(ramp) < 3 or values.get("hold") or values.get("steps"):
+                raise ModelError("trace gives the speed already; leave from, to, rate, steps and hold out")
+            values |= {"times": tuple(trace.time.tolist()), "speeds": tuple(trace.speed.tolist())}
+        elif ramp:
+            names = {"begin": "from", "end": "to", "rate": "rate"}
+            missing = " and ".join(names[key] for key in ramp)
+            raise ModelError(
+                f'{missing} {"is" if len(ramp) == 1 else "are"} missing: write from, to and rate = "100 rpm/s" for a '
+                'ramp, or trace = "run-up.csv" for a measured trace'
+            )
+        asked = cls(**values)
+        Ramped(system)  # refuses what cannot run up
+        if asked.signal and (names := _signal_names(system)) and asked.signal not in names:
+            raise ModelError(f"signal is {given(asked.signal)}; signals of a run-up are {', '.join(names)}")
+        for each in asked.courses[:1]:
+            for end in (each.speed.min(), each.speed.max()):
+                system.at({system.structure.pace: float(end)})
+        return asked
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """The rates of the ramps."""
+        if self.steps:
+            return tuple(np.linspace(min(self.rate), max(self.rate), self.steps).tolist())
+        return self.rate
+
+    @property
+    def courses(self) -> list[SpeedCourse]:
+        """Speed over time at each rate."""
+        if self.times:
+            return [SpeedCourse(np.array(self.times), np.array(self.speeds))]
+        first, last = self.begin or 0.0, self.end or 0.0  # both are given where there is no trace
+        return [SpeedCourse.ramp(first, last, rate, self.hold) for rate in self.rates]
+
+    @property
+    def count(self) -> int:
+        """Number of run-ups."""
+        return self.starts * (1 if self.times else len(self.rates))
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        first = self.courses[0].speed
+        many = f"{self.count} run-ups" if self.count > 1 else "run-up"
+        return f"{many} from {first[0]:g} to {first[-1]:g}"
+
+    def first_system(self, system: System) -> System:
+        """Return the system at the first speed."""
+        return system.at({system.structure.pace: float(self.courses[0].speed[0])})
+
+    def work(self, system: System) -> RunUpWork:
+        """Return the work on the run-ups."""
+        return RunUpWork(system, self)
+
+
+def _signal_names(system: System) -> list[str]:
+    blank = np.zeros(1)
+    states = np.zeros((1, 2 * system.size))
+    return RunUp(system, SpeedCourse.ramp(1.0, 2.0, 1.0), 16, blank, blank, blank, states, (), ()).signals
+
+
+@dataclass(frozen=True, eq=False)
+class RunUpFinding(Finding):
+    """Finding of run-ups: a single motion, or the largest forces of many."""
+
+    asked: RunUpStudy
+    found: RunUp | RunUps | None
+    done: int
+
+    @property
+    def record(self) -> RunUp | RunUps | None:
+        """The run-up, or the run-ups so far."""
+        return self.found
+
+    @property
+    def complete(self) -> bool:
+        """True if all run-ups are done."""
+        return self.done == self.asked.count
+
+    @property
+    def stored(self) -> str:
+        """Describe how many run-ups are stored."""
+        return f"{self.done} of {self.asked.count} run-ups are stored"
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the largest forces, with their spread for many run-ups."""
+        if self.found is not None:
+            yield from self.found.summary()
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Return the largest forces; for a single run-up with the history of its signal if points are wanted."""
+        found = self.found
+        if found is None:
+            return {}
+        document: dict[str, Any] = {"run_ups": self.done, "sentences": list(found.sentences)}
+        if isinstance(found, RunUp):
+            document["peaks"] = [asdict_of(each) for each in found.peaks]
+            if points:
+                signal = self._signal(found)
+                document["history"] = {
+                    "signal": signal, "time": found.time.tolist(), "speed": found.speed.tolist(),
+                    "values": found.signal(signal).tolist(),
+                }  # fmt: skip
+            return document
+        document |= {"error": found.error, "worst": found.worst, "rates": found.rates.tolist()}
+        document["contacts"] = {
+            name: {"peaks": plain_numbers(found.peaks(name).tolist()), "speeds": found.places(name).tolist()}
+            for name in found.touching
+        }
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the largest forces; and the history and events of one run-up, or quantiles over the rate of many."""
+        found = self.found
+        if found is None:
+            return {}
+        if isinstance(found, RunUp):
+            return {
+                "peaks": lambda: _peak_rows(found),
+                "history": lambda: self._history_rows(found),
+                "envelope": lambda: self._envelope_rows(found),
+            }
+        return {"peaks": lambda: _run_rows(found), "rates": lambda: _rate_rows(found)}
+
+    def _signal(self, found: RunUp) -> str:
+        return self.asked.signal or found.loudest
+
+    def _history_rows(self, found: RunUp) -> Iterator[list[object]]:
+        signal = self._signal(found)
+        yield ["time", *_pace_heading(found.system), "theta", signal]
+        columns = (found.time, found.speed, found.theta, found.signal(signal))
+        yield from map(list, np.stack(columns, axis=1).tolist())
+
+    def _envelope_rows(self, found: RunUp) -> Iterator[list[object]]:
+        signal = self._signal(found)
+        yield [*_pace_heading(found.system), f"min.{signal}", f"max.{signal}"]
+        yield from map(list, np.stack(found.envelope(signal), axis=1).tolist())
+
+
+def asdict_of(record: Any) -> dict[str, Any]:
+    """Return the fields of a named tuple."""
+    return record._asdict() if hasattr(record, "_asdict") else asdict(record)
+
+
+def _pace_heading(system: System) -> list[str]:
+    return [*parameter_headings([system.structure.pace], system.coordinates)]
+
+
+def _peak_rows(found: RunUp) -> Iterator[list[object]]:
+    yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
+    yield from map(list, found.peaks)
+
+
+def _run_rows(found: RunUps) -> Iterator[list[object]]:
+    names = found.touching
+    pace = found.system.structure.pace
+    yield ["rate", "phase", *(f"{what}.{name}" for name in names for what in ("peak", pace, "impacts"))]
+    columns = [found.rates, found.phases]
+    for name in names:
+        impacts = found.impacts[:, :, found.contacts.index(name)].sum(axis=(1, 2))
+        columns += [found.peaks(name), found.places(name), impacts]
+    yield from map(list, plain_numbers(np.stack(columns, axis=1).tolist()))
+
+
+def _rate_rows(found: RunUps) -> Iterator[list[object]]:
+    names = found.touching
+    yield ["rate", *(f"{name} {level:.0%}" for name in names for level in LEVELS)]
+    tables = [found.quantiles(name) for name in names]
+    if tables:
+        yield from map(list, np.vstack([tables[0][0], *(values for _, values in tables)]).T.tolist())
+
+
+RUN = Part("run", RunUp)
+RUNS = Part("runs", RunUps, numbered=True)
+
+
+class RunUpWork(Work):
+    """The work on one run-up, or on many in chunks."""
+
+    def __init__(self, system: System, asked: RunUpStudy) -> None:
+        self.system, self.asked = system, asked
+        self._one: RunUp | None = None
+        self._chunks: dict[int, RunUps] = {}
+
+    def take(self, known: Parts) -> None:
+        """Read the run-ups of a file; raise a ValueError if they are not of this study."""
+        if self.asked.count == 1:
+            self._one = known.get(RUN)
+            return
+        for number, chunk in known.all(RUNS):
+            if not 0 <= number < self.total or len(chunk.courses) != len(self._lanes(number)):
+                raise ValueError(f"chunk {number} does not belong to these run-ups")
+            self._chunks[number] = chunk
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Compute the run-ups that are left, chunk by chunk."""
+        asked = self.asked
+        if asked.count == 1:
+            if self._one is None:
+                self._one = run_up(self.system, asked.courses[0], samples=asked.samples)
+                yield Found((RUN.entry(self._one),), ())
+            return
+        courses = asked.courses
+        for number in range(self.total):
+            if number in self._chunks:
+                continue
+            lanes = self._lanes(number)
+            chunk = run_ups(
+                self.system,
+                [courses[lane // asked.starts] for lane in lanes],
+                phases=[PERIOD * (lane % asked.starts) / asked.starts for lane in lanes],
+                bins=asked.bins,
+                options=BatchOptions(asked.error),
+            )
+            self._chunks[number] = chunk
+            yield Found.part(RUNS, chunk, number)
+
+    def _lanes(self, number: int) -> range:
+        return range(number * CHUNK, min((number + 1) * CHUNK, self.asked.count))
+
+    @property
+    def complete(self) -> bool:
+        """True if no work is left."""
+        return self.done == self.total
+
+    @property
+    def done(self) -> int:
+        """Number of chunks that are done."""
+        return int(self._one is not None) if self.asked.count == 1 else len(self._chunks)
+
+    @property
+    def total(self) -> int:
+        """Number of all chunks."""
+        return math.ceil(self.asked.count / CHUNK)
+
+    @property
+    def record(self) -> RunUp | RunUps | None:
+        """The run-up, or the run-ups so far."""
+        if self.asked.count == 1 or not self._chunks:
+            return self._one
+        found = [chunk for _, chunk in sorted(self._chunks.items())]
+        return reduce(RunUps.joined, found[1:], replace(found[0]))
+
+    def finding(self) -> RunUpFinding | None:
+        """Return the run-ups so far; None before the first are done."""
+        found = self.record
+        if found is None:
+            return None
+        return RunUpFinding(self.asked, found, 1 if isinstance(found, RunUp) else len(found.courses))

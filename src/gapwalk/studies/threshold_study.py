@@ -1,0 +1,230 @@
+"""The study of a threshold: the value of a parameter beyond which gaps do not rattle over a whole range of another."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, Field
+
+from gapwalk.answers.gap_states import chosen_gaps
+from gapwalk.answers.threshold import Threshold, ThresholdOptions, find_threshold
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System, check_system
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.rattle_study import GAPS
+from gapwalk.studies.runner import Report, call
+from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers
+from gapwalk.studies.study_registry import INLINE, OPEN
+from gapwalk.summary import SummaryParts, summarizes
+
+Over = Annotated[
+    SecondParameter,
+    Field(
+        description='write the range that is to be quiet, as in over = { parameter = "speed", from = 700, to = 1100 }'
+    ),
+    AfterValidator(is_another),
+]
+
+
+@dataclass(frozen=True)
+class ThresholdStudy(RangeStudy):
+    """The value of a parameter beyond which gaps do not rattle over a whole range of another parameter.
+
+    Parameters
+    ----------
+    parameter, begin, end
+        The parameter, and its range: from the side that rattles to the side that is quiet.
+    over
+        The other parameter, and the range in which nothing may rattle.
+    gaps
+        Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
+        those of links that can part.
+    options
+        Number of motions that are tried; as `gapwalk.ThresholdOptions`. In a table, its keys are among the others.
+    """
+
+    kind: ClassVar[str] = "threshold"
+    table_types: ClassVar[Mapping[str, Any]] = {"gaps": GAPS}
+
+    over: Over = field(kw_only=True)
+    gaps: Annotated[tuple[str, ...], OPEN] = ()
+    options: Annotated[ThresholdOptions, INLINE] = field(default_factory=ThresholdOptions)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> ThresholdStudy:
+        """Return the study of a table; its gaps are the usual ones if the table says nothing else."""
+        return super().of_table({**values, "gaps": chosen_gaps(system, values.get("gaps") or ())}, system)
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        return f"threshold of {self.range_words} at which {', '.join(self.gaps)} cease to rattle over {self.over.words}"
+
+    def first_system(self, system: System) -> System:
+        """Return the system at the first value of both parameters."""
+        return super().first_system(system).at({self.over.parameter: self.over.begin})
+
+    def work(self, system: System) -> ThresholdWork:
+        """Return the work on the threshold."""
+        return ThresholdWork(system, self)
+
+
+THRESHOLD = Part("threshold", Threshold)
+
+
+class ThresholdWork(Work):
+    """The search for one threshold, which is one part."""
+
+    def __init__(self, system: System, asked: ThresholdStudy) -> None:
+        self.system, self.asked = system, asked
+        self.gaps = chosen_gaps(system, asked.gaps)
+        self._found: Threshold | None = None
+
+    def take(self, known: Parts) -> None:
+        """Read the threshold of a file."""
+        self._found = known.get(THRESHOLD)
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Find the threshold."""
+        asked, over = self.asked, self.asked.over
+        span = min(over.begin, over.end), max(over.begin, over.end)
+        to = asked.begin, asked.end
+        self._found = find_threshold(self.system, asked.parameter, to, over.parameter, span, self.gaps, asked.options)
+        yield Found.part(THRESHOLD, self._found)
+
+    @property
+    def complete(self) -> bool:
+        """True if the threshold is known."""
+        return self._found is not None
+
+    @property
+    def record(self) -> Threshold | None:
+        """The threshold; None before it is known."""
+        return self._found
+
+    def finding(self) -> ThresholdFinding:
+        """Return the threshold as the finding of a study."""
+        return ThresholdFinding(self._found)
+
+
+@dataclass(frozen=True)
+class ThresholdFinding(Finding):
+    """Finding of the search for a threshold."""
+
+    found: Threshold | None
+
+    @property
+    def record(self) -> Threshold | None:
+        """The threshold; None before it is known."""
+        return self.found
+
+    @property
+    def complete(self) -> bool:
+        """True if it is known."""
+        return self.found is not None
+
+    @property
+    def stored(self) -> str:
+        """Say that nothing is stored before the threshold is known."""
+        return "nothing is stored yet"
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the answer and its evidence; notes are apart."""
+        return () if self.found is None else self.found.summary(notes=False)
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Return the threshold as JSON values; with the points of its loci if wanted."""
+        found = self.found
+        if found is None:
+            return {}
+        limit, confirmed = found.limit, found.confirmation
+        document: dict[str, Any] = {
+            "answer": found.sentence,
+            "parameter": found.parameter,
+            "value": plain_numbers([found.value])[0],
+            "uncertainty": plain_numbers([found.uncertainty])[0],
+            "over": {"parameter": found.over, "from": found.low, "to": found.high},
+            "limit": None if limit is None else {"kind": str(limit.kind), "at": found.at, "contact": limit.contact},
+            "confirmed": None if confirmed is None else confirmed._asdict(),
+        }
+        if points:
+            document["loci"] = [{"kind": str(locus.kind), "values": locus.values.tolist()} for locus in found.loci]
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record."""
+        return {} if self.found is None else self.found.tables()
+
+
+def threshold(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    over: str,
+    span: tuple[float, float],
+    gaps: str | Sequence[str] = (),
+    *,
+    options: ThresholdOptions | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Threshold:
+    """Find the value of a parameter beyond which gaps do not rattle over a whole range of another parameter.
+
+    Grazing points and folds at which rattle begins or ceases are followed in both parameters, exactly, to the extremum.
+    Then many motions from random starts are tried just beyond it; the border of one that rattles is followed too.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter, to
+        The parameter and its range, from a value at which a gap rattles somewhere to one at which all are quiet.
+    over, span
+        The other parameter and its range, in which nothing may rattle: such as the speed.
+    gaps
+        Names of contacts with a gap; by default all, or, in a drive train, those of links that can part.
+    options
+        Number of motions that are tried.
+    report
+        Called with the threshold once it is written to the file.
+    output
+        A file to write; `gapwalk.load` reads it.
+
+    Returns
+    -------
+    threshold : Threshold
+        Its `limit` is None if nothing rattles in the range, or something all over it; ``notes`` say which.
+
+    Raises
+    ------
+    ModelError
+        For unknown parameters or contacts, or an empty range.
+
+    Examples
+    --------
+    >>> found = gw.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
+    >>> found.value, found.at
+    (-3.1652191..., 950.9335...)
+    """
+    check_system(system, "threshold")
+    if to[0] == to[1] or span[0] == span[1]:
+        raise ModelError(f"the ranges are {to!r} and {span!r}; the two values of each must differ")
+    if system.structure.place(parameter) == system.structure.place(over):
+        raise ModelError(f"both parameters are {parameter!r}; write two different ones")
+    asked = ThresholdStudy(
+        parameter,
+        float(to[0]),
+        float(to[1]),
+        over=SecondParameter(over, float(span[0]), float(span[1])),
+        gaps=chosen_gaps(system, gaps),
+        options=options or ThresholdOptions(),
+    )
+    found = call(asked, asked.work(system), asked.first_system(system), report=report, output=output).record
+    assert found is not None
+    return found

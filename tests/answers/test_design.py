@@ -1,0 +1,128 @@
+"""Designs against closed forms of the linear oscillator, and the derivatives of goals against designs walked again."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.answers.least_change import DesignProblem
+from gapwalk.errors import Interrupted, ModelError
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
+
+GAP, DAMPING, LOAD = 1.0, 0.1, 0.15
+NAMES = ("stage2.clearance", "stage2.stiffness", "harmonic1.amplitude")
+
+
+def stopped() -> System:
+    """A mass on a spring, shaken so that it touches a soft stop near its resonance."""
+    stop = Contact("stop", {"x": 1.0}, (Stage(GAP, 1.5, side=Side.POSITIVE),))
+    return System(
+        ["x"], [[1.0]], damping=[[DAMPING]], contacts=[stop], harmonics=[Harmonic(LOAD, {"x": 1.0})], frequency=0.7
+    )
+
+
+def quick(**more) -> gw.DesignOptions:
+    return gw.DesignOptions(finding=replace(gw.DesignOptions().finding, starts=0, **more), search_values=0)
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    """The least change of load and clearance with which the stop is never touched."""
+    goal = gw.Quiet("stop", (0.7, 1.5))
+    changes = {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
+    return gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), options=quick(margin=0.0))
+
+
+def test_a_quiet_design_is_the_nearest_point_of_a_closed_form(quiet):
+    # open as long as load <= c * gap: with u of the load and v of the gap, LOAD (1 + u) = c GAP (1 + v)
+    lowest = DAMPING * math.sqrt(1.0 - DAMPING**2 / 4.0)  # 1 over the peak of the linear response
+    share = lowest * GAP / LOAD  # 1 + u = share (1 + v), the nearest point of a line
+    u, v = np.array([1.0, -share]) * (share - 1.0) / (1.0 + share**2)
+    assert quiet.is_reached
+    assert [each.percent / 100.0 for each in quiet.changes] == pytest.approx([u, v], abs=1e-5)
+    assert quiet.change == pytest.approx(math.hypot(u, v), abs=1e-5)
+    assert quiet.judged[0].before < -0.1 < -1e-9 <= quiet.judged[0].after < 1e-4
+    assert not any(each.kind == "grazing" for each in quiet.response.special_points)
+
+
+def test_it_describes_itself(quiet):
+    assert quiet.sentence.startswith("stop quiet between frequency = 0.7 and 1.5: change ")
+    assert "reached" in str(quiet.summary())
+    assert {name: len(list(rows())) for name, rows in quiet.tables().items()} == {"changes": 3, "goals": 2, "searches": 3}
+
+
+def test_goals_that_stand_against_each_other_are_named():
+    goals = (gw.Resonance(1, above=1.9), gw.Resonance(1, below=1.3))
+    found = gw.design(stopped(), {"stop.stiffness": 0.9}, goals, "frequency", (0.7, 0.75), options=quick())
+    assert not found.is_reached
+    assert found.sentence.startswith("not reached within the limits: ")
+    # with the stop closed the stiffness is 1 + k
+    for goal, limit in zip(found.judged, (1.9, 1.3), strict=True):
+        other = 1.3 if limit == 1.9 else 1.9
+        needed = abs(other**2 * (1.0 + (1e-3 if other == 1.9 else -1e-3)) ** 2 - 2.5) / 1.5
+        assert goal.without == pytest.approx(needed, rel=1e-4)
+
+
+def test_folds_leave_a_band_by_the_least_change():
+    system = gw.paper.case("13").at(frequency=0.71)
+    lead = gw.find_orbit(system)
+    changes = tuple(gw.Change(name) for name in NAMES)
+    problem = DesignProblem(lead, "frequency", 0.55, changes, (gw.NoPoint("fold", (0.60, 0.66)),))
+    route = problem.route(("below",), 0)
+    assert route.is_reached
+    u = problem.relative(route.values)
+    upper = problem.response(u).branch.special("fold")[-1]
+    assert upper.value == pytest.approx(0.60 - 1e-3 * 0.06, abs=1e-9)
+    # at the least change, the relative changes are parallel to the gradient of the fold that stops at the band
+    slopes = upper.gradient(*NAMES).slopes * problem.scales
+    assert np.abs(u @ slopes) == pytest.approx(np.linalg.norm(u) * np.linalg.norm(slopes), rel=1e-6)
+
+
+def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
+    lead = gw.find_orbit(gw.paper.case("13").at(frequency=0.71))
+    goal = gw.NoPoint("fold", (0.60, 0.66))
+    problem = DesignProblem(lead, "frequency", 0.55, tuple(gw.Change(name) for name in NAMES), (goal,))
+    need = min(goal.needs(problem.response(np.zeros(3)), "vanish", 0.0), key=lambda each: each.margin)
+    for k in range(3):
+        step = np.zeros(3)
+        step[k] = 2e-3
+        pair = [
+            min(each.margin for each in goal.needs(problem.response(sign * step), "vanish", 0.0)) for sign in (-1.0, 1.0)
+        ]
+        assert need.slopes[k] == pytest.approx((pair[1] - pair[0]) / 4e-3, rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "goal", "words"),
+    [
+        ({}, gw.Resonance(1, below=1.0), "no parameter may change"),
+        ({"frequency": 0.5}, gw.Resonance(1, below=1.0), "the parameter of the response itself"),
+        ({"mean.x": 0.5}, gw.Resonance(1, below=1.0), "write its limits"),
+        ({"stop.stiffness": 0.5}, gw.Resonance(2, below=1.0), "the system has 1"),
+        ({"stop.stiffness": 0.5}, gw.Quiet("gap", (0.7, 0.8)), "no contact"),
+        ({"stop.stiffness": 0.5}, gw.NoPoint("fold", (0.5, 0.8)), "inside the range"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changes, goal, words):
+    with pytest.raises(ModelError, match=words):
+        gw.design(stopped(), changes, goal, "frequency", (0.7, 0.9), options=quick())
+
+
+def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
+    goal, changes = gw.Quiet("stop", (0.7, 1.5)), {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
+    output, seen = tmp_path / "design.gapwalk", []
+
+    def stop(part, _):
+        seen.append(part)
+        raise KeyboardInterrupt
+
+    how = {"options": quick(margin=0.0), "output": output}
+    with pytest.raises(Interrupted) as stopped_at:
+        gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=stop, **how)
+    assert not stopped_at.value.found.complete
+    again = gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **how)
+    assert again.routes == quiet.routes
+    assert again.system == quiet.system
+    assert gw.load(output).changes == quiet.changes

@@ -1,0 +1,102 @@
+"""Thresholds of rattle: against the closed form of a preloaded oscillator, at an edge, and where there are none."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gapwalk as gw
+from gapwalk.answers.threshold import ThresholdOptions
+
+DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
+FEW = ThresholdOptions(values=8, starts=4, periods=60)
+
+
+@pytest.fixture(scope="module")
+def gear() -> gw.System:
+    """Make a mass in a gap, which a mean load presses against one side."""
+    return gw.System(
+        ["x"],
+        stiffness=[[0.0]],
+        damping=[[DAMPING]],
+        contacts=[gw.backlash("teeth", {"x": 1.0}, GAP, STIFFNESS)],
+        mean={"x": 0.5},
+        harmonics=[gw.Harmonic(LOAD, {"x": 1.0})],
+        frequency=1.0,
+    )
+
+
+def amplitude(frequency: float) -> float:
+    """Return the amplitude of the motion in contact."""
+    return LOAD / abs(STIFFNESS - frequency**2 + 1j * DAMPING * frequency)
+
+
+def test_the_threshold_is_that_of_the_linear_resonance(gear: gw.System) -> None:
+    """The teeth stay together if the mean load exceeds the stiffness times the amplitude of the linear motion."""
+    found = gw.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (0.7, 1.6), options=FEW)
+    assert found.at == pytest.approx(math.sqrt(STIFFNESS - DAMPING**2 / 2.0), rel=1e-6)
+    exact = STIFFNESS * LOAD / (DAMPING * math.sqrt(STIFFNESS - DAMPING**2 / 4.0))
+    assert found.value == pytest.approx(exact, rel=1e-9)
+    assert not found.is_edge
+    assert found.confirmation is not None
+    assert found.confirmation.rattling == 0
+    assert not found.failures
+    # the threshold is proportional to the load, and depends on the damping as its closed form does
+    slopes = found.gradient("harmonic1.amplitude", "damping.x.x").slopes
+    by_damping = -exact / DAMPING + exact * DAMPING / 4.0 / (STIFFNESS - DAMPING**2 / 4.0)
+    assert slopes == pytest.approx([exact / LOAD, by_damping], rel=1e-7)
+    for share, rattles in ((0.99, True), (1.01, False)):  # SciPy agrees on both sides
+        assert opens(found.at, share * found.value) is rattles
+
+
+def opens(frequency: float, mean: float) -> bool:
+    """Return True if the teeth part after a long transient, by another integrator."""
+
+    def rates(time: float, y: np.ndarray) -> list[float]:
+        force = STIFFNESS * (max(y[0] - GAP, 0.0) + min(y[0] + GAP, 0.0))
+        return [y[1], mean + LOAD * math.cos(frequency * time) - DAMPING * y[1] - force]
+
+    period = 2.0 * math.pi / frequency
+    end = solve_ivp(rates, (0.0, 40 * period), [GAP + mean, 0.0], rtol=1e-9, atol=1e-11, max_step=0.1)
+    last = end.y[0][end.t > 38 * period]
+    return bool(last.min() < GAP)
+
+
+def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
+    found = gw.threshold(gear, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    assert found.is_edge
+    assert found.at == pytest.approx(1.4, rel=1e-9)
+    assert found.value == pytest.approx(STIFFNESS * amplitude(1.4), rel=1e-8)
+    assert "end of the range" in str(found.summary())
+
+
+@pytest.mark.parametrize(("to", "says"), [((0.8, 1.2), "nothing rattles"), ((0.05, 0.2), "still rattles")])
+def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
+    found = gw.threshold(gear, "mean.x", to, "frequency", (0.7, 1.6), options=FEW)
+    assert found.limit is None
+    assert math.isnan(found.value)
+    assert says in found.notes[0]
+    with pytest.raises(gw.errors.ModelError, match="no threshold"):
+        found.gradient()
+
+
+def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
+    found = gw.threshold(
+        gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW, output=tmp_path / "t.gapwalk"
+    )
+    again = gw.load(tmp_path / "t.gapwalk")
+    assert again.value == found.value
+    assert again.sentence == found.sentence
+    header, *rows = again.tables()["loci"]()
+    assert header == ["locus", "kind", "frequency", "mean.x"]
+    assert len(rows) == sum(len(locus.points) for locus in found.loci)
+
+
+def test_bad_requests_teach(gear: gw.System) -> None:
+    with pytest.raises(gw.errors.ModelError, match="two different ones"):
+        gw.threshold(gear, "mean.x", (0.1, 1.0), "mean.x", (0.7, 1.6))
+    with pytest.raises(gw.errors.ModelError, match="teeth"):
+        gw.threshold(gear, "mean.x", (0.1, 1.0), "frequency", (0.7, 1.6), gaps="tooth")
+    with pytest.raises(gw.errors.ModelError, match="starts is 0"):
+        ThresholdOptions(starts=0)

@@ -1,0 +1,255 @@
+"""Tolerances against a campaign of full walks, closed forms of grazing, and the distributions of SciPy."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import gapwalk as gw
+from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
+from gapwalk.answers.tolerance import chance_of
+from gapwalk.answers.tolerance_tracking import HowFound, Tracker
+from gapwalk.errors import Interrupted, ModelError
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from gapwalk.studies.tolerance_study import ToleranceOptions, ToleranceStudy, tolerance
+
+CAMPAIGN = Path(__file__).resolve().parents[1] / "data" / "tolerance_campaign.csv"
+PERCENT = {
+    "stage2.clearance": 5,
+    "stage2.impact_damping": 10,
+    "mean.q1": 5,
+    "mean.q3": 5,
+    "harmonic1.amplitude": 5,
+    "damping.q3.q3": 10,
+    "stiffness.q3.q3": 2,
+    "mass.q1.q1": 2,
+}
+GAP, LOAD, DAMPING = 1.0, 0.15, 0.1
+OPTIONS = ToleranceOptions(samples=120, check=2)
+
+
+def stopped() -> System:
+    """A mass on a spring, shaken so that it touches a soft stop near its resonance."""
+    stop = Contact("stop", {"x": 1.0}, (Stage(GAP, 0.05, side=Side.POSITIVE),))
+    return System(
+        ["x"], [[1.0]], damping=[[DAMPING]], contacts=[stop], harmonics=[Harmonic(LOAD, {"x": 1.0})], frequency=0.5
+    )
+
+
+def touches(gap, load, damping):
+    """Return the frequencies at which the amplitude of the linear oscillator is the gap: roots of a quadratic."""
+    half = 1.0 - damping**2 / 2.0
+    root = np.sqrt(half**2 - 1.0 + (load / gap) ** 2)
+    return np.sqrt(half - root), np.sqrt(half + root)
+
+
+def laws() -> tuple[Spread, ...]:
+    return (
+        Spread("stop.clearance", sd=0.03),
+        Spread("harmonic1.amplitude", "uniform", low=0.14, high=0.16),
+        Spread("damping.x.x", "triangular", low=0.09, high=0.11),
+    )
+
+
+@pytest.fixture(scope="module")
+def found():
+    return tolerance(stopped(), "frequency", (0.5, 1.5), laws(), band=(0.8, 0.93), options=OPTIONS, workers=1)
+
+
+def test_grazing_points_of_all_samples_are_those_of_the_closed_form(found):
+    low, high = touches(*found.samples.T)
+    kinds = [special.kind.value for special in found.points]
+    first, last = (k for k, kind in enumerate(kinds) if kind == "grazing")
+    assert np.all(found.how == HowFound.TRACKED)
+    # tracked points are corrected until 5e-6 of the scaled parameter are left at most
+    assert found.values[:, first] == pytest.approx(low, abs=5e-6)
+    assert found.values[:, last] == pytest.approx(high, abs=5e-6)
+    assert not found.check.different
+    chance = found.chances(0.8, 0.93)[first]
+    assert chance.count == int(np.sum((low >= 0.8) & (low <= 0.93)))
+    assert found.quantiles(0.25)[0, first] == pytest.approx(np.quantile(low, 0.25), abs=5e-6)
+
+
+def test_sobol_indices_agree_with_those_of_the_closed_form(found):
+    class Law:
+        def __init__(self, law):
+            self.ppf = law.about(stopped()).quantile
+
+    exact = stats.sobol_indices(
+        func=lambda x: touches(*x)[0], n=8192, dists=[Law(law) for law in laws()], rng=np.random.default_rng(1)
+    )
+    mine = found.influences[0]
+    assert mine.first == pytest.approx(exact.first_order, abs=0.02)
+    assert mine.total == pytest.approx(exact.total_order, abs=0.02)
+    assert mine.unexplained < 1e-3
+
+
+def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
+    file, parts = tmp_path / "stopped.gapwalk", []
+
+    def stop(part, pace):
+        parts.append(part)
+        if len(parts) == 3:
+            raise KeyboardInterrupt
+
+    asked = (stopped(), "frequency", (0.5, 1.5), laws())
+    with pytest.raises(Interrupted) as stopped_at:
+        tolerance(*asked, band=(0.8, 0.93), options=OPTIONS, workers=1, output=file, report=stop)
+    assert 0 < len(stopped_at.value.found.samples) < 120
+    again = tolerance(*asked, band=(0.8, 0.93), options=OPTIONS, workers=1, output=file)
+    assert again.values.tobytes() == found.values.tobytes()
+    assert again.how.tobytes() == found.how.tobytes()
+    assert gw.load(file).values.tobytes() == found.values.tobytes()
+
+
+def campaign() -> tuple[np.ndarray, np.ndarray]:
+    """Return samples and special points of the brute-force campaign; the file says how it was made."""
+    table = np.genfromtxt(CAMPAIGN, delimiter=",", skip_header=5)
+    return table[:, :8], table[:, 8:]
+
+
+def clutch():
+    """Figure 13 with eight uncertain parameters."""
+    system = gw.paper.case("13")
+    spreads = Spreads(tuple(spread_in_percent(system, sd, [name])[0] for name, sd in PERCENT.items()))
+    asked = ToleranceStudy("frequency", 1.9, 0.6, samples=400, spreads=spreads)
+    work = asked.work(system)
+    return work, gw.follow(gw.find_orbit(work.system), "frequency", 0.6)
+
+
+def test_points_of_clutches_are_those_of_full_walks():
+    samples, walked = campaign()
+    work, branch = clutch()
+    assert work.design.values[:400] == pytest.approx(samples, rel=1e-10)
+    chunk = Tracker(work._tracking(branch)).chunk(0, 0, samples[:5], keeps=True)
+    assert chunk.how.tolist() == [HowFound.TRACKED] * 5
+    assert chunk.values == pytest.approx(walked[:5], rel=1e-6)
+
+
+def test_a_lost_fold_is_walked_again_and_its_new_place_is_found_from_there():
+    samples, walked = campaign()
+    work, branch = clutch()
+    tracker = Tracker(work._tracking(branch))
+    # in sample 7 the first fold of the walk lies beyond another grazing contact, which the nominal one does not have
+    chunk = tracker.chunk(0, 6, samples[6:7], keeps=True)
+    assert chunk.how.tolist() == [HowFound.LOST]
+    row = chunk.values[0].copy()
+    way, further, origins = tracker.recover(samples[6], row)
+    assert way is HowFound.WALKED
+    assert row == pytest.approx(walked[6], rel=1e-6)
+    assert {each.kind for each in further} >= {"neimark-sacker"}
+    assert tracker.add(origins[0])
+    again = chunk.values[0].copy()
+    assert tracker.recover(samples[6], again)[0] is HowFound.TRACKED
+    assert again == pytest.approx(walked[6], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_quantiles_of_clutches_are_those_of_the_campaign():
+    samples, walked = campaign()
+    work, _ = clutch()
+    system, spreads = work.system, work.spreads
+    found = tolerance(system, "frequency", (1.9, 0.6), spreads, options=ToleranceOptions(samples=400, check=0))
+    assert found.samples == pytest.approx(samples, rel=1e-10)
+    shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+    assert found.quantiles(*shares) == pytest.approx(np.nanquantile(walked, shares, axis=0), rel=5e-3)
+    assert np.mean(np.isnan(found.values)) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("law", "other"),
+    [
+        (Spread("x", sd=0.3, mean=2.0), stats.norm(2.0, 0.3)),
+        (Spread("x", sd=0.3, mean=2.0, low=1.9, high=2.5), stats.truncnorm(-1 / 3, 5 / 3, 2.0, 0.3)),
+        (Spread("x", sd=0.3, mean=2.0, low=4.0), stats.truncnorm(20 / 3, np.inf, 2.0, 0.3)),
+        (Spread("x", "uniform", low=-1.0, high=3.0), stats.uniform(-1.0, 4.0)),
+        (Spread("x", "triangular", low=1.0, high=3.0, mean=1.5), stats.triang(0.25, 1.0, 2.0)),
+    ],
+)
+def test_laws_are_those_of_scipy(law, other):
+    shares = np.linspace(0.001, 0.999, 41)
+    assert law.quantile(shares) == pytest.approx(other.ppf(shares), rel=1e-9)
+
+
+def test_correlated_parameters_have_their_correlation():
+    normal = tuple(Spread(name, sd=0.1, mean=1.0) for name in ("a", "b"))
+    design = Spreads(normal, ((1.0, 0.8), (0.8, 1.0))).design(4000, 0)
+    assert np.corrcoef(design.values.T)[0, 1] == pytest.approx(0.8, abs=0.02)
+    assert not design.independent
+    assert Spreads(normal).design(10, 3).independent
+    with pytest.raises(ModelError, match="eigenvalue"):
+        Spreads((*normal, Spread("c", sd=1.0)), ((1.0, 0.9, 0.9), (0.9, 1.0, -0.9), (0.9, -0.9, 1.0)))
+
+
+def test_measured_parts_are_drawn_row_by_row(tmp_path):
+    file = tmp_path / "parts.csv"
+    file.write_text("stop.clearance,harmonic1.amplitude\n1.0,0.15\n1.02,0.151\n0.98,0.149\n")
+    design = measured_parts(file).design(7, 0)
+    rows = {tuple(row) for row in design.values.tolist()}
+    assert rows == {(1.0, 0.15), (1.02, 0.151), (0.98, 0.149)}
+    assert sorted(map(tuple, design.values[:3].tolist())) == sorted(rows)
+    file.write_text("stop.clearance\n1.0\nwide\n")
+    with pytest.raises(ModelError, match="wide"):
+        measured_parts(file)
+
+
+def test_the_interval_is_that_of_clopper_and_pearson():
+    none, half = chance_of(0, 10), chance_of(20, 40)
+    assert (none.low, none.high) == (0.0, pytest.approx(1.0 - 0.025**0.1, rel=1e-12))
+    assert half.low == pytest.approx(stats.beta.ppf(0.025, 20, 21), rel=1e-9)
+    assert half.high == pytest.approx(stats.beta.ppf(0.975, 21, 20), rel=1e-9)
+
+
+MODEL = """
+coordinates = ["x"]
+frequency = 0.5
+
+[mass]
+matrix = [[1.0]]
+
+[damping]
+matrix = [[0.1]]
+
+[stiffness]
+matrix = [[0.0]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "text"),
+    [
+        ({"sd": -1.0}, "above 0"),
+        ({"law": "uniform", "low": 1.0}, "low and high"),
+        ({"sd": 1.0, "low": 2.0, "high": 1.0}, "not below high"),
+        ({"law": "gauss", "sd": 1.0}, "normal"),
+        ({"sd": math.nan}, "finite"),
+    ],
+)
+def test_laws_that_make_no_sense_are_refused(law, text):
+    with pytest.raises(ModelError, match=text):
+        Spread("x", **law)
+
+
+def test_values_that_the_model_does_not_allow_are_counted(found):
+    wide = (Spread("stop.clearance", sd=0.02), Spread("harmonic1.amplitude", sd=0.002), Spread("mass.x.x", sd=0.5))
+    options = replace(OPTIONS, samples=40, check=0)
+    bold = tolerance(stopped(), "frequency", (0.5, 1.5), wide, options=options, workers=1)
+    refused = bold.samples[:, 2] <= 0.0
+    assert np.all(bold.how[refused] == HowFound.REFUSED)
+    assert np.isnan(bold.values[refused]).all()
+    assert bold.exists[0].samples == int(bold.known.sum())
+
+
+def test_the_parameter_of_the_response_cannot_vary():
+    with pytest.raises(ModelError, match="cannot have a spread"):
+        tolerance(stopped(), "frequency", (0.5, 1.5), [Spread("frequency", sd=0.1)])
+
+
+def test_the_picture_has_a_row_for_each_point(found):
+    figure = gw.plot.figure
+    assert figure is not None
+    axes = found.plot()
+    assert axes is not None
