@@ -57,6 +57,9 @@ ROOT_NAMES = ("__version__",)
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
     ("answers/rattle_map.py", "plot", "plot"): "the plot() of a map is a convenience; finding it never draws",
+    ("answers/design.py", "plot", "plot"): "design.plot() is a convenience; designing never draws",
+    ("answers/threshold.py", "plot", "plot"): "threshold.plot() is a convenience; finding it never draws",
+    ("answers/tolerance.py", "plot", "plot"): "tolerance.plot() is a convenience; sampling never draws",
     ("answers/rattle_bands.py", "plot", "plot"): "bands.plot() is a convenience; finding them never draws",
     ("answers/run_up.py", "plot", "plot"): "run.plot() is a convenience; running up never draws",
     ("answers/run_ups.py", "plot", "plot"): "run_ups.plot() is a convenience; running up never draws",

@@ -29,10 +29,10 @@ from .attractors.spectrum import SpectrumOptions as SpectrumOptions
 from .attractors.spectrum import Waterfall as Waterfall
 from .attractors.spectrum import spectrum as spectrum
 from .attractors.spectrum import waterfall as waterfall
-from .ensemble.batch import BatchOptions as BatchOptions
 from .bifurcation.loci.gradient import Gradient as Gradient
 from .bifurcation.loci.gradient import Gradients as Gradients
 from .bifurcation.loci.gradient import gradients as gradients
+from .ensemble.batch import BatchOptions as BatchOptions
 from .flow.hysteresis import Hysteresis as Hysteresis
 from .flow.hysteresis import hysteresis as hysteresis
 from .flow.stick_slip import Phase as Phase

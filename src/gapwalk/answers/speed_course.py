@@ -189,7 +189,7 @@ def angles_of(system: System, course: SpeedCourse, phase: float, samples: int) -
     count = int((knots[-1] - phase) / PERIOD * samples)
     if count > _MOST_SAMPLES:
         raise ModelError(
-            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, more than {_MOST_SAMPLES:,} samples; "
+            f"the run-up lasts {(knots[-1] - phase) / PERIOD:.3g} forcing periods, more than {_MOST_SAMPLES:,}; "
             "run up faster, or ask for fewer samples"
         )
     even = phase + PERIOD / samples * np.arange(count + 1)

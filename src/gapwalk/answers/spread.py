@@ -118,7 +118,8 @@ class Spread:
     def quantile(self, share: Array) -> Array:
         """Return the values below which the given shares of the parts lie; the mean must be known."""
         if self.law is SpreadLaw.UNIFORM:
-            assert self.low is not None and self.high is not None
+            assert self.low is not None
+            assert self.high is not None
             return self.low + share * (self.high - self.low)
         assert self.mean is not None
         if self.law is SpreadLaw.NORMAL:
@@ -132,7 +133,8 @@ class Spread:
                 return self.mean - self.sd * special.ndtri(high - share * (high - low))
             low, high = special.ndtr(below), special.ndtr(above)
             return self.mean + self.sd * special.ndtri(low + share * (high - low))
-        assert self.low is not None and self.high is not None
+        assert self.low is not None
+        assert self.high is not None
         width, left = self.high - self.low, self.mean - self.low
         rising = self.low + np.sqrt(share * width * left)
         falling = self.high - np.sqrt((1.0 - share) * width * (width - left))

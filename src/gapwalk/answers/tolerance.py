@@ -314,7 +314,7 @@ class Tolerance(Shown):
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))
-            yield f"note: no polynomial explains the points at {names}; their indices are those of one parameter at a time"
+            yield f"note: no polynomial explains the points at {names}; their indices are of one parameter at a time"
 
     def _influences(self, index: int) -> Influences:
         column = self.values[:, index]
@@ -344,10 +344,12 @@ class Tolerance(Shown):
             coefficients = np.linalg.lstsq(terms[~judged], values[~judged])[0]
             rest = values[judged] - terms[judged] @ coefficients
             unexplained = float(np.var(rest) / np.var(values))
-            low, width = self._scaling
+            scaling = self._scaling
 
-            def function(points: Array, c: Array = coefficients, d: int = degree) -> Array:
-                return polynomial((points.T - low) / width, d) @ c
+            def function(
+                points: Array, c: Array = coefficients, d: int = degree, scaling: tuple[Array, Array] = scaling
+            ) -> Array:
+                return polynomial((points.T - scaling[0]) / scaling[1], d) @ c
 
             laws = self.spreads.about(self.branch.system).laws
             found = sobol_indices(

@@ -20,6 +20,7 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
+from gapwalk.model.measured.measured_table import NamedFile
 from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Part, Text, one_of
 from gapwalk.model.system import System
