@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 
 import numpy as np
 import pytest
 
 import gapwalk as gw
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.lone_friction import LoneFriction
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins
@@ -203,3 +205,35 @@ def test_changes_before_a_stop_that_is_held_move_dampers_on_their_way_to_it() ->
     once = [2.0 * slope(h / 4.0) - slope(h) for h in (1e-6, 2.5e-7)]
     assert found.transition[:, 0] == pytest.approx((4.0 * once[1] - once[0]) / 3.0, abs=1e-6)
     assert np.abs(found.transition[:, 0]).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ["slip", "stick", "static", "belt", "two that stick", "along another direction"])
+def test_friction_that_changes_alone_is_decided_as_any_other(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The closed form of an end of slip gives what holding, projecting and delaying give in general."""
+    system, names = SYSTEMS[name]
+    flow, coefficients = flow_of(system, *names, transition=True), coefficients_of(system)
+    direction = np.array([ParameterLine(system, each).coefficients(system[each])[1] for each in names])
+    surveyed, grid = flow_of(system, survey=True), np.linspace(0.0, 2.0 * PERIOD, 9)
+
+    def found() -> list:
+        runs = []
+        for start in np.random.default_rng(1).uniform(-1.0, 1.0, (6, system.state_size)):
+            arc = flow.integrate(coefficients, start, 0.0, 2.0 * PERIOD, direction)
+            runs.append((arc, surveyed.survey(coefficients, start, grid)[1]))
+        return runs
+
+    decided, alone = LoneFriction._turns_alone, []
+    monkeypatch.setattr(LoneFriction, "_turns_alone", lambda *given: alone.append(decided(*given)) or alone[-1])
+    quick = found()
+    assert any(alone)
+    monkeypatch.setattr(LoneFriction, "_turns_alone", lambda *given: False)
+    monkeypatch.setattr(LoneFriction, "_lets_go_alone", lambda *given: False)
+    for (arc, turns), (other, others) in zip(quick, found(), strict=True):
+        assert [event[1:] for event in arc.slips] == [event[1:] for event in other.slips]
+        held = [{hold.theta: hold.reactions for hold in each.holds}.values() for each in (arc, other)]  # the last holds
+        assert [each for each, _ in groupby(held[0])] == [each for each, _ in groupby(held[1])]
+        np.testing.assert_allclose(arc.state, other.state, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(arc.transition, other.transition, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(arc.sensitivity, other.sensitivity, rtol=1e-9, atol=1e-10)
+        assert [turn.event for turn in turns] == [turn.event for turn in others]
+        np.testing.assert_allclose([turn.theta for turn in turns], [turn.theta for turn in others], atol=1e-9)

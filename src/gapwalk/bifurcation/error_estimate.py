@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
 _NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points near a crossing, as multiples of the reach
 _REAL = 1e-6  # imaginary part below which a root counts as real
+_SAME = 1e-13  # distance in scaled variables, by rounding only, from a point to its correction
 _AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
 ROUNDING = 2e-14
 """Relative error of a parameter that both computations share, from the flow: about 1e-15 in each of its steps."""
@@ -69,6 +70,8 @@ class ErrorEstimator:
         correction = self._corrector.correct(start, along / np.linalg.norm(along))
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
+        if correction.distance <= _SAME:
+            return self._corrector.point(correction, along, point.arclength + shift)
         # evaluated exactly there: the correction may have been evaluated one Newton step away
         return self._corrector.exact_point(correction.x, along, point.arclength + shift)
 

@@ -326,17 +326,15 @@ class _Integrator:
 
     def _sampled(self, thetas: NDArray[np.float64], longest_step: float = math.inf) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
-        start, stop, done, rows = float(thetas[0]), float(thetas[-1]), 0, []
+        start, stop, done, rows, taylor = float(thetas[0]), float(thetas[-1]), 0, [], self._taylor
         changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
-            whole = len(own) and own[0] == self._taylor.time and own[-1] == angle and (np.diff(own) > 0.0).all()
-            grid = own if whole else np.unique([self._taylor.time, *own, angle])
+            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle and (np.diff(own) > 0.0).all()
+            grid = own if whole else np.unique([taylor.time, *own, angle])
             try:
-                outcome, *_, found = self._taylor.propagate_grid(
-                    grid, max_steps=self._max_steps, max_delta_t=longest_step
-                )
+                outcome, *_, found = taylor.propagate_grid(grid, max_steps=self._max_steps, max_delta_t=longest_step)
             except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
                 self._refuse(hy.taylor_outcome.err_nf_state, start)
             if outcome != hy.taylor_outcome.time_limit:

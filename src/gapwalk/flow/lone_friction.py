@@ -101,29 +101,26 @@ class LoneFriction(DryState):
             return False
         if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
             return False
+        # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
+        turns = beyond > 0.0
+        jump = 2.0 * side * limit * push.moved if turns else -acceleration * push.stopping
         if self.columns:
             changes = rate_changes(self, self.equations.dry[place], theta)
-        if beyond > 0.0:  # accelerations jump, and friction that turns round later contributes what they did meanwhile
-            jump = 2.0 * side * limit * push.moved
-            if self.columns:
-                self.velocity_rows += changes[:, None] * (jump / acceleration)
-            self._change_alone(place, -side, theta)
+            self.velocity_rows += changes[:, None] * (jump / acceleration)
         else:
-            jump = -acceleration * push.stopping
-            if self.columns:
-                self.velocity_rows -= changes[:, None] * push.stopping
+            turning = now.accelerations, now.accelerations + jump
+            self.kinks.append(Kink(theta, self.state[: self.n].copy(), (now.velocities, now.velocities), turning))
+        if not turns:
             self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
-            self._change_alone(place, 0, theta)
-        if not self.columns:
-            velocities, turning = (now.velocities,) * 2, (now.accelerations, now.accelerations + jump)
-            self.kinks.append(Kink(theta, self.state[: self.n].copy(), velocities, turning))
+        self._change_alone(place, -side if turns else 0, theta)
         return True
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
-        if not side:
+        number = self.reaction_of[place]
+        if not side and number is not None:
             self.slips[place], self.sticks[place] = 0, True
-            self.hold((self.reaction_of[place],))
+            self.hold((number,))
         else:
             self._slip(place, side, theta)
             if self.held:

@@ -196,7 +196,7 @@ class _Margins:
         """See `FrictionGauge.bound_and_force`."""
         gauge, read = self._gauge, None
         if self._readings is not None and gauge.reaction is not None:
-            read = self._readings.along(self._coefficients, states, thetas, modes.slips)
+            read = self._readings.along(self._coefficients, states, thetas, modes.slips.astype(float))
         if read is None:
             return gauge.bound_and_force(self._coefficients, thetas, states, modes)
         layout, n = gauge.layout, gauge.n
