@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import fsolve
@@ -10,8 +12,11 @@ import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
+from gapwalk.flow.flow import flow_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
 from gapwalk.orbit.friction_phases import text_of
+from gapwalk.verification.dry_dop853 import carry_dry
 from tests.flow.dry_systems import clutch
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
@@ -199,3 +204,29 @@ def test_loci_of_the_clutch_agree_with_walks_at_other_limits(walked, kind):
         again = gw.follow(gw.find_orbit(system, start=point.orbit.state), "frequency", frequency - 2e-4, walk=LONG)
         values = [each.value for each in sliding(again) if each.kind is kind]
         assert values == pytest.approx([frequency], abs=1e-10)
+
+
+@pytest.mark.parametrize("number", [3, 9])
+def test_the_gradient_of_a_point_of_sliding_obeys_the_scaling_of_the_clutch(walked, number):
+    """A larger motion, in the same ratio to loads, clearance and limit, has the same frequencies."""
+    lengths = ("mean.q1", "mean.q3", "harmonic1.amplitude", "lining.limit", "stage2.clearance")
+    special = sliding(walked)[number]
+    slopes = special.gradient(*lengths, "stage2.impact_damping")
+    moved = [special.orbit.system[name] * slopes[name] for name in slopes.names]
+    assert max(map(abs, moved)) > 1e-3
+    assert sum(moved[:-1]) - moved[-1] == pytest.approx(0.0, abs=1e-11)
+
+
+def test_next_to_a_graze_of_a_jenkins_element_no_stick_is_endless():
+    """Its stick is there so short that rounding hides its end."""
+    branch = gw.follow(gw.find_orbit(clutch(0.02, stiffness=10.0), frequency=0.229), "frequency", 0.2275)
+    found = sliding(branch)
+    assert [each.value for each in found] == pytest.approx([0.2280282904231, 0.2276748939945], abs=1e-11)
+    assert max(each.uncertainty for each in found) < 1e-8
+    orbit, random = found[0].orbit, np.random.default_rng(0)
+    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+    for size in [1e-14] * 20 + [*10.0 ** random.uniform(-13.0, -9.0, 20)]:
+        state = orbit.state + size * random.uniform(-1.0, 1.0, len(orbit.state))
+        end = flow.integrate(coefficients, state).state
+        assert end == pytest.approx(orbit.state, abs=1e-11 + 10.0 * size)
+        assert carry_dry(replace(orbit, state=state)).closure < 1e-9 + 10.0 * size

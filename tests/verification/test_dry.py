@@ -12,6 +12,7 @@ from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.verification import Check, confirm
+from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_dop853 import DryRound, carry
 
 LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
@@ -116,3 +117,24 @@ def test_a_touch_that_is_much_shorter_than_a_step_is_seen(depth: float) -> None:
     assert sum(change.kind == "contact" and change.mode == 1 for change in around.changes) == 2
     assert around.closure < Check.CLOSURE.bound
     assert around.astray < 1e-9
+
+
+def test_two_events_at_one_angle_are_compared_in_their_order() -> None:
+    """As at switching-sliding: before it sticks, friction slips the other way for no time."""
+    orbit, _ = found("stick")
+    begun, end, *others = [event for event in orbit.slips if event.contact == 0]
+    changes = [Change("slip", 0, each.slip, each.theta, 1.0) for each in (begun, end, *others)]
+    assert mismatch(replace(orbit, events=()), changes) == 0.0
+    back = Change("slip", 0, -begun.slip, end.theta, 1.0)
+    assert mismatch(replace(orbit, events=()), [changes[0], back, *changes[1:]]) == 0.0
+
+
+def test_a_phase_that_is_too_short_to_be_found_again_counts_by_its_depth() -> None:
+    orbit, _ = found("stick")
+    changes = [Change("slip", each.contact, each.slip, each.theta, 1.0) for each in orbit.slips]
+    last = orbit.slips[-1]
+    for length in (1e-5, 1e-2):
+        pause = [last._replace(theta=last.theta + 0.01, slip=-1 if last.slip >= 0 else 0)]
+        pause.append(last._replace(theta=pause[0].theta + length))
+        more = replace(orbit, events=(), slips=(*orbit.slips, *pause))
+        assert mismatch(more, changes) == pytest.approx(length**2)
