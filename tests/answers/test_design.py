@@ -50,7 +50,11 @@ def test_a_quiet_design_is_the_nearest_point_of_a_closed_form(quiet):
 def test_it_describes_itself(quiet):
     assert quiet.sentence.startswith("stop quiet between frequency = 0.7 and 1.5: change ")
     assert "reached" in str(quiet.summary())
-    assert {name: len(list(rows())) for name, rows in quiet.tables().items()} == {"changes": 3, "goals": 2, "searches": 3}
+    assert {name: len(list(rows())) for name, rows in quiet.tables().items()} == {
+        "changes": 3,
+        "goals": 2,
+        "searches": 3,
+    }
 
 
 def test_goals_that_stand_against_each_other_are_named():
@@ -89,7 +93,8 @@ def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
         step = np.zeros(3)
         step[k] = 2e-3
         pair = [
-            min(each.margin for each in goal.needs(problem.response(sign * step), "vanish", 0.0)) for sign in (-1.0, 1.0)
+            min(each.margin for each in goal.needs(problem.response(sign * step), "vanish", 0.0))
+            for sign in (-1.0, 1.0)
         ]
         assert need.slopes[k] == pytest.approx((pair[1] - pair[0]) / 4e-3, rel=2e-2)
 
