@@ -1,8 +1,8 @@
 """Public names of `gapwalk.records`; see `gapwalk.lazy_names`."""
 
 from .answers.design import ChangedParameter as ChangedParameter
+from .answers.design import Design as Design
 from .answers.design import JudgedGoal as JudgedGoal
-from .answers.least_change import LeastChangeOptions as LeastChangeOptions
 from .answers.least_change import Route as Route
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
