@@ -3,6 +3,7 @@
 # Namespaces: what fewer scripts need, by subject.
 from . import analysis as analysis
 from . import errors as errors
+from . import goals as goals
 from . import laws as laws
 from . import loads as loads
 from . import measure as measure
@@ -14,12 +15,6 @@ from . import records as records
 from . import special_points as special_points
 from . import studies as studies
 from . import train as train
-from .answers.design import Design as Design
-from .answers.goals import NoPoint as NoPoint
-from .answers.goals import PeakBelow as PeakBelow
-from .answers.goals import Quiet as Quiet
-from .answers.goals import Resonance as Resonance
-from .answers.least_change import Change as Change
 from .answers.rattle_bands import RattleBands as RattleBands
 from .answers.run_up import run_up as run_up
 from .answers.run_ups import run_ups as run_ups
@@ -74,7 +69,6 @@ from .reduction import reduce as reduce
 from .studies.basin_study import basins as basins
 from .studies.basin_work import BasinOptions as BasinOptions
 from .studies.basin_work import basin_shares as basin_shares
-from .studies.design_study import DesignOptions as DesignOptions
 from .studies.design_study import design as design
 from .studies.diagram_study import DiagramOptions as DiagramOptions
 from .studies.diagram_study import diagram as diagram

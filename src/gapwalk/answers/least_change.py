@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.goals import MARGIN, AnyGoal, Goal, Need
+from gapwalk.answers.design_goals import MARGIN, AnyGoal, Goal, Need
 from gapwalk.answers.local_response import COARSE, LocalResponse
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
@@ -210,7 +210,7 @@ class DesignProblem:
         begin = system[self.parameter]
         for goal in self.goals:
             if not isinstance(goal, Goal):
-                raise ModelError(f"a goal is {goal!r}; write one such as gw.NoPoint('fold', (0.6, 0.66))")
+                raise ModelError(f"a goal is {goal!r}; write one such as gw.goals.NoPoint('fold', (0.6, 0.66))")
             goal.check(system, (min(begin, self.end), max(begin, self.end)))
         for change in self.changes:
             change.bounds(system)

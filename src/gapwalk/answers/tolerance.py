@@ -331,7 +331,7 @@ class Tolerance(Shown):
         from scipy.stats import sobol_indices
 
         judged = np.arange(len(x)) % _TEST == 0
-        low, width = self._scaling
+        scaling = self._scaling
         for degree in _DEGREES:
             terms = polynomial(x, degree)
             if np.sum(~judged) < _FEW * terms.shape[1]:
@@ -341,9 +341,9 @@ class Tolerance(Shown):
             unexplained = float(np.var(rest) / np.var(values))
 
             def function(
-                points: Array, c: Array = coefficients, d: int = degree, scaling: tuple[Array, Array] = scaling
+                points: Array, c: Array = coefficients, d: int = degree, s: tuple[Array, Array] = scaling
             ) -> Array:
-                return polynomial((points.T - scaling[0]) / scaling[1], d) @ c
+                return polynomial((points.T - s[0]) / s[1], d) @ c
 
             laws = self.spreads.about(self.branch.system).laws
             found = sobol_indices(

@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from gapwalk.answers.design import Design, proved
-from gapwalk.answers.goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
+from gapwalk.answers.design_goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
 from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
@@ -63,7 +63,7 @@ class DesignOptions:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTable:
-    """Table of a parameter that may change; fields as those of `gapwalk.Change`."""
+    """Table of a parameter that may change; fields as those of `gapwalk.goals.Change`."""
 
     parameter: Annotated[
         str,
@@ -200,7 +200,7 @@ class DesignStudy(DesignOptions, RangeStudy):
     period, start
         Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     finding, search_values, search
-        Options, as `gapwalk.DesignOptions`. In a table, the keys of `finding` are among the others.
+        Options, as `gapwalk.goals.DesignOptions`. In a table, the keys of `finding` are among the others.
     """
 
     kind: ClassVar[str] = "design"
@@ -427,7 +427,7 @@ def design(
 
     Examples
     --------
-    >>> goal = gw.NoPoint("fold", (0.60, 0.66))
+    >>> goal = gw.goals.NoPoint("fold", (0.60, 0.66))
     >>> found = gw.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
     >>> print(found.summary())
     """
