@@ -80,7 +80,8 @@ class Combination:
     Attributes
     ----------
     weights
-        Weight of the relative change of each parameter; the sum of their squares is 1.
+        Weight of the relative change of each parameter; the sum of their squares is 1. A parameter that is 0
+        counts in its unit.
     singular
         Singular value: by how many standard uncertainties a relative change of 1 moves the points.
     """
@@ -162,7 +163,8 @@ class PointFit(Shown):
     def summary(self, failures: bool = True) -> SummaryParts:
         """Return the parameters, the points, what the points determine, notes, and failures if wanted."""
         units = self.system.units
-        yield f"{len(self.estimates)} parameters fitted to {len(self.points)} measured points"
+        parameters, points = len(self.estimates), len(self.points)
+        yield f"{parameters} parameter{'s'[: parameters > 1]} fitted to {points} measured point{'s'[: points > 1]}"
         rows = []
         for each in self.estimates:
             value, _, rest = str(each).partition(" ")
@@ -174,7 +176,7 @@ class PointFit(Shown):
             [
                 [
                     *(p.kind, p.contact, f"{p.before:.8g}", f"{p.after:.8g}"),
-                    *(f"{p.measured:.8g} ± {p.error:.2g}", f"{p.residual:+.2f}"),
+                    *(f"{p.measured:.8g} ± {p.error:.2g}", f"{round(p.residual, 2) + 0.0:+.2f}"),
                 ]
                 for p in self.points
             ],
@@ -182,7 +184,7 @@ class PointFit(Shown):
         if self.combinations:
             rows = [[each.words(self.free_names), f"{each.singular:.3g}", _percent(each)] for each in self.combinations]
             yield Table(["combination of relative changes", ">singular value", ">known to"], rows)
-        yield f"chi-square {self.chi_square:.3g} with {self.freedom} degrees of freedom"
+        yield f"chi-square {self.chi_square:.3g} with {self.freedom} degree{'s'[: self.freedom != 1]} of freedom"
         yield from remarks(self.notes, self.failures if failures else ())
 
     def tables(self) -> Tables:
@@ -276,7 +278,8 @@ def fit_points(
     estimates, correlation, held, undetermined = determined(
         names, first, values, bounds_of, table, moving, 1.0, _POINTS, _RANK
     )
-    combinations = _combinations(table[:, ~held] * _sizes(first, values)[~held])
+    relative = np.maximum(np.abs(values), np.abs(first))
+    combinations = _combinations((table * np.where(relative > 0.0, relative, 1.0))[:, ~held])
     seen = sum(math.isfinite(each.error) for each in combinations)
     found = trial.found_at(values)
     points = tuple(
@@ -362,9 +365,8 @@ class _Trial:
 
 
 def _sizes(first: Array, values: Array) -> Array:
-    """Return the sizes of the parameters, to which relative changes refer."""
-    sizes = np.maximum(np.abs(values), np.abs(first))
-    return np.where(sizes > 0.0, sizes, 1.0)
+    """Return the sizes of changes that would move the points if anything did; at least 1 for one that began at 0."""
+    return np.maximum(np.abs(values), np.where(first == 0.0, 1.0, np.abs(first)))
 
 
 def _moving(table: Array, sizes: Array) -> NDArray[np.bool_]:
@@ -436,8 +438,8 @@ def _notes(squares: float, freedom: int) -> tuple[str, ...]:
         return ("there are no more points than determined parameters, so nothing tests the model itself",)
     if chdtrc(freedom, squares) < _UNLIKELY:
         return (
-            f"the points differ from the fitted ones by more than their uncertainties (chi-square {squares:.3g} with "
-            f"{freedom} degrees of freedom), so standard errors are too small; perhaps the model lacks something",
+            f"the points differ from the fitted ones by more than their uncertainties (chi-square {squares:.3g} of "
+            f"{freedom}), so standard errors are too small; perhaps the model lacks something",
         )
     return ()
 

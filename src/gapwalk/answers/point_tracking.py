@@ -17,7 +17,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.loci.gradient import shifts, shifts_at
+from gapwalk.bifurcation.loci.gradient import shifts, shifts_at, wide_planes
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.loci.orbit_plane import Place, ShotPlane
@@ -152,7 +152,14 @@ class TrackedPoint:
 
     def slopes_at(self, found: Corrected) -> Array:
         """Return the derivatives of the unknowns by the parameters in another system, shape (unknowns, parameters)."""
-        return shifts_at(found.equation, found.unknowns, self.scales, self.names)
+        system = found.equation.plane.system
+        planes = (plane.with_system(system) for plane in self._planes)
+        return shifts_at(found.equation, found.unknowns, self.scales, planes)
+
+    @cached_property
+    def _planes(self) -> tuple[ShotPlane, ...]:
+        planes = wide_planes(self.equation.plane, self.names)
+        return tuple(plane for plane in planes if isinstance(plane, ShotPlane))
 
     def predicted(self, values: Array) -> list[Array | None]:
         """Return the unknowns that a fit predicts at some samples, shape (samples, parameters); None without a fit."""

@@ -13,7 +13,7 @@ from gapwalk.cli.output import DONE, FAILED, console, print_json, show, show_fil
 from gapwalk.errors import ModelError
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.measure import measure, read_measured_model
-from gapwalk.studies.measure_points import SweptModel, measure_points
+from gapwalk.studies.measure_points import SweptModel, document_of, measure_points
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.summary import SummaryParts, printable
 
@@ -51,9 +51,14 @@ def _fit_points(model: SweptModel, file: Path, record: Path | None, output: Path
     found = measure_points(model, () if record is None else read_points(record))
     base = output or _base(record or file)
     files = [str(path) for path in save_tables(found, base.with_suffix(""))]
-    document = {"title": model.title, **found.to_dict()}
-    document.pop("branch", None)
-    return _shown(document, lambda: found.summary(failures=False), found.failures, model.title, files, json=json)
+    return _shown(
+        document_of(found, model.title),
+        lambda: found.summary(failures=False),
+        found.failures,
+        model.title,
+        files,
+        json=json,
+    )
 
 
 def _base(file: Path) -> Path:

@@ -17,6 +17,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.options import is_allowed, known_parameter
 from gapwalk.studies.set_values import leaves_of
+from gapwalk.studies.study_kind import plain_numbers
 from gapwalk.studies.study_registry import Counted
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter
 
@@ -174,3 +175,19 @@ def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> P
     sweep = model.sweep
     first = find_orbit(model.system.at({sweep.parameter: sweep.begin}), model.period, model.start)
     return fit_points(follow(first, sweep.parameter, sweep.end), wanted, model.fit, bounds=model.bounds)
+
+
+def document_of(found: PointFit, title: str = "") -> dict[str, Any]:
+    """Return a fit to measured points as plain JSON values."""
+    document: dict[str, Any] = {"title": title, "parameter": found.parameter}
+    for name, table in found.tables().items():
+        heads, *rows = [list(row) for row in table()]
+        document[name] = [dict(zip(map(str, heads), plain_numbers(row), strict=True)) for row in rows]
+    return document | {
+        "correlation": plain_numbers(found.correlation.tolist()),
+        "chi_square": found.chi_square,
+        "freedom": found.freedom,
+        "evaluations": found.evaluations,
+        "notes": list(found.notes),
+        "failures": list(found.failures),
+    }

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
-from gapwalk.bifurcation.loci.orbit_plane import ShotPlane
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
@@ -283,8 +283,30 @@ def shifts(special: SpecialPoint, names: Sequence[str]) -> NDArray[np.float64]:
     return np.hstack(found)
 
 
+def wide_planes(plane: OrbitPlane, names: Sequence[str]) -> tuple[OrbitPlane, ...]:
+    """Return planes in which `shifts_at` takes derivatives by other parameters, some in each.
+
+    Parameters
+    ----------
+    plane
+        The plane of the parameter of a branch alone.
+    names
+        The other parameters.
+    """
+    parameter, found = plane.names[0], []
+    for first in range(0, len(names), _BATCH):
+        wide = replace(plane, names=(parameter, *names[first : first + _BATCH]))
+        if isinstance(wide, ShotPlane):
+            wide = replace(wide, alike=tuple(dict.fromkeys((*moving_names(plane.system, parameter), *names))))
+        found.append(wide)
+    return tuple(found)
+
+
 def shifts_at(
-    equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
+    equation: LocusEquation,
+    unknowns: NDArray[np.float64],
+    scales: NDArray[np.float64],
+    planes: Iterable[OrbitPlane],
 ) -> NDArray[np.float64]:
     """Return the derivatives of all unknowns at a solution of the equation of a special point, by other parameters.
 
@@ -294,25 +316,22 @@ def shifts_at(
         Equation of the point in the plane of the parameter of its branch alone.
     unknowns, scales
         Unknowns of the solution, its parameter value last, and their scales.
-    names
-        The other parameters; shape of the result is (unknowns, parameters).
+    planes
+        The planes of the other parameters (`wide_planes`), with the system of the equation; shape of the result is
+        (unknowns, parameters).
 
     Raises
     ------
     ConvergenceError
         If the equation is not satisfied, or the locus is vertical.
     """
-    plane, found = equation.plane, []
-    system, parameter = plane.system, plane.names[0]
     if isinstance(equation, MultiplierEquation) and not equation.kind.is_turning:
         equation = replace(equation, step=_STEPS[1])
-    for first in range(0, len(names), _BATCH):
-        batch = tuple(names[first : first + _BATCH])
-        wide = replace(plane, names=(parameter, *batch))
-        if isinstance(wide, ShotPlane):
-            wide = replace(wide, alike=tuple(dict.fromkeys((*moving_names(system, parameter), *names))))
-        every = np.append(scales[: len(unknowns)], powers_of_two(np.array([abs(system[n]) or 1.0 for n in batch])))
-        found.append(_solved(equation.on(wide, every), unknowns, every, wide.names))
+    found = []
+    for plane in planes:
+        widths = np.array([abs(plane.system[name]) or 1.0 for name in plane.names[1:]])
+        every = np.append(scales[: len(unknowns)], powers_of_two(widths))
+        found.append(_solved(equation.on(plane, every), unknowns, every, plane.names))
     return np.hstack(found)
 
 

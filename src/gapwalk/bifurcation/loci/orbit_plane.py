@@ -174,13 +174,15 @@ class ShotPlane(OrbitPlane):
     """Parameters of which any may be the second and following; they share one compiled flow. Empty for `names`."""
 
     def with_system(self, system: System) -> ShotPlane:
-        """Return the plane of another system with the same parts, with the same compiled flow.
+        """Return the plane of another system with the same parts, with the same compiled flow if that suits it.
 
-        Looking up a compiled flow takes as long as a period of motion; a parameter that changes no coefficient here
-        must change none there.
+        Looking up a compiled flow takes as long as a period of motion. The flow leaves out coefficients that are zero
+        here; a system in which one of them is not zero needs a flow of its own.
         """
         other = replace(self, system=system)
-        other.__dict__.update(_flow=self._flow, _length=self._length)  # lengths are units, of any value
+        if not np.any((coefficients_of(system) != 0.0) & ~self._flow.equations.pattern):
+            other.__dict__["_flow"] = self._flow
+        other.__dict__["_length"] = self._length  # lengths are units, of any value
         return other
 
     def place(self, unknowns: NDArray[np.float64], *point: float, keeps: int | None = None) -> Place:
