@@ -5,9 +5,9 @@ Classes: `AttractorKind`, `Band`, `BandEnd`, `BasinCheck`, `BasinShares`, `Basis
 `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`, `Design`, `DiagramBranch`, `Direction`, `DryModes`, `End`,
 `EndReason`, `Equilibrium`, `Fate`, `Figure`, `ForcePeak`, `FoundOrbit`, `FrictionPhase`, `Further`, `GapSpan`,
 `GapState`, `Hold`, `HowFound`, `Influences`, `Instability`, `JudgedGoal`, `JumpDelay`, `Kink`, `Lane`, `LocusEnd`,
-`LocusEndReason`, `LocusPoint`, `MapSection`, `Match`, `Member`, `Modes`, `Motion`, `Mover`, `OrbitCheck`, `Origin`,
-`Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`, `RunUp`, `RunUps`, `Sample`,
-`SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`,
+`LocusEndReason`, `LocusPoint`, `MapSection`, `Margin`, `Match`, `Member`, `Modes`, `Motion`, `Mover`, `OrbitCheck`,
+`Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`, `RunUp`, `RunUps`,
+`Sample`, `SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`,
 `SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `ToleranceCheck`, `Tree`, `Turns`,
 `Unexplained`, `Window`, `Worst`.
 """

@@ -66,6 +66,7 @@ from .model.equilibria import Rest as Rest
 from .model.modes import Modes as Modes
 from .orbit import Instability as Instability
 from .orbit.friction_phases import FrictionPhase as FrictionPhase
+from .orbit.friction_phases import Margin as Margin
 from .orbit.measures import Turns as Turns
 from .reduction.basis import Basis as Basis
 from .reduction.reduction_error import BranchCheck as BranchCheck
