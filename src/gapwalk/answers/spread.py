@@ -142,7 +142,7 @@ class Spread:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Drawn:
     """Samples of some parameters.
 
     Attributes
@@ -211,7 +211,7 @@ class Spreads:
             system.structure.place(name)
         return replace(self, laws=tuple(law.about(system) for law in self.laws))
 
-    def design(self, samples: int, seed: int) -> Design:
+    def design(self, samples: int, seed: int) -> Drawn:
         """Draw samples.
 
         Parameters
@@ -223,7 +223,7 @@ class Spreads:
 
         Returns
         -------
-        design : Design
+        design : Drawn
             Of measured parts, rows are drawn at random, each again only once all were drawn.
         """
         random = np.random.default_rng(seed)
@@ -232,14 +232,14 @@ class Spreads:
             turns = -(-samples // len(rows))
             chosen = np.concatenate([random.permutation(len(rows)) for _ in range(turns)])[:samples]
             ranks = np.argsort(np.argsort(rows, axis=0, kind="stable"), axis=0)
-            return Design(self.names, rows[chosen], (ranks[chosen] + 0.5) / len(rows), False)
+            return Drawn(self.names, rows[chosen], (ranks[chosen] + 0.5) / len(rows), False)
         normal = random.standard_normal((samples, len(self.laws)))
         if self.correlation:
             normal = normal @ np.linalg.cholesky(np.array(self.correlation)).T
         shares = special.ndtr(normal)
         values = np.column_stack([law.quantile(shares[:, k]) for k, law in enumerate(self.laws)])
         matrix = np.array(self.correlation) if self.correlation else np.eye(len(self.laws))
-        return Design(self.varied, values, shares, not np.any(matrix - np.eye(len(matrix))))
+        return Drawn(self.varied, values, shares, not np.any(matrix - np.eye(len(matrix))))
 
     def _checked(self) -> None:
         size = len(self.laws)

@@ -26,7 +26,7 @@ from gapwalk.flow.dry_derivatives import (
 )
 from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.lone_friction import BARELY, SETTLING, LoneFriction
+from gapwalk.flow.lone_friction import BARELY, SETTLING, TURNS, LoneFriction
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
 _ON = 1e-12  # share of a limit within which a force is at it
@@ -34,8 +34,7 @@ _NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 _LATER = 1e-4  # radians after which an acceleration decides that vanishes now
-_TURNS = 1e-3  # share of the accelerations below which one may turn at once
-_UNSEEN = 1e-13  # share of its limit by which an extension may be off
+_UNSEEN = 1e-13  # share of its limit, or of the velocities, by which an extension or a slip rate may be off
 
 Array = NDArray[np.float64]
 
@@ -289,7 +288,8 @@ class DrySwitches(LoneFriction):
     def _stop(self, place: int, theta: float, before: Readings) -> None:
         """Decide whether rigid friction sticks where its slip rate vanishes, or slips the other way."""
         acceleration = self.slip_acceleration(place, before, theta)
-        if self.slips[place] * acceleration > 0.0:
+        turning = self.slips[place] * acceleration
+        if turning > 0.0 or self._only_pauses(place, turning, theta, before):
             return  # the rate only begins to grow
         shifts = rate_changes(self, self.equations.dry[place], theta) if self.columns else np.zeros(0)
         candidates = [*self.held, self.reaction_of[place]]
@@ -405,15 +405,17 @@ class DrySwitches(LoneFriction):
         self._report(modes, theta)
 
     def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
-        """Return True if a spring whose slip rate vanishes would be back at its limit before rounding shows.
+        """Return True if friction whose slip rate vanishes would slip on before rounding shows that it sticks.
 
         `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
         grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
         """
-        if not -_TURNS * largest(now.accelerations) < turning < 0.0:
+        if not -TURNS * largest(now.accelerations) < turning < 0.0:
             return False
         later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + _LATER)
         bend = (later - turning) / (_LATER * float(self.base[0]))
+        if self.memory_of[place] is None:
+            return bend > 0.0 and 0.5 * turning**2 < _UNSEEN * self.speed() * bend
         away = 2.0 / 3.0 * abs(turning) ** 3
         return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
 

@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.dry_derivatives import rate_changes
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
+from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
 
 SETTLING = 1e-7
 """Radians after a change within which a guard of the new mode vanishes by rounding."""
 BARELY = 1e-6
 """Share of its bound by which a force may differ from it for a stick or slip to be too brief."""
+TURNS = 1e-3
+"""Share of the accelerations below which one may turn at once, so that slip only pauses."""
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -93,7 +95,7 @@ class LoneFriction(DryState):
         acceleration = self.slip_acceleration(place, now, theta)
         _, limit, bound = now.friction[place]
         push = self._push_of(place)
-        if side * acceleration >= 0.0 or not bound > 0.0 or not push.on_itself > 0.0:
+        if -side * acceleration <= TURNS * largest(now.accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
