@@ -295,6 +295,8 @@ def proved(
         )
     for low, high in unstable_spans(new.branch, *new.ends):
         notes.append(f"the response is unstable between {low:.6g} and {high:.6g}; another motion settles there")
+    broken = dict.fromkeys(route.words for route in routes if math.isinf(route.missing))
+    notes += [f"a search failed: {words}" for words in broken]
     if not complete:
         notes.append(f"stopped when {len(routes)} searches were done")
     if len(judged) > 1 and not best.is_reached:
@@ -328,9 +330,7 @@ def proved(
 def _searched(problem: DesignProblem, values: int) -> tuple[float, ...]:
     """Return values inside the bands of the goals, or inside the range if no goal has a band."""
     begin = problem.lead.system[problem.parameter]
-    bands = [goal.within for goal in problem.goals if hasattr(goal, "within")] or [
-        (min(begin, problem.end), max(begin, problem.end))
-    ]
+    bands = [goal.band for goal in problem.goals if goal.band] or [(min(begin, problem.end), max(begin, problem.end))]
     low, high = min(band[0] for band in bands), max(band[1] for band in bands)
     return tuple((low + (high - low) * (np.arange(values) + 0.5) / values).tolist())
 

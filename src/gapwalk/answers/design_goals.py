@@ -60,6 +60,11 @@ class Goal(ABC):
     ways: ClassVar[tuple[str, ...]] = ("",)
     """Ways in which it may be reached; each is tried."""
 
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """The band of the walked parameter for which it is set; None if there is none."""
+        return getattr(self, "within", None)
+
     @abstractmethod
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
@@ -78,7 +83,7 @@ class Goal(ABC):
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
         """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
-        low, high = getattr(self, "within", ends)
+        low, high = self.band or ends
         if not ends[0] <= low < high <= ends[1]:
             raise ModelError(
                 f"a goal is set from {low:g} to {high:g}; it must lie inside the range of the response, "

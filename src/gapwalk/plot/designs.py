@@ -100,7 +100,7 @@ def _branches(found: Design) -> list[tuple[Branch, str, int]]:
 
 
 def _bands(found: Design) -> list[tuple[float, float]]:
-    return list(dict.fromkeys(goal.within for goal in found.goals if hasattr(goal, "within")))
+    return list(dict.fromkeys(goal.band for goal in found.goals if goal.band))
 
 
 def _entries(found: Design) -> list[tuple[str, Any]]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
@@ -130,8 +130,8 @@ class GoalTable:
         """
         if self.resonance is not None:
             pace = system.structure.pace
-            limits = [None if each is None else _number(system, pace, each) for each in (self.below, self.above)]
-            return Resonance(self.resonance, *limits, self.order)
+            below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
+            return Resonance(self.resonance, below, above, self.order)
         low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
         high = ends[1] if self.end is None else _number(system, parameter, self.end)
         if self.no is not None:
@@ -438,7 +438,10 @@ def design(
     begin, end = to
     if begin == end:
         raise ModelError(f"the range of {parameter} is from {begin:g} to {end:g}: it is empty")
+    first = cast("Start | tuple[float, ...]", start)  # a text is checked where the orbit is looked for
     asked = DesignStudy(
-        parameter, begin, end, **values_of(options), changes=tuple(listed), goals=goals, period=period, start=start
+        parameter, begin, end, **values_of(options), changes=tuple(listed), goals=goals, period=period, start=first
     )
-    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    assert found is not None
+    return found
