@@ -278,7 +278,7 @@ def fit_points(
     estimates, correlation, held, undetermined = determined(
         names, first, values, bounds_of, table, moving, 1.0, _POINTS, _RANK
     )
-    relative = np.maximum(np.abs(values), np.abs(first))
+    relative = np.where(values != 0.0, np.abs(values), np.abs(first))
     combinations = _combinations((table * np.where(relative > 0.0, relative, 1.0))[:, ~held])
     seen = sum(math.isfinite(each.error) for each in combinations)
     found = trial.found_at(values)
