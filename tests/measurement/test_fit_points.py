@@ -1,6 +1,6 @@
 """Parameters fitted to measured special points: they are recovered, their errors are right, and doubts are said."""
 
-import json
+import csv
 
 import numpy as np
 import pytest
@@ -89,24 +89,14 @@ def test_parameters_that_the_points_do_not_determine_are_named(guess, exact) -> 
     assert few["mean.q1"].value == few["mean.q1"].start or few["stage2.clearance"].value == 1.0
 
 
-def test_a_parameter_without_effect_is_said_to_have_none(exact) -> None:
-    stages = (gw.Stage(1.0, name="first"), gw.Stage(9.0, 0.5, name="far"))
-    contact = gw.Contact("stage2", {"q1": 1.0}, stages, {"q1": 0.9, "q3": -0.54}, "hunt-crossley", impact_damping=0.05)
-    system = gw.System(
-        ("q1", "q3"),
-        [[0.1, -0.6], [-0.06, 1.1]],
-        [[0.04, -0.04], [-0.04, 0.06]],
-        contacts=[contact],
-        mean={"q1": 0.25, "q3": 0.25},
-        harmonics=[gw.Harmonic(0.25, {"q1": 1.0})],
-        frequency=0.7,
-    )
-    branch = gw.follow(gw.find_orbit(system), "frequency", 0.61)
-    found = gw.measure.fit_points(branch, measured(exact)[:2], ["stage2.far.clearance", "stage2.first.clearance"])
-    assert found.failures == ("the points do not determine stage2.far.clearance: it moves none of them",)
-    assert np.isinf(found["stage2.far.clearance"].error)
-    assert found["stage2.far.clearance"].value == 9.0
-    assert np.isfinite(found["stage2.first.clearance"].error)
+def test_a_parameter_without_effect_is_said_to_have_none(guess, exact) -> None:
+    """The phase of the only harmonic shifts the time, and nothing else."""
+    found = gw.measure.fit_points(guess.special_points, measured(exact), ["harmonic1.phase", *NAMES])
+    assert found.failures == ("the points do not determine harmonic1.phase: it moves none of them",)
+    assert (found["harmonic1.phase"].value, found["harmonic1.phase"].error) == (0.0, np.inf)
+    assert found["mean.q1"].value == pytest.approx(TRUE["mean.q1"], abs=1e-8)
+    assert [each.singular == 0.0 for each in found.combinations] == [False, False, True]
+    assert found.combinations[-1].words(found.free_names) == "1.00 harmonic1.phase"
 
 
 def test_a_parameter_that_begins_at_zero_is_found() -> None:
@@ -114,7 +104,7 @@ def test_a_parameter_that_begins_at_zero_is_found() -> None:
     shapes = [clutch(frequency=0.7, **{"stage2.impact_damping": value}) for value in (0.0, 0.05)]
     guess, true = (gw.follow(gw.find_orbit(system), "frequency", 0.6) for system in shapes)
     points = [("fold", special.value, 1e-4, place) for place, special in enumerate(true.special("fold"), start=1)]
-    found = gw.measure.fit_points(guess, points, ["stage2.impact_damping"])
+    found = gw.measure.fit_points(guess.special_points, points, ["stage2.impact_damping"])
     assert found["stage2.impact_damping"].value == pytest.approx(0.05, abs=1e-8)
     assert found.failures == ()
 
@@ -179,18 +169,15 @@ def test_the_command_fits_points_of_the_model_or_of_a_csv_file(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     (tmp_path / "points.csv").write_text(f"kind,value,error,which\nfold,{exact[0]},1e-4,1\nfold,{exact[1]},1e-4,2\n")
     table = '[[measurement.point]]\nkind = "fold"\nvalue = {}\nerror = 1e-4\nwhich = {}\n'
-    bare, full = MODEL, MODEL + "".join(table.format(exact[k], k + 1) for k in range(2))
-    (tmp_path / "bare.toml").write_text(bare)
+    full = MODEL + "".join(table.format(exact[k], k + 1) for k in range(2))
     (tmp_path / "full.toml").write_text(full)
-    assert main(["measure", "bare.toml", "points.csv", "--fit", "stage2.clearance", "--fit", "mean.q1", "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    values = {each["name"]: each["value"] for each in document["parameters"]}
-    assert values == pytest.approx(TRUE, abs=1e-8)
-    assert document["files"] == [f"points-measured-{name}.csv" for name in ("parameters", "points", "combinations")]
-    assert main(["measure", "full.toml"]) == 0
+    assert read_measured_model("full.toml").point == gw.measure.read_points("points.csv")
+    assert main(["measure", "full.toml", "--fit", "stage2.clearance", "--fit", "mean.q1"]) == 0
     shown = capsys.readouterr().out
-    assert "1 parameter fitted to 2 measured points" in shown
+    assert "2 parameters fitted to 2 measured points" in shown
     assert "stage2.clearance" in shown
+    rows = list(csv.DictReader((tmp_path / "full-measured-parameters.csv").read_text().splitlines()))
+    assert {row["name"]: float(row["value"]) for row in rows} == pytest.approx(TRUE, abs=1e-8)
     assert (tmp_path / "full-measured-points.csv").read_text().startswith("kind,contact,before,after,measured,error")
     (tmp_path / "wrong.toml").write_text(full.replace('"fold"', '"folt"', 1))
     with pytest.raises(ModelFileError, match="number 1: kind is 'folt'"):

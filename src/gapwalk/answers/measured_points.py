@@ -18,6 +18,7 @@ MAX_POINTS = 10_000
 """Most points that a file may have."""
 _MAX_BYTES = 10_000_000
 _COLUMNS = ("kind", "value", "error", "which")
+_LISTED = 6  # points that a message lists
 _CLEAR = 2.0  # the second nearest special point must be farther than the nearest one by this factor
 
 
@@ -96,10 +97,7 @@ def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPo
     found: list[SpecialPoint] = []
     for each in measured:
         alike = [special for special in specials if special.kind == each.kind]
-        listed = "; ".join(
-            f"{number}: at {special.value:.8g}{', ' * bool(special.contact)}{special.contact}"
-            for number, special in enumerate(alike, start=1)
-        )
+        listed = _listed(alike, each.value)
         if not alike:
             known = ", ".join(dict.fromkeys(str(special.kind) for special in specials))
             raise ModelError(f"a {each.words}, but the branch has none; it has {known}")
@@ -126,6 +124,17 @@ def match_points(specials: Sequence[SpecialPoint], measured: Sequence[MeasuredPo
                 )
         found.append(near[0])
     return found
+
+
+def _listed(alike: Sequence[SpecialPoint], value: float) -> str:
+    """List the points nearest to a value by their numbers along the branch."""
+    numbered = list(enumerate(alike, start=1))
+    nearest = sorted(numbered, key=lambda each: abs(each[1].value - value))[:_LISTED]
+    texts = [
+        f"{number}: at {special.value:.8g}{', ' * bool(special.contact)}{special.contact}"
+        for number, special in sorted(nearest, key=lambda each: each[0])
+    ]
+    return "; ".join([*texts, *(["and others"] if len(alike) > _LISTED else [])])
 
 
 def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:

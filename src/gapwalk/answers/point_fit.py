@@ -36,7 +36,7 @@ _TOLERANCE = 1e-13  # relative tolerance of step, cost and gradient
 _ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
 _RANK = 1e-6  # slopes of multipliers have about nine digits; see `gapwalk.measurement.estimates`
 _IDLE = 1e-6  # shift of the points by 100 % of a parameter, in uncertainties, below which it has no effect
-_ROUNDING = 1e-9  # the same, relative to that of the most effective parameter
+_ROUNDING = 1e-6  # the same, relative to that of the most effective parameter: slopes are not exact
 _SAME = 1e-6  # scaled distance within which two special points are one
 _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
 _UNLIKELY = 1e-3  # probability of so large a sum of squares below which the uncertainties are in doubt
@@ -278,7 +278,7 @@ def fit_points(
     estimates, correlation, held, undetermined = determined(
         names, first, values, bounds_of, table, moving, 1.0, _POINTS, _RANK
     )
-    relative = np.maximum(np.abs(values), np.abs(first))
+    relative = np.where(values != 0.0, np.abs(values), np.abs(first))
     combinations = _combinations((table * np.where(relative > 0.0, relative, 1.0))[:, ~held])
     seen = sum(math.isfinite(each.error) for each in combinations)
     found = trial.found_at(values)

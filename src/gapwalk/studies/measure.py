@@ -34,6 +34,10 @@ from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
 _LINES = 12  # spectral lines that the summary lists
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
+_NO_TRAIN = (
+    "has no sweep; a drive train can be fitted to special points of a sweep, as in "
+    'sweep = { parameter = "speed", from = "800 rpm", to = "1200 rpm" }; records are compared with other models only'
+)
 _NO_REDUCTION = (
     "is for studies; a record is compared with the full system, so leave it out "
     "(in Python, `gapwalk.reduce` gives a smaller one)"
@@ -176,6 +180,8 @@ def check_measurement(
     surroundings = Surroundings(system, "frequency" in source.data)
     table = source.data["measurement"]
     is_swept = isinstance(table, Mapping) and ("sweep" in table or "point" in table)
+    if not is_swept and "inertia" in source.data:
+        return None, [source.problem(_NO_TRAIN, ("measurement",))]
     kind = SweptMeasurement if is_swept else Measurement
     part, problems = validate(table_schema(kind), table, source, ("measurement",), lambda: surroundings)
     return part and kind(**given_of(kind, part)), problems

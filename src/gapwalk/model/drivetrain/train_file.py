@@ -190,6 +190,7 @@ class TrainBase(Part):
     speed: _Pace | None = None
     force: Annotated[list[TorquePart], Field(max_length=MAX_COORDINATES)] = Field(default=[])
     study: Annotated[Any, AfterValidator(study_tables)] = None
+    measurement: Any = None  # read by `gapwalk.studies.measure`
     reduction: Any = None  # read by `gapwalk.studies.reduced`
 
     @field_validator("speed")
