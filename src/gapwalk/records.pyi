@@ -21,6 +21,7 @@ from .answers.settled_sweep import Sample as Sample
 from .answers.settled_sweep import SettledSweep as SettledSweep
 from .answers.settled_sweep import SlowSweepOptions as SlowSweepOptions
 from .answers.settled_sweep import Stretch as Stretch
+from .answers.spread import Drawn as Drawn
 from .answers.threshold import Confirmation as Confirmation
 from .answers.tolerance import Chance as Chance
 from .answers.tolerance import Influences as Influences

@@ -95,13 +95,12 @@ class PointTable:
 def _are_points(points: Sequence[PointTable], info: ValidationInfo[Surroundings]) -> tuple[MeasuredPoint, ...]:
     """Return the measured points, in the unit of the parameter that was swept."""
     sweep, system, found = info.data.get("sweep"), info.context.system, []
-    units = system.units if system is not None and sweep is not None else None
-    has_unit = units is not None and units.parameter(sweep.parameter)
+    units = None if system is None else system.units
     for number, point in enumerate(points, start=1):
-        numbers = (point.value, point.error)
+        numbers: list[Any] = [point.value, point.error]
         try:
-            if has_unit:
-                numbers = tuple(units.read(sweep.parameter, each) for each in numbers)  # type: ignore[union-attr]
+            if units is not None and sweep is not None and units.parameter(sweep.parameter):
+                numbers = [units.read(sweep.parameter, each) for each in numbers]
             elif sweep is None and any(isinstance(each, str) for each in numbers):
                 continue  # their unit is unknown while the sweep is wrong itself
             found.append(MeasuredPoint(point.kind, *numbers, point.which))
