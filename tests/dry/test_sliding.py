@@ -217,6 +217,7 @@ def test_the_gradient_of_a_point_of_sliding_obeys_the_scaling_of_the_clutch(walk
     assert sum(moved[:-1]) - moved[-1] == pytest.approx(0.0, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_next_to_a_graze_of_a_jenkins_element_no_stick_is_endless():
     """Its stick is there so short that rounding hides its end."""
     branch = gw.follow(gw.find_orbit(clutch(0.02, stiffness=10.0), frequency=0.229), "frequency", 0.2275)

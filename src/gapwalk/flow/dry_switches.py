@@ -26,15 +26,13 @@ from gapwalk.flow.dry_derivatives import (
 )
 from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.lone_friction import BARELY, SETTLING, TURNS, LoneFriction
+from gapwalk.flow.lone_friction import BARELY, LATER, SETTLING, TURNS, UNSEEN, LoneFriction
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
 _ON = 1e-12  # share of a limit within which a force is at it
 _NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
-_LATER = 1e-4  # radians after which an acceleration decides that vanishes now
-_UNSEEN = 1e-13  # share of its limit, or of the velocities, by which an extension or a slip rate may be off
 
 Array = NDArray[np.float64]
 
@@ -162,9 +160,9 @@ class DrySwitches(LoneFriction):
 
     def _soon(self, now: Readings, theta: float) -> Readings:
         """Return the values a moment later, under the present modes."""
-        kept, step = self.state[: self.size].copy(), _LATER * float(self.base[0])
+        kept, step = self.state[: self.size].copy(), LATER * float(self.base[0])
         self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
-        later = self.read(theta + _LATER)
+        later = self.read(theta + LATER)
         self.state[: self.size] = kept
         return later
 
@@ -177,8 +175,8 @@ class DrySwitches(LoneFriction):
         vanishes = abs(change) <= _NEAR * largest(now.accelerations)
         if not vanishes and not self.sign_of:
             return change
-        later = self.acceleration(contact, self._soon(now, theta), theta + _LATER)
-        return later if vanishes or abs(change) <= _NEAR * abs(later) / _LATER else change
+        later = self.acceleration(contact, self._soon(now, theta), theta + LATER)
+        return later if vanishes or abs(change) <= _NEAR * abs(later) / LATER else change
 
     def _grows(self, place: int) -> bool:
         """Return True if the limit of friction is not constant, and the contact that presses is closed."""
@@ -249,9 +247,11 @@ class DrySwitches(LoneFriction):
         if self.keeps == self.equations.dry[place]:
             return
         theta = self.integrator.time
-        if self.sticks[place] and self._lets_go_alone(place):
-            if direction <= 0:  # otherwise its force returns within the bound
-                self._change_alone(place, -1 if second else 1, theta)
+        rigid = self.sticks[place] and self.memory_of[place] is None
+        if rigid and (direction > 0 or self._only_twitches(place, theta)):
+            return  # its force is within the bound again, or will be
+        if rigid and self._lets_go_alone(place):
+            self._change_alone(place, -1 if second else 1, theta)
             return
         now = self.read(theta)
         if not second and self._turns_alone(place, direction, theta, now):
@@ -269,8 +269,7 @@ class DrySwitches(LoneFriction):
             if hidden:  # it lets the others stop with it
                 self._stop(hidden[0], theta, self.read(theta))
         elif self.sticks[place]:
-            if direction <= 0:  # otherwise its force returns within the bound
-                self._release(place, -1 if second else 1, theta, now)
+            self._release(place, -1 if second else 1, theta, now)
         elif not second and (theta - self._begun[place] > SETTLING or direction == -self.slips[place]):
             self._stop(place, theta, now)
 
@@ -412,12 +411,12 @@ class DrySwitches(LoneFriction):
         """
         if not -TURNS * largest(now.accelerations) < turning < 0.0:
             return False
-        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + _LATER)
-        bend = (later - turning) / (_LATER * float(self.base[0]))
+        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + LATER)
+        bend = (later - turning) / (LATER * float(self.base[0]))
         if self.memory_of[place] is None:
-            return bend > 0.0 and 0.5 * turning**2 < _UNSEEN * self.speed() * bend
+            return bend > 0.0 and 0.5 * turning**2 < UNSEEN * self.speed() * bend
         away = 2.0 / 3.0 * abs(turning) ** 3
-        return bend > 0.0 and self.stiffness(place) * away < _UNSEEN * now.friction[place][1] * bend**2
+        return bend > 0.0 and self.stiffness(place) * away < UNSEEN * now.friction[place][1] * bend**2
 
     def holds(self, switch: int) -> bool:
         """Return True if the stop of a switch is held."""

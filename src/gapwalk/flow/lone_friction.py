@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_derivatives import rate_changes
+from gapwalk.flow.dry_derivatives import margin_growth, rate_changes
 from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
 
@@ -21,6 +21,10 @@ BARELY = 1e-6
 """Share of its bound by which a force may differ from it for a stick or slip to be too brief."""
 TURNS = 1e-3
 """Share of the accelerations below which one may turn at once, so that slip only pauses."""
+LATER = 1e-4
+"""Radians after which an acceleration decides that vanishes now."""
+UNSEEN = 1e-13
+"""Share of its limit, or of the velocities, by which an extension or a slip rate may be off."""
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -116,6 +120,25 @@ class LoneFriction(DryState):
             self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
+
+    def _only_twitches(self, place: int, theta: float) -> bool:
+        """Return True if friction whose force reaches its bound would stick again before rounding shows that it slips.
+
+        Such a slip, as next to a point of adding-sliding, ends so soon that its end could be missed. With the growth
+        ``g`` of the force beyond its bound and its change ``-b`` over the angle, the slip rate is ``2 g^3 / (3 b^2)``
+        at most, by the acceleration per force.
+        """
+        now, turn = self.read(theta), float(self.base[0])
+        growth = margin_growth(self, place, now, theta) * turn
+        if not 0.0 < growth < TURNS * now.friction[place][2]:
+            return False
+        kept, later = self.state[: self.size].copy(), theta + LATER
+        rates = np.concatenate((now.velocities, now.accelerations, now.extending))
+        self.state[: self.size] += LATER * turn * rates
+        bend = (growth - margin_growth(self, place, self.read(later), later) * turn) / LATER
+        self.state[: self.size] = kept
+        most = self._push_of(place).on_itself * turn * 2.0 * growth**3
+        return bend > 0.0 and most < 3.0 * UNSEEN * self.speed() * bend**2
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
