@@ -8,7 +8,7 @@ from gapwalk.studies import basin_work as basin_job
 from gapwalk.studies import regime_study as regime_job
 from gapwalk.studies import run_up_study
 from gapwalk.studies.study_file import Study, check_study
-from tests.models import CLUTCH
+from tests.models import CLUTCH, STOP
 
 HEAD = (
     CLUTCH.replace("amplitude = 0.25", "amplitude = 0.5").replace("mean = ", "frequency = 0.45\nmean = ")
@@ -32,7 +32,70 @@ REGIMES = HEAD + (
     "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
 )
 RUN_UP = HEAD + 'kind = "run-up"\nfrom = 0.4\nto = 0.6\nrate = [0.002, 0.004]\nstarts = 3\nbins = 10\n'
-MODELS = {"run-up": RUN_UP, "settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
+GEAR = """
+title = "A mass between two stops"
+coordinates = ["x"]
+stiffness = [0.0]
+damping = [0.4]
+mean = { x = 0.4 }
+frequency = 1.0
+
+[[contact]]
+name = "teeth"
+deflection = { x = 1.0 }
+clearance = 0.5
+stiffness = 1.3
+
+[[harmonic]]
+amplitude = 0.2
+acts_on = { x = 1.0 }
+
+[study]
+"""
+RATTLE = GEAR + 'kind = "rattle"\nparameter = "frequency"\nfrom = 0.9\nto = 1.5\nsteps = 6\nstarts = 4\nworkers = 1\n'
+THRESHOLD = GEAR + (
+    'kind = "threshold"\nparameter = "mean.x"\nfrom = 0.1\nto = 1.2\nvalues = 8\nstarts = 3\nperiods = 60\n'
+    'over = { parameter = "frequency", from = 1.4, to = 2.0 }\n'
+)
+TOLERANCE = (
+    STOP
+    + """
+[study]
+kind = "tolerance"
+parameter = "frequency"
+from = 0.7
+to = 1.0
+samples = 60
+check = 1
+workers = 1
+spread = [{ parameter = "stop.clearance", sd = "5 %" }]
+"""
+)
+DESIGN = (
+    STOP
+    + """
+[study]
+kind = "design"
+parameter = "frequency"
+from = 0.7
+to = 1.2
+changes = [{ parameter = "harmonic1.amplitude", by = 0.9 }]
+goals = [{ quiet = "stop", from = 0.7, to = 1.2 }]
+starts = 0
+search = 0
+"""
+)
+MODELS = {
+    "run-up": RUN_UP,
+    "rattle": RATTLE,
+    "threshold": THRESHOLD,
+    "tolerance": TOLERANCE,
+    "design": DESIGN,
+    "settle": SETTLE,
+    "sweep": SWEEP,
+    "basins": BASINS,
+    "regimes": REGIMES,
+}
 
 SMALL = ((run_up_study, "CHUNK", 4), (regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
 """What makes chunks of so few cells that each job has some."""

@@ -346,6 +346,8 @@ class Tolerance(Shown):
                 return polynomial((points.T - s[0]) / s[1], d) @ c
 
             laws = self.spreads.about(self.branch.system).laws
+            if len(laws) == 1:  # it explains all that is explained; SciPy's indices need two
+                return Influences(np.ones(1), np.ones(1), unexplained)
             found = sobol_indices(
                 func=function, n=_BASE, dists=[_Law(law) for law in laws], rng=np.random.default_rng(0)
             )
