@@ -82,7 +82,7 @@ to = 1.2
 changes = [{ parameter = "harmonic1.amplitude", by = 0.9 }]
 goals = [{ quiet = "stop", from = 0.7, to = 1.2 }]
 starts = 0
-search = 0
+search = { values = [1.0], starts = 2, newton_starts = 0 }
 """
 )
 MODELS = {
