@@ -36,7 +36,7 @@ PLANS = {
 }
 
 
-@pytest.fixture(params=MODELS)
+@pytest.fixture(params=ENDINGS)
 def kind(request, tmp_path, monkeypatch) -> str:
     """The kind of the study in the file x.toml, in the folder in which the test then runs."""
     monkeypatch.chdir(tmp_path)

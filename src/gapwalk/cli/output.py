@@ -13,7 +13,6 @@ from typing import Any
 from rich.console import Console
 
 from gapwalk.errors import GapwalkError, NumericalError
-from gapwalk.results.plain import plain
 from gapwalk.summary import SummaryParts, printable, render
 
 DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
@@ -100,6 +99,8 @@ def report_error(error: Exception, *, json: bool = False, debug: bool = False) -
 
 def print_json(document: object) -> None:
     """Print the JSON document of a command; numbers that are not finite become null."""
+    from gapwalk.results.plain import plain  # loads much that help does not need
+
     print(json_format.dumps(plain(document), allow_nan=False))
 
 
