@@ -66,12 +66,14 @@ class BranchPointKind(Kind):
         """Estimate the error from the bracket, and from the shift of the crossing in a second computation."""
         point, scale = zero.point, float(search.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (search.first, search.last)]
+        # where the crossing lies at an end of the step, the branch is taken beyond that end too
+        reaches = [share * min(_AROUND, end) for end in sorted(ends) for share in _REACHES]
         off = math.inf
-        for share in _REACHES:
-            with suppress(NumericalError):  # the branch is not smooth within that reach
-                off = min(off, abs(second.crossing(point, share * min(_AROUND, *ends)) - point.value))
-            if off < _SHARP * scale:
+        for number, reach in enumerate(reaches):
+            if off < (_SHARP * scale if number < len(_REACHES) else math.inf):
                 break
+            with suppress(NumericalError):  # the branch is not smooth within that reach
+                off = min(off, abs(second.crossing(point, reach) - point.value))
         if off == math.inf:
             return math.inf
         bracket = abs(float(point.tangent[-1])) * scale * zero.spread
