@@ -280,7 +280,8 @@ class Fit:
         for degree in _DEGREES:
             terms = polynomial((values - origin) / widths, degree)
             if terms.shape[0] >= _FEATURES * terms.shape[1]:
-                return cls(origin, widths, degree, np.linalg.lstsq(terms, unknowns)[0], curvature)
+                solved = np.asarray(np.linalg.lstsq(terms, unknowns)[0], dtype=float)
+                return cls(origin, widths, degree, solved, curvature)
         return None
 
     def predicted(self, values: Array) -> Array:

@@ -410,12 +410,13 @@ def run_up(
     first = system.at({pace: float(speed.speed[0])})
     for end in (speed.speed.min(), speed.speed.max()):
         system.at({pace: float(end)})
-    state = start_at(first, phase) if state is None else check_state(first, state)
+    begun = start_at(first, phase) if state is None else check_state(first, state)
     thetas = angles_of(system, speed, phase, samples)
-    rows, times, events, intervals = [state], [0.0], [], []
+    now: NDArray[np.float64] = np.asarray(begun, dtype=float)
+    rows, times, events, intervals = [now], [0.0], [], []
     for piece in pieces_of(system, speed, thetas):
-        found = ramped.sample(state, piece.angles, piece.speed, piece.acceleration)
-        state = found.states[-1]
+        found = ramped.sample(now, piece.angles, piece.speed, piece.acceleration)
+        now = found.states[-1]
         rows += list(found.states[1:])
         times += piece.times(piece.angles[1:]).tolist()
         events += [event._replace(theta=event.theta + piece.turn) for event in found.contacts]

@@ -49,7 +49,7 @@ class Chance(NamedTuple):
         Share, and ends of the interval of Clopper and Pearson (1934), which contains the probability in 95 % of cases.
     """
 
-    count: int
+    count: int  # pyright: ignore[reportIncompatibleMethodOverride] - a probability has no use for tuple.count
     samples: int
     value: float
     low: float
@@ -336,7 +336,7 @@ class Tolerance(Shown):
             terms = polynomial(x, degree)
             if np.sum(~judged) < _FEW * terms.shape[1]:
                 continue
-            coefficients = np.linalg.lstsq(terms[~judged], values[~judged])[0]
+            coefficients = np.asarray(np.linalg.lstsq(terms[~judged], values[~judged])[0], dtype=float)
             rest = values[judged] - terms[judged] @ coefficients
             unexplained = float(np.var(rest) / np.var(values))
 

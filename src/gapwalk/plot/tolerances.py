@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -39,7 +41,8 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *
         Title above the picture; by default the number of samples.
     """
     rows = max(1, len(found.points))
-    top, bottom = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
+    halves: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
+    top, bottom = halves
     ax = top.subplots()
     low, high = _reach(found)
     finish = draw_branches(found.branch, ax, measure, legend="above", within=(low, high))

@@ -103,7 +103,8 @@ def _are_points(points: Sequence[PointTable], info: ValidationInfo[Surroundings]
                 numbers = [units.read(sweep.parameter, each) for each in numbers]
             elif sweep is None and any(isinstance(each, str) for each in numbers):
                 continue  # their unit is unknown while the sweep is wrong itself
-            found.append(MeasuredPoint(point.kind, *numbers, point.which))
+            value, blur = numbers
+            found.append(MeasuredPoint(point.kind, value, blur, point.which))
         except (ModelError, ValueError) as error:
             raise ValueError(f"is wrong at number {number}: {error}") from None
     return tuple(found)

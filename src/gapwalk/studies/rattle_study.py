@@ -390,4 +390,6 @@ def rattle_bands(
         raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}; write the smaller value first")
     options = options or RattleOptions()
     asked = RattleStudy(parameter, low, high, **values_of(options), gaps=chosen_gaps(system, gaps), start=start)
-    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    assert found is not None
+    return found

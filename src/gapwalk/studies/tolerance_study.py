@@ -85,9 +85,9 @@ def _read(value: object, info: ValidationInfo[Surroundings], parameter: object, 
         if nominal == 0.0:
             raise ValueError(f"is {value!r}, but {parameter} is 0 in the model; write a number with its unit")
         return share * abs(nominal) if relative else nominal + share * abs(nominal)
-    has_unit = system is not None and system.units is not None and isinstance(parameter, str)
-    if has_unit and system.units.parameter(parameter) and (value != 0 or isinstance(value, str)):
-        return system.units.read(parameter, value)
+    units = None if system is None else system.units
+    if units is not None and isinstance(parameter, str) and units.parameter(parameter):
+        return units.read(parameter, value) if value != 0 or isinstance(value, str) else value
     return value
 
 
@@ -278,12 +278,16 @@ def tolerance(
     options = options or ToleranceOptions()
     joint = spreads if isinstance(spreads, Spreads) else Spreads(tuple(spreads))
     begin = start if isinstance(start, str) else tuple(float(each) for each in start)
+    first, last = map(float, to)
     asked = ToleranceStudy(
         parameter,
-        *map(float, to),
+        first,
+        last,
         **values_of(options),
         spreads=joint,
         band=band,
         start=Start(begin) if isinstance(begin, str) else begin,
     )
-    return call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    found = call(asked, asked.work(system), system, workers=workers, report=report, output=output).record
+    assert found is not None
+    return found

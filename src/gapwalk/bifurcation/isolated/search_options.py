@@ -250,7 +250,7 @@ def spread_starts(
     """
     from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 
-    power = (count - 1).bit_length()
+    power, states, points = (count - 1).bit_length(), np.empty((0, 0)), np.empty((0, 0))
     for more in range(_REDRAWS):
         engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
         points = (2.0 * engine.random_base2(power + more) - 1.0) * box
