@@ -237,7 +237,10 @@ class DesignStudy(DesignOptions, RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"least change of {len(self.changes)} parameters for {len(self.goals)} goals over {self.range_words}"
+        return (
+            f"design over {self.range_words}: least change of {len(self.changes)} parameters "
+            f"for {len(self.goals)} goals"
+        )
 
     def work(self, system: System) -> DesignWork:
         """Return the work on the design."""
