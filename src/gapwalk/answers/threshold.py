@@ -240,7 +240,7 @@ def find_threshold(
     gaps: Sequence[str],
     options: ThresholdOptions,
 ) -> Threshold:
-    """Find a threshold; parameters and errors are those of `gapwalk.threshold`."""
+    """Find a threshold; parameters and errors are those of `gapwalk.ask.threshold`."""
     for first, second in ((a, b) for a in to for b in span):
         system.at({parameter: first, over: second})  # refuses what no system can have
     return _Search(_Request(system, tuple(gaps), parameter, to, over, span, options)).run()

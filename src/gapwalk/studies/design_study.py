@@ -63,7 +63,7 @@ class DesignOptions:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTable:
-    """Table of a parameter that may change; fields as those of `gapwalk.goals.Change`."""
+    """Table of a parameter that may change; fields as those of `gapwalk.ask.Change`."""
 
     parameter: Annotated[
         str,
@@ -200,7 +200,7 @@ class DesignStudy(DesignOptions, RangeStudy):
     period, start
         Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     finding, search_values, search
-        Options, as `gapwalk.goals.DesignOptions`. In a table, the keys of `finding` are among the others.
+        Options, as `gapwalk.ask.DesignOptions`. In a table, the keys of `finding` are among the others.
     """
 
     kind: ClassVar[str] = "design"
@@ -430,8 +430,8 @@ def design(
 
     Examples
     --------
-    >>> goal = gw.goals.NoPoint("fold", (0.60, 0.66))
-    >>> found = gw.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
+    >>> goal = gw.ask.NoPoint("fold", (0.60, 0.66))
+    >>> found = gw.ask.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
     >>> print(found.summary())
     """
     check_system(system, "design")

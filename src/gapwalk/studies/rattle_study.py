@@ -94,7 +94,7 @@ class RattleStudy(RattleOptions, RangeStudy):
     parameter, begin, end
         The parameter, and its range.
     sweep, search, starts, seed, reference, check, workers
-        Options; as `gapwalk.RattleOptions`. In a table, the keys of `sweep` are among the others.
+        Options; as `gapwalk.ask.RattleOptions`. In a table, the keys of `sweep` are among the others.
     gaps
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
@@ -382,7 +382,7 @@ def rattle_bands(
 
     Examples
     --------
-    >>> print(gw.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
+    >>> print(gw.ask.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
     """
     check_system(system, "rattle_bands")
     low, high = to

@@ -45,7 +45,7 @@ class ThresholdStudy(RangeStudy):
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
     options
-        Number of motions that are tried; as `gapwalk.ThresholdOptions`. In a table, its keys are among the others.
+        Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     """
 
     kind: ClassVar[str] = "threshold"
@@ -208,7 +208,7 @@ def threshold(
 
     Examples
     --------
-    >>> found = gw.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
+    >>> found = gw.ask.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
     >>> found.value, found.at
     (-3.1652191..., 950.9335...)
     """
