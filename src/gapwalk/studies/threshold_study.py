@@ -15,14 +15,14 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN
 
 Over = Annotated[
-    SecondParameter,
+    ParameterRange,
     Field(
         description='write the range that is to be quiet, as in over = { parameter = "speed", from = 700, to = 1100 }'
     ),
@@ -191,7 +191,7 @@ def threshold(
         parameter,
         float(to[0]),
         float(to[1]),
-        over=SecondParameter(over, float(span[0]), float(span[1])),
+        over=ParameterRange(over, float(span[0]), float(span[1])),
         gaps=chosen_gaps(system, gaps),
         options=options or ThresholdOptions(),
     )
