@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class Push(NamedTuple):
-    """What a unit of the force of rigid friction does.
+    """Effects of a unit of the force of rigid friction.
 
     Attributes
     ----------
