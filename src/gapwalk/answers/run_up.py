@@ -176,6 +176,11 @@ class RunUp(Shown):
         layout, numbers = layout_of(self.system.structure), coefficients_of(self.system)
         return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
 
+    def coordinate_of(self, signal: str) -> str:
+        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`."""
+        name = signal.rstrip("'")
+        return name if name in self.system.coordinates else self.loudest
+
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces, shape (samples, contacts)."""
@@ -225,10 +230,9 @@ class RunUp(Shown):
         pace, measure = self.system.structure.pace, f"half.{coordinate}"
         if branch.parameter != pace:
             raise ModelError(f"the branch is over {branch.parameter}; a run-up needs a response over {pace}")
-        sign = np.unique(np.sign(self.course.rates))
-        sign = sign[sign != 0.0]
-        if len(sign) != 1:
+        if not self.course.is_one_way:
             raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
+        sign = np.sign(self.course.speed[-1] - self.course.speed[0])
         speed, half = self.half(coordinate)
         values = np.array([point.value for point in branch.points])
         sizes = np.array([point.measure(measure) for point in branch.points])
@@ -240,7 +244,7 @@ class RunUp(Shown):
             before = special.point.measure(measure)
             far = np.hypot((values - special.value) / np.ptp(values), (sizes - before) / (np.ptp(sizes) or 1.0))
             beside = np.argsort(far, kind="stable")[:_BESIDE]
-            if sign[0] * (np.mean(values[beside]) - special.value) > 0.0 or not stable[beside].any():
+            if sign * (np.mean(values[beside]) - special.value) > 0.0 or not stable[beside].any():
                 continue  # a stable motion ends there for the other direction, or none does
             steps = np.flatnonzero(
                 stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value))
@@ -251,7 +255,7 @@ class RunUp(Shown):
             if not len(others):
                 continue
             after = others[np.argmin(np.abs(others - before))]
-            beyond = sign[0] * (speed - special.value) > 0.0
+            beyond = sign * (speed - special.value) > 0.0
             jumped = np.flatnonzero(beyond & (np.abs(half - after) < np.abs(half - before)))
             jump = float(speed[jumped[0]]) if len(jumped) else float("nan")
             times = np.interp([special.value, jump], *_increasing(self.speed, self.time))
@@ -261,7 +265,8 @@ class RunUp(Shown):
     def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
         """Compute spectra over orders in windows of some forcing periods, along the run-up.
 
-        The motion is sampled evenly over the angle, so orders stay lines while the speed changes.
+        The motion is sampled evenly over the angle, so orders stay lines while the speed changes. The spectra are over
+        the speed, or over the time if the speed is held or turns back.
 
         Parameters
         ----------
@@ -281,7 +286,7 @@ class RunUp(Shown):
         """
         turns = float(self.system.turns or 1)
         even = np.abs((self.theta - self.theta[0]) / PERIOD * self.samples % 1.0 - 0.5) > 0.5 - 1e-6
-        values, speed, length = self.signal(signal)[even], self.speed[even], periods * self.samples
+        values, length, over_speed = self.signal(signal)[even], periods * self.samples, self.course.is_invertible
         if len(values) < length:
             raise ModelError(
                 f"the run-up lasts {len(values) / self.samples:.3g} forcing periods, less than a window of {periods}; "
@@ -298,10 +303,10 @@ class RunUp(Shown):
             mean = piece.mean()
             lines = 2.0 * np.abs(np.fft.rfft((piece - mean) * weights)) / weights.sum()
             rows.append([abs(mean), *lines[1:count]])
-        orders, middles = turns * np.arange(count) / periods, speed[starts + length // 2]
+        orders, along = turns * np.arange(count) / periods, (self.speed if over_speed else self.time)[even]
         return Waterfall(
-            self.system.structure.pace, signal, middles, orders, np.array(rows), np.ones(len(starts), bool),
-            self.system.turns,
+            self.system.structure.pace if over_speed else "time", signal, along[starts + length // 2], orders,
+            np.array(rows), np.ones(len(starts), bool), self.system.turns, self.system.units,
         )  # fmt: skip
 
     @summarizes
@@ -331,7 +336,7 @@ class RunUp(Shown):
         units, pace = self.system.units, self.system.structure.pace
         unit = " N m" if units else ""
         return tuple(
-            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units)}; "
+            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units, 6)}; "
             f"{each.impacts} impacts"
             for each in self.peaks
             if each.force

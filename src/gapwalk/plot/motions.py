@@ -347,9 +347,13 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
     marks = _marks(found.values, places, turns)
     ax.set_xticks([x for x, _ in marks], [text for _, text in marks])
     ax.grid(visible=False)
-    ax.set_xlabel(parameter_words(found.parameter) + (", along the branch" if len(turns) else ""))
+    time = "time" + " [s]" * bool(found.units)
+    words = time if found.parameter == "time" else parameter_words(found.parameter, found.units)
+    ax.set_xlabel(words + (", along the branch" if len(turns) else ""))
     ax.set_ylabel(order_words(found.turns))
-    ax.figure.colorbar(mesh, ax=ax, label=f"amplitude of {found.signal}", pad=0.02, extend="min")
+    ax.figure.colorbar(
+        mesh, ax=ax, label=f"amplitude of {signal_words(found.signal, found.units)}", pad=0.02, extend="min"
+    )
 
 
 def _marks(

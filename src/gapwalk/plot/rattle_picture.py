@@ -132,7 +132,7 @@ def _draw_severity(found: RattleBands, ax: Axes, gap: str, what: str, words: str
                 ax.plot(*np.array(own).T, zorder=4, **symbols(marker, 2.6 if is_periodic else 4.0, color, color))
     worst = next((each.severity for each in found.worst if each.severity.gap == gap), None)
     if worst is not None and what != "per_second":
-        ax.plot([worst.value], [getattr(worst, what)], zorder=6, **symbols("*", 11.0, BLACK, "#f3c55b"))
+        ax.plot([worst.value], [getattr(worst, what)], zorder=6, **symbols("*", 11.0, "#f3c55b", BLACK))
     ax.set(ylabel=words, xlabel=parameter_words(found.parameter, found.system.units))
     ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
 
@@ -152,7 +152,7 @@ def _entries(found: RattleBands, gap: str) -> Iterator[tuple[str, Any]]:
     words = {GapState.ONE_SIDE: "rattles on one side", GapState.BOTH_SIDES: "on both sides"}
     yield from ((words[state], tint) for state, tint in _TINTS.items() if state in seen)
     if found.worst:
-        yield "worst", symbols("*", 9.0, BLACK, "#f3c55b")
+        yield "worst", symbols("*", 9.0, "#f3c55b", BLACK)
 
 
 def _line(met: str) -> tuple[str, Any]:

@@ -32,8 +32,8 @@ def draw_threshold(found: Threshold, ax: Axes) -> Finish | None:
     if found.limit is not None:
         ax.axhspan(found.value, found.end, color=_QUIET, linewidth=0, zorder=0)
         ax.axhline(found.value, **stroke(GREY, 0.9, "-", zorder=2))
-        ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, BLACK, _GOLD))
-        entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, BLACK, _GOLD))]
+        ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, _GOLD, BLACK))
+        entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, _GOLD, BLACK))]
     write_legend(ax, entries)
     return None if found.limit is None else partial(_name, ax, found)
 
@@ -42,8 +42,10 @@ def _name(ax: Axes, found: Threshold) -> None:
     """Write both values beside the limit, on the quiet side."""
     below = found.end < found.begin
     is_lower = ax.yaxis_inverted() is below
+    units = found.system.units
+    limit, where = ((value, units and units.parameter(name)) for value, name in _limit(found))
     ax.annotate(
-        f"{found.value:.6g} at {found.at:.6g}",
+        " at ".join(f"{value:.6g}" + (f" {unit}" if unit else "") for value, unit in (limit, where)),
         (found.at, found.value),
         textcoords="offset points",
         xytext=(0, 9 if is_lower else -9),
@@ -51,3 +53,7 @@ def _name(ax: Axes, found: Threshold) -> None:
         va="bottom" if is_lower else "top",
         fontsize="small",
     )
+
+
+def _limit(found: Threshold) -> tuple[tuple[float, str], tuple[float, str]]:
+    return (found.value, found.parameter), (found.at, found.over)

@@ -217,6 +217,11 @@ class Finding(ABC):
         return self.record is not None
 
     @property
+    def drawn(self) -> Mapping[str, Any]:
+        """Options of the picture of the record that the study decided."""
+        return {}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Remarks, in sentences."""
         return getattr(self.record, "notes", ())
