@@ -399,7 +399,7 @@ def run_up(
     >>> mass = gw.System(
     ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=1.0
     ... )
-    >>> run = gw.run_up(mass, gw.SpeedCourse.ramp(0.5, 1.5, 0.01))
+    >>> run = gw.ask.run_up(mass, gw.ask.SpeedCourse.ramp(0.5, 1.5, 0.01))
     >>> round(float(run.time[-1]), 9)
     100.0
     """
@@ -408,7 +408,7 @@ def run_up(
         raise ModelError(f"samples is {samples!r}; it must be an integer from 16 to 65,536 per forcing period")
     if not isinstance(speed, SpeedCourse):
         raise ModelError(
-            f"speed is {speed!r}; write gw.SpeedCourse.ramp(700, 1100, 100), or gw.SpeedCourse(time, speed)"
+            f"speed is {speed!r}; write gw.ask.SpeedCourse.ramp(700, 1100, 100), or gw.ask.SpeedCourse(time, speed)"
         )
     ramped = Ramped(system)
     pace = system.structure.pace

@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +174,10 @@ class Threshold(Shown):
             raise ModelError("there is no threshold in the range, so it has no gradient")
         return self.limit.gradient(*names)
 
-    complete: ClassVar[bool] = True
+    @property
+    def complete(self) -> bool:
+        """True: a threshold has one part."""
+        return True
 
     def tables(self) -> Tables:
         """Return the table of the loci: both parameters at each of their points."""
@@ -240,7 +243,7 @@ def find_threshold(
     gaps: Sequence[str],
     options: ThresholdOptions,
 ) -> Threshold:
-    """Find a threshold; parameters and errors are those of `gapwalk.threshold`."""
+    """Find a threshold; parameters and errors are those of `gapwalk.ask.threshold`."""
     for first, second in ((a, b) for a in to for b in span):
         system.at({parameter: first, over: second})  # refuses what no system can have
     return _Search(_Request(system, tuple(gaps), parameter, to, over, span, options)).run()
