@@ -19,7 +19,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_words
 from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
+from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, points, stroke, symbols
 
 _TINTS = {GapState.ONE_SIDE: "#fbe3c4", GapState.BOTH_SIDES: "#f2b98a"}  # in grey, the second is clearly darker
@@ -60,7 +60,7 @@ def draw_rattle(found: RattleBands, figure: AnyFigure, gap: str | None = None, *
     """
     gap = _checked(found, gap)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.25, 1.0, 0.8])
-    write_heading(figure, title)
+    write_answer(figure, title, [found.sentence(gap)])
     write_letters(panels)
     draw_bands(found, panels[0], gap)
     units = found.system.units

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from gapwalk.answers.design_goals import peak_force
+from gapwalk.answers.jump_delay import JumpDelay
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
+from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
+from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
-from gapwalk.plot.branches import draw_branches
-from gapwalk.plot.motions import draw_waterfall
+from gapwalk.plot.branches import draw_branches, line_entries
+from gapwalk.plot.motions import fill_waterfall
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, dots, stroke
@@ -60,19 +65,39 @@ def draw_run_up(
         Title above the picture, to which the largest forces are added.
     """
     signal = signal or run.loudest
-    write_answer(figure, title, run.sentences)
+    delays: tuple[JumpDelay, ...] = ()
+    if branch is not None and run.course.is_one_way:
+        delays = run.delays(branch, run.coordinate_of(signal))
+    write_answer(figure, title, [*run.sentences, *(each.words(run.system) for each in delays)])
     heights = [1.0, *[0.95] * (branch is not None), *[0.85] * (orders > 0.0)]
     panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0].tolist()
     if len(panels) > 1:
         write_letters(panels)
     draw_history_over_speed(run, panels[0], signal)
-    finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal))
+    finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal), delays)
     if orders > 0.0:
-        draw_waterfall(run.waterfall(signal, orders, window), panels[-1])
+        _draw_orders(run, panels[-1], run.waterfall(signal, orders, window))
     return finish
 
 
-def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str) -> Finish:
+def _draw_orders(run: RunUp, ax: Axes, found: Waterfall) -> None:
+    """Draw the waterfall below the other panels, over the same speeds or times."""
+    mesh = fill_waterfall(found, ax)
+    words = f"amplitude of {signal_words(found.signal, found.units)}"
+    ax.figure.colorbar(mesh, ax=ax, label=words, location="bottom", aspect=60, pad=0.03, extend="min")
+    along = run.speed if run.course.is_invertible else run.time
+    low, high, first = float(along.min()), float(along.max()), float(found.values[0])
+    sign = 1.0 if along[-1] > along[0] else -1.0  # the picture of a waterfall counts its speeds from the first one
+    ticks = [tick for tick in MaxNLocator(9).tick_values(low, high) if low <= tick <= high]
+    ax.set_xticks([sign * (tick - first) for tick in ticks], [f"{tick:g}" for tick in ticks])
+    ax.set_xlim(sign * (low - first), sign * (high - first))
+
+
+def _force(system: System) -> str:
+    return "torque" if system.units else "force"
+
+
+def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str, delays: Sequence[JumpDelay]) -> Finish:
     """Draw the response, half the range of each period of the run-up over it, and the delays of jumps shaded."""
     finish = draw_branches(branch, ax, f"half.{coordinate}", legend=False, labels=False)
     speed, half = run.half(coordinate)
@@ -80,16 +105,13 @@ def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str) -> Finish:
     ax.plot(speed, half, zorder=6, **dots(4.5, VERMILLION))
     ax.autoscale_view()
     ax.set_autoscale_on(False)
-    delays = run.delays(branch, coordinate) if run.course.is_one_way else ()
     late = [each for each in delays if np.isfinite(each.jump)]
     for delay in late:
         ax.axvspan(*sorted((delay.fold, delay.jump)), color=_DELAY, linewidth=0, zorder=0)
     if run.course.is_invertible:
         ax.set_xlim(run.speed.min(), run.speed.max())
         ax.margins(x=0.01)
-    entries: list[tuple[str, Any]] = [
-        ("response of a slow sweep", stroke(BLACK, 1.4)), ("run-up, each period", dots(4.5, VERMILLION)),
-    ]  # fmt: skip
+    entries: list[tuple[str, Any]] = [("run-up, each period", dots(4.5, VERMILLION)), *line_entries([branch])]
     entries += [("from the fold to the jump", _DELAY)] * bool(late)
     write_legend(ax, entries, "above")
     return finish
@@ -111,7 +133,7 @@ def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
     peaks = [peak for peak in run.peaks if peak.force]
     for peak in peaks:
         ax.axvline(peak.speed if over_speed else peak.time, **stroke(VERMILLION, 0.8, (0, (4, 3))), zorder=1)
-    entries += [("largest contact force", stroke(VERMILLION, 0.8, (0, (4, 3))))] * bool(peaks)
+    entries += [(f"largest contact {_force(run.system)}", stroke(VERMILLION, 0.8, (0, (4, 3))))] * bool(peaks)
     ax.set_xlabel(parameter_words(run.system.structure.pace, units) if over_speed else "time" + " [s]" * bool(units))
     ax.set_ylabel(signal_words(signal, units))
     ax.margins(x=0.01)
@@ -157,7 +179,7 @@ def draw_run_ups(
         upper.plot(rates, middle, **stroke(BLUE, 1.6), zorder=4)
     speed_unit = units.parameter(pace) if units else ""
     upper.set_xlabel(f"rate of {pace}" + (f" [{speed_unit}/s]" if units else ""))
-    force = f"force of {contact}" + " [N m]" * bool(units)
+    force = f"{_force(found.system)} of {contact}" + " [N m]" * bool(units)
     upper.set_ylabel(f"largest {force}")
     entries = [("a run-up", dots(2.5, GREY))]
     if several:

@@ -10,11 +10,26 @@ from gapwalk.answers.threshold import Threshold
 from gapwalk.model.words import parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import write_legend
+from gapwalk.plot.sheet import AnyFigure, write_answer, write_legend
 from gapwalk.plot.style import BLACK, GREY, stroke, symbols
 
 _QUIET = "#e4f0e2"
 _GOLD = "#f3c55b"
+
+
+@draws(Threshold, panels=True)
+def draw_threshold_with_answer(found: Threshold, figure: AnyFigure, *, title: str = "") -> Finish | None:
+    """Draw the loci, the quiet side and the limit below the answer in a sentence.
+
+    Parameters
+    ----------
+    found, figure
+        The threshold and the figure.
+    title
+        Title above the picture, to which the answer is added.
+    """
+    write_answer(figure, title, [found.sentence])
+    return draw_threshold(found, figure.subplots())
 
 
 @draws(Threshold)

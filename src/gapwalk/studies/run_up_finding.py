@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gapwalk.answers.run_up import JumpDelay, RunUp
+from gapwalk.answers.jump_delay import JumpDelay
+from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import LEVELS, RunUps
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.system import System
-from gapwalk.model.words import value_words
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.study_kind import Finding, Rows, plain_numbers
 from gapwalk.summary import SummaryParts, summarizes
@@ -94,15 +94,7 @@ class RunUpFinding(Finding):
         if self.found is None:
             return
         yield from self.found.summary()
-        system = self.found.system
-        for each in self.delays:
-            fold = value_words(each.fold, system.structure.pace, system.units, 6)
-            if np.isnan(each.jump):
-                yield f"no jump after the fold at {fold}, where a slow sweep jumps"
-                continue
-            late = f"{each.delay:.4g} s" if system.units else f"a time of {each.delay:.4g}"
-            jump = value_words(each.jump, system.structure.pace, system.units, 6)
-            yield f"jump at {jump}, {late} after the fold at {fold}, where a slow sweep jumps"
+        yield from (each.words(self.found.system) for each in self.delays)
 
     def document(self, points: bool) -> dict[str, Any]:
         """Return the largest forces; for a single run-up with the history of its signal if points are wanted."""

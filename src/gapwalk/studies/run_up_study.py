@@ -144,6 +144,7 @@ class RunUpStudy(StudyKind):
     """
 
     kind: ClassVar[str] = "run-up"
+    gives_frequency: ClassVar[bool] = True
     table_types: ClassVar[Mapping[str, Any]] = {
         "rate": Annotated[Any, PlainValidator(_rates)],
         "times": None,
