@@ -155,7 +155,7 @@ class RunUps(Shown):
             peaks, places = self.peaks(name), self.places(name)
             middle, most = np.nanquantile(peaks, (0.5, 0.95))
             worst = int(np.nanargmax(peaks))
-            where = value_words(float(places[worst]), system.structure.pace, system.units)
+            where = value_words(float(places[worst]), system.structure.pace, system.units, 4)
             found.append(
                 f"{name}: peak {middle:.4g}{unit} in half of the run-ups, {most:.4g}{unit} in 95 %; at most "
                 f"{peaks[worst]:.4g}{unit}, at {where} of the run-up at {self.rates[worst]:.4g}{per}"

@@ -48,6 +48,9 @@ class StudyKind:
     """What a run reports: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map, or parts
     of the work."""
 
+    gives_frequency: ClassVar[bool] = False
+    """True if the study gives the frequency itself, without a parameter, so that the model need not."""
+
     table_types: ClassVar[Mapping[str, Any]] = {}
     """What pydantic takes for the types of keys, where it does not follow from the fields; None for what is not a key.
 
@@ -215,6 +218,11 @@ class Finding(ABC):
     def can_be_drawn(self) -> bool:
         """True if there is something to draw."""
         return self.record is not None
+
+    @property
+    def drawn(self) -> Mapping[str, Any]:
+        """Options of the picture of the record that the study decided."""
+        return {}
 
     @property
     def notes(self) -> tuple[str, ...]:
