@@ -163,7 +163,7 @@ class Entry:
 
     @property
     def answer(self) -> AnswerView | None:
-        """What the page shows of an answer; None for branches, and for a settled motion, which has panels of its own."""
+        """View of an answer; None for branches, and for a settled motion, which has panels of its own."""
         result, (known, view) = self.result, self._viewed
         if result is None or result.finding is None or self.settled() is not None:
             return None
