@@ -10,6 +10,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 
@@ -27,6 +28,7 @@ class CompiledReadings:
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
+        self._row: tuple[Any, Array | None] | None = None  # of the last key of `reaction_row`
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
         readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
         used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
@@ -80,6 +82,33 @@ class CompiledReadings:
         parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
         given = np.vstack((states.T, thetas[None], parameters[self.used]))
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
+
+    def reaction_row(self, coefficients: Array, held: Sequence[int], number: int | None) -> Array | None:
+        """Return the row by which a reaction follows from the columns of `along`, while some contacts are held.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow, of which the first, 1/W, does not matter: no deflection is displaced.
+        held
+            Numbers of the reactions that are held, stops before friction.
+        number
+            That of the reaction.
+
+        Returns
+        -------
+        shape (columns,)
+            None if the reaction depends on others that are held.
+        """
+        key = coefficients[1:].tobytes(), tuple(held), number
+        if self._row is None or self._row[0] != key:
+            layout = self._equations.layout
+            constraint, row = Constraint(layout, coefficients, held), None
+            if number in constraint.independent:
+                row = constraint.reactions[constraint.independent.index(number)].copy()
+                row[: 2 * layout.structure.size + len(layout.contacts)] *= -1.0
+            self._row = key, row
+        return self._row[1]
 
     @cached_property
     def _tangents(self) -> Any:
