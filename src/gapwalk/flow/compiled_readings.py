@@ -28,7 +28,7 @@ class CompiledReadings:
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
-        self._row: tuple[Any, Array | None] | None = None  # of the last key of `reaction_row`
+        self._table: tuple[Any, Array] | None = None  # the last one, with what it is for
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
         readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
         used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
@@ -83,8 +83,8 @@ class CompiledReadings:
         given = np.vstack((states.T, thetas[None], parameters[self.used]))
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
 
-    def reaction_row(self, coefficients: Array, held: Sequence[int], number: int | None) -> Array | None:
-        """Return the row by which a reaction follows from the columns of `along`, while some contacts are held.
+    def table(self, coefficients: Array, held: Sequence[int]) -> Array:
+        """Return the rows by which accelerations, then reactions, follow from the columns of `along`.
 
         Parameters
         ----------
@@ -92,23 +92,15 @@ class CompiledReadings:
             All coefficients of the flow, of which the first, 1/W, does not matter: no deflection is displaced.
         held
             Numbers of the reactions that are held, stops before friction.
-        number
-            That of the reaction.
-
-        Returns
-        -------
-        shape (columns,)
-            None if the reaction depends on others that are held.
         """
-        key = coefficients[1:].tobytes(), tuple(held), number
-        if self._row is None or self._row[0] != key:
+        key = coefficients[1:].tobytes(), tuple(held)
+        if self._table is None or self._table[0] != key:
             layout = self._equations.layout
-            constraint, row = Constraint(layout, coefficients, held), None
-            if number in constraint.independent:
-                row = constraint.reactions[constraint.independent.index(number)].copy()
-                row[: 2 * layout.structure.size + len(layout.contacts)] *= -1.0
-            self._row = key, row
-        return self._row[1]
+            own = Constraint(layout, coefficients, held).coefficients()
+            found = np.vstack((own[layout.accelerations], own[layout.reactions]))
+            found[:, : 2 * layout.structure.size + len(layout.contacts)] *= -1.0
+            self._table = key, found
+        return self._table[1]
 
     @cached_property
     def _tangents(self) -> Any:

@@ -126,17 +126,14 @@ def margins_of(
     return [
         each
         for contact, phases in friction.items()
-        for each in _Margins(motion, FrictionGauge(layout, contact), phases, readings).all()
+        for each in _Margins(motion, FrictionGauge(layout, contact, readings), phases).all()
     ]
 
 
 class _Margins:
     """Margins of one contact that is friction."""
 
-    def __init__(
-        self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase], readings: CompiledReadings | None
-    ) -> None:
-        self._readings = readings
+    def __init__(self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase]) -> None:
         self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
         self._thetas, self._states, self._full = motion.theta, motion.states, float(motion.theta[-1])
         self._coefficients, self._motion = coefficients_of(motion.system), motion
@@ -184,7 +181,7 @@ class _Margins:
         for modes, numbers in groups.values():
             samples = np.concatenate([asked[number][0] for number in numbers])
             states, thetas = self._states[samples], self._thetas[samples]
-            bound, force = self._bound_and_force(thetas, states, modes)
+            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
             bound, first = bound + 0.0 * force, 0
             for number in numbers:
                 last = first + len(asked[number][0])
@@ -199,19 +196,6 @@ class _Margins:
         logs = self._motion.slips, self._motion.holds
         modes = modes_along(structure, self._thetas[samples], *logs, before=True)
         return [self._gauge.sticking(modes.at(number)) for number in range(len(samples))]
-
-    def _bound_and_force(self, thetas: Array, states: Array, modes: DryModes) -> tuple[Array, Array]:
-        """See `FrictionGauge.bound_and_force`."""
-        gauge, read = self._gauge, None
-        if self._readings is not None and gauge.reaction is not None:
-            read = self._readings.along(self._coefficients, states, thetas, modes.slips.astype(float))
-        if read is None:
-            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
-        held = modes.order(gauge.layout.structure)
-        row = self._readings.reaction_row(self._coefficients, held, gauge.reaction)
-        if row is None:
-            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
-        return read[:, len(row) + 3 * gauge.place + 2], read[:, : len(row)] @ row
 
     def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
         """Return the least values of a quantity within a phase, by parabolas."""
