@@ -137,9 +137,21 @@ class Switchboard(BreakpointGeometry):
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         self.modes.attach(integrator)
-        self.dry.attach(integrator, columns, readings)
+        self.dry.attach(integrator, columns, readings, self._coefficient_change())
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
+
+    def _coefficient_change(self) -> Callable[[NDArray[np.float64]], None]:
+        """Return a function that takes over coefficients, which change with what is held."""
+        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
+
+        def change(coefficients: NDArray[np.float64]) -> None:
+            switches = mine()
+            assert switches is not None
+            switches._coefficients = switches.modes.coefficients = coefficients
+            switches._of_motion.clear()
+
+        return change
 
     def start(
         self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
@@ -185,19 +197,9 @@ class Switchboard(BreakpointGeometry):
 
     def _start_dry(self, theta: float) -> None:
         """Set the modes of friction and stops; where they change later, so do the coefficients."""
-        if not self.dry.count:
-            return
-
-        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
-
-        def change(coefficients: NDArray[np.float64]) -> None:
-            switches = mine()
-            assert switches is not None
-            switches._coefficients = switches.modes.coefficients = coefficients
-            switches._of_motion.clear()
-
-        self.dry.closed = self._closed()
-        self.dry.start(self._system, self._system_directions, theta, self._unit, change)
+        if self.dry.count:
+            self.dry.closed = self._closed()
+            self.dry.start(self._system, self._system_directions, theta, self._unit)
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""

@@ -8,7 +8,7 @@ Method: docs/numerics/flow.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,16 +57,14 @@ class DrySwitches(LoneFriction):
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
-    def start(
-        self, base: Array, directions: Array, theta: float, unit: float, changed: Callable[[Array], None]
-    ) -> None:
+    def start(self, base: Array, directions: Array, theta: float, unit: float) -> None:
         """Set all modes for the state in the integrator, and begin a new log.
 
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
         self.hold_log = [Hold(theta, ())]
-        self.begin(base, directions, changed)
+        self.begin(base, directions)
         if self.sign_of:
             self._move_within(theta, unit)
         self._restart(theta)
