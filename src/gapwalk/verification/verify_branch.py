@@ -36,6 +36,7 @@ _SHARES = (0.5, 0.4, 0.62)  # places at which an orbit is sought: close to a cro
 _SAME = 1e-9  # relative difference below which two values of the parameter are equal
 _CLOSED = 1e-5  # largest distance between the first and the last point of a closed branch
 _NEAR = 0.1  # difference of the halves of a motion below which a doubled branch may step onto its parent
+_AHEAD = 3.0  # factor on the extrapolated distance to a junction within which it must be
 _BEYOND = 0.02  # distance, in scales of the parameter, by which a junction may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
@@ -150,6 +151,8 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
                 yield f"{said}, but the branch ends at {point.value:.10g}"
             elif not _may_join(track, point):
                 yield f"{said}, but no other branch is near its end"
+            elif abs(end.value - point.value) > same + _AHEAD * _left(branch.points if place else branch.points[::-1]):
+                yield f"{said}, but there the branch, which ends at {point.value:.10g}, does not lead"
         case EndReason.POINTS:
             count = sum(each.arclength * (-1.0 if place == 0 else 1.0) > 0.0 for each in branch.points)
             if end.detail and not end.detail.endswith(f" {count}"):
@@ -165,6 +168,22 @@ def _may_join(track: Track, point: BranchPoint) -> bool:
             return True
         return track.regularity(point) < CROSSING
     return False
+
+
+def _left(points: Sequence[BranchPoint]) -> float:
+    """Return how far the parameter is from where the halves of a doubled motion meet, beyond the last of some points.
+
+    It is extrapolated with the difference of the halves. If the parameter is quadratic in that, that is too far.
+    """
+    last = points[-1]
+    before = next((each for each in reversed(points) if each.orbit is not last.orbit), last)
+    if last.orbit.period % 2 or before is last:
+        return math.inf
+    try:
+        a, b = (float(np.linalg.norm(halves_apart(each))) for each in (before, last))
+    except NumericalError:
+        return math.inf
+    return abs(last.value - before.value) * b / (a - b) if b < a else math.inf
 
 
 def _verify_gaps(ledger: Ledger, track: Track) -> None:
