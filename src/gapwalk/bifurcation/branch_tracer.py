@@ -316,6 +316,8 @@ class BranchTracer(Iterator[Step]):
         passage = pass_corner(self.beginning.corrector, state.point)
         if passage is None or self._is_astray(state.point, passage.point):
             return None
+        if self._is_doubled(state.point) and has_merged(passage.point):  # it ends at the corner of its parent
+            return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)
         return self._until_parent(state.point, (passage.point, passage.special))

@@ -112,6 +112,12 @@ class SpecialPoint(Shown):
         return self.kind is Kind.FLIP or jumps
 
     @property
+    def turns(self) -> bool:
+        """True if the branch turns back here: at a fold, and at a corner where a multiplier jumps across +1."""
+        jumps = not self.kind.by_multipliers and (self.before.above - self.after.above) % 2 == 1
+        return self.kind.is_turning or jumps
+
+    @property
     def nature_words(self) -> str:
         """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
         whole = self.kind is not Kind.FLIP or not self.nature

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +33,7 @@ _TURN = 0.6  # largest angle between a tangent and the chord, in radians
 _DEEPEST = 7  # largest number of successive halvings of a gap
 _LONGER = 0.3  # largest relative difference between the distance of two points and the arclength between them
 _TOGETHER = 1e-6  # distance below which two points are one
+_ON_SIDE = 1e-3  # share of a gap at which the tangent on one side of a corner is taken
 _SHARES = (0.5, 0.4, 0.62)  # places at which an orbit is sought: close to a crossing of branches correction fails
 _SAME = 1e-9  # relative difference below which two values of the parameter are equal
 _CLOSED = 1e-5  # largest distance between the first and the last point of a closed branch
@@ -191,8 +193,32 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
     for number, (a, b, special) in enumerate(steps_of(track.branch)):
         spot = Spot(track.name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
-        ledger.enter(Check.GAPS, spot, max(_gap(track, *pair) for pair in pairwise(knots)))
+        corners = [each.point for each in special if not each.kind.by_multipliers]
+        ledger.enter(Check.GAPS, spot, max(_gap(track, *_one_sided(track, pair, corners)) for pair in pairwise(knots)))
         ledger.judge(Check.COUNTS, spot, unexplained(a, b, special, joining_points(track.branch)))
+
+
+def _one_sided(
+    track: Track, pair: tuple[BranchPoint, BranchPoint], corners: Sequence[BranchPoint]
+) -> tuple[BranchPoint, BranchPoint]:
+    """Return two neighbours; one at which the branch may have a corner, with its tangent on the side of the other.
+
+    Where the sequence of slip and stick changes, the tangent that is stored is that of one side.
+    """
+    a, b = pair
+    if len(a.x) != len(b.x) or length_of(b.x - a.x) < _TOGETHER:
+        return pair
+    way = (b.x - a.x) / length_of(b.x - a.x)
+    sided = []
+    for knot, other in ((a, b), (b, a)):
+        if any(knot is corner for corner in corners):
+            with suppress(NumericalError):
+                corrector = track.corrector_at(knot)
+                correction = corrector.correct(knot.x + _ON_SIDE * (other.x - knot.x), way)
+                if correction is not None:
+                    knot = replace(knot, tangent=corrector.point(correction, way, 0.0).tangent)
+        sided.append(knot)
+    return sided[0], sided[1]
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
