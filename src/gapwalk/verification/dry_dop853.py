@@ -215,9 +215,13 @@ class _Motion(DryInstant):
             values = self.guards(self.theta + shares * h, states)
             return {key: each for key, each in values.items() if key not in hops}
 
-        for key, (last, first) in brackets(sample).items():
-            if self._guard_after(first * h, key)[0] >= -0.1 * FIRES:
-                continue  # the interpolation is less exact than that
+        for key, (last, after) in brackets(sample).items():
+            # the interpolation is less exact than that: the guard may pass below zero at a later sample only
+            first = next(
+                (share for share in after.tolist() if self._guard_after(share * h, key)[0] < -0.1 * FIRES), None
+            )
+            if first is None:
+                continue
             at_last = self._guard_after(last * h, key)[0]
             if at_last <= 0.0 < last:  # as here, in a dip that is as shallow as that
                 last, at_last = 0.0, self._guard_after(0.0, key)[0]

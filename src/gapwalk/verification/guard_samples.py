@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
 
-def brackets(sample: Callable[[Array], Mapping[Key, Array]]) -> dict[Key, tuple[float, float]]:
-    """Find the guards that pass below zero in a step, each with shares of the step before and after that.
+def brackets(sample: Callable[[Array], Mapping[Key, Array]]) -> dict[Key, tuple[float, Array]]:
+    """Find the guards that pass below zero in a step, each with a share of the step before that, and all those after.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def brackets(sample: Callable[[Array], Mapping[Key, Array]]) -> dict[Key, tuple[
             below = np.flatnonzero(values < -FIRES)
         if len(below):
             above = np.flatnonzero(values[: below[0]] > FIRES)
-            found[key] = (float(shares[above[-1]]) if len(above) else 0.0, float(shares[below[0]]))
+            found[key] = (float(shares[above[-1]]) if len(above) else 0.0, shares[below])
     return found
 
 
