@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gapwalk.answers.gap_states import contact_place
-from gapwalk.answers.rattle_map import judge_gaps
+from gapwalk.answers.gap_states import contact_place, judge_gaps
 from gapwalk.answers.settled_sweep import Direction, Sample, SettledSweep, SlowSweepOptions, Stretch, stable_stretch
 from gapwalk.attractors.many_motions import finite_rows, motions_of
 from gapwalk.attractors.settle import SettleOptions, settle
