@@ -27,7 +27,7 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 _BEYOND = 60  # points of a walk after the first change of all gaps
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
@@ -107,8 +107,8 @@ class RattleMap(Shown):
         return {cell_word(*key): found[key] for key in sorted(found)}
 
     @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the share of cells of each state of each gap, and the loci."""
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
         for gap in self.gaps:
             shares = ", ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
@@ -123,6 +123,8 @@ class RattleMap(Shown):
         if self.checked:
             yield f"checked with the exact flow: {len(self.different)} of {self.checked} cells differed"
         yield from self.different
+        if notes:
+            yield from remarks(self.notes, ())
 
     def tables(self) -> Tables:
         """Return the table of cells, and that of the points of the loci."""
