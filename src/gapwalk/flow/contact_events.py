@@ -294,8 +294,8 @@ class Switchboard(BreakpointGeometry):
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
-        most = max(map(abs, state)) * max(1.0, self._coefficients.item(0))
-        if min(map(abs, depths)) > _ON * (self._scale + most):
+        most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
+        if min([abs(depths[other]) for other in others]) > most:
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
