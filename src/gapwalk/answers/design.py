@@ -148,6 +148,8 @@ class Design(Shown):
         texts = [f"{each.name} {_percent(each)}" for each in moved if _size(each) >= 5e-4] or ["nothing"]
         if all(goal.is_reached for goal in self.judged):
             what = " and ".join(goal.words for goal in self.judged)
+            if self.failures:
+                return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
         missed = " and ".join(goal.words for goal in self.judged if not goal.is_reached)
         return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
@@ -171,7 +173,7 @@ class Design(Shown):
         yield Table(("parameter", ">before", ">after", ">change", ">limits"), rows)
         yield ""
         goals = [
-            (each.words, f"{each.before:+.4f}", f"{each.after:+.4f}", "reached" if each.is_reached else "missed")
+            (each.words, _margin(each.before), _margin(each.after), "reached" if each.is_reached else "missed")
             for each in self.judged
         ]
         yield Table(("goal", ">margin before", ">after", ""), goals)
@@ -229,6 +231,10 @@ class Design(Shown):
 
 def _size(each: ChangedParameter) -> float:
     return abs(each.after - each.before) / (abs(each.before) or 0.5 * (each.high - each.low))
+
+
+def _margin(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:+.4f}"
 
 
 def _percent(each: ChangedParameter) -> str:
