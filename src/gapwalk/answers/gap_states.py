@@ -170,7 +170,9 @@ class _Kept(Law):
 
     def __init__(self, law: Law, side: int) -> None:
         self.law, self.side, self.host = law, side, law.host
-        self.parameters, self.stage_parameters = law.parameters, law.stage_parameters
+        # of one object, as those of the law that it stands for
+        self.parameters = law.parameters  # pyright: ignore[reportAttributeAccessIssue]
+        self.stage_parameters = law.stage_parameters  # pyright: ignore[reportAttributeAccessIssue]
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
         """See `Law.force`."""
