@@ -19,8 +19,8 @@ NEW = (0.0480, -0.2198, 0.0132, -0.0406, 0.0013)
 @pytest.fixture(scope="module")
 def problem():
     lead = gw.find_orbit(gw.paper.case("13").at(frequency=0.71))
-    changes = tuple(gw.goals.Change(name) for name in NAMES)
-    return DesignProblem(lead, "frequency", 0.55, changes, (gw.goals.NoPoint("fold", BAND),))
+    changes = tuple(gw.ask.Change(name) for name in NAMES)
+    return DesignProblem(lead, "frequency", 0.55, changes, (gw.ask.NoPoint("fold", BAND),))
 
 
 def in_ball(count: int, radius: float) -> np.ndarray:

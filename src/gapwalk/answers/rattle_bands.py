@@ -28,7 +28,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 _APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
 _WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
@@ -182,7 +182,7 @@ class RattleBands(Shown):
         return text
 
     @summarizes
-    def summary(self, notes: bool = True) -> SummaryParts:
+    def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
         yield from (self.sentence(gap) for gap in self.gaps)
         symbol = parameter_symbol(self.parameter, self.system.units)
@@ -202,7 +202,7 @@ class RattleBands(Shown):
         for gap in self.gaps:
             yield from self._severity_parts(gap)
         if notes:
-            yield from (f"note: {note}" for note in self.notes)
+            yield from remarks(self.notes, ())
 
     def tables(self) -> Tables:
         """Return the tables of bands, of what moves their ends, and of severity."""

@@ -31,7 +31,7 @@ from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 _FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
 _LONGEST = 8  # longest period that is distinguished from motions without period
@@ -167,8 +167,8 @@ class RattleMap(Shown):
         return {cell_word(*key): found[key] for key in sorted(found)}
 
     @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the share of cells of each state of each gap, and the loci."""
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
         for gap in self.gaps:
             shares = ", ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
@@ -183,6 +183,8 @@ class RattleMap(Shown):
         if self.checked:
             yield f"checked with the exact flow: {len(self.different)} of {self.checked} cells differed"
         yield from self.different
+        if notes:
+            yield from remarks(self.notes, ())
 
     def tables(self) -> Tables:
         """Return the table of cells, and that of the points of the loci."""

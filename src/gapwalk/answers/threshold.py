@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ from gapwalk.bifurcation.loci.locus import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import parameter_symbol, value_words
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -174,7 +174,10 @@ class Threshold(Shown):
             raise ModelError("there is no threshold in the range, so it has no gradient")
         return self.limit.gradient(*names)
 
-    complete: ClassVar[bool] = True
+    @property
+    def complete(self) -> bool:
+        """True: a threshold has one part."""
+        return True
 
     def tables(self) -> Tables:
         """Return the table of the loci: both parameters at each of their points."""
@@ -193,13 +196,14 @@ class Threshold(Shown):
         gaps, whole = " and ".join(self.gaps), f"{self.low:.6g} to {self.high:.6g}"
         over, symbol = parameter_symbol(self.over, units), parameter_symbol(self.parameter, units)
         verb = "does" if len(self.gaps) == 1 else "do"
-        span = f"over {over} from {whole}"
         if self.limit is None:
-            return f"{gaps}: no threshold of {symbol} from {self.begin:.6g} to {self.end:.6g} {span}"
+            return f"{gaps}: no threshold of {symbol} from {self.begin:.6g} to {self.end:.6g} over {over} from {whole}"
+        name, unit = over.partition(" [")[0], units and units.parameter(self.over)
         way = "and above" if self.end > self.begin else "and below"
         return (
-            f"{gaps} {verb} not rattle {span} at {symbol} = {self.value:.7g} {way} "
-            f"(limit: {self.limit.kind.value} at {over} = {self.at:.7g})"
+            f"{gaps} {verb} not rattle over {name} from {whole}{f' {unit}' if unit else ''} at "
+            f"{value_words(self.value, self.parameter, units, 7)} {way} "
+            f"(limit: {self.limit.kind.value} at {value_words(self.at, self.over, units, 7)})"
         )
 
     @summarizes
@@ -240,7 +244,7 @@ def find_threshold(
     gaps: Sequence[str],
     options: ThresholdOptions,
 ) -> Threshold:
-    """Find a threshold; parameters and errors are those of `gapwalk.threshold`."""
+    """Find a threshold; parameters and errors are those of `gapwalk.ask.threshold`."""
     for first, second in ((a, b) for a in to for b in span):
         system.at({parameter: first, over: second})  # refuses what no system can have
     return _Search(_Request(system, tuple(gaps), parameter, to, over, span, options)).run()

@@ -19,6 +19,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
+from gapwalk.explorer.answer_view import AnswerView, view_of
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
@@ -70,6 +71,8 @@ class Line(NamedTuple):
         Kind of the special points of a locus; None for a branch.
     second
         The second parameter of a locus; otherwise empty.
+    is_earlier
+        True for a branch of the system before the change that an answer proposes.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Line(NamedTuple):
     special_points: Sequence[SpecialPoint | Codim2Point]
     kind: Kind | None = None
     second: str = ""
+    is_earlier: bool = False
 
 
 @dataclass
@@ -118,6 +122,8 @@ class Entry:
     live: Progress = field(default_factory=Progress)
     version: int = 0
     model: str = ""
+    _viewed: tuple[Result | None, AnswerView | None] = (None, None)
+    _answer_lines: list[Line] = field(default_factory=list)
 
     @property
     def can_resume(self) -> bool:
@@ -136,7 +142,9 @@ class Entry:
         result = self.result
         if result is None:
             return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
-        if not isinstance(result.options, BranchOptions):
+        if self.answer is not None:
+            return self._answer_lines
+        if result.finding is not None or not isinstance(result.options, BranchOptions):
             return []
         first, last = sorted((result.walked.begin, result.walked.end))
         loci = zip(result.map.names, result.map.loci, strict=True) if result.map is not None else ()
@@ -153,6 +161,19 @@ class Entry:
         there = {"table": has_table, "script": True, "model": has_orbit, "result": self.result is not None}
         return [word for word, is_there in there.items() if is_there]
 
+    @property
+    def answer(self) -> AnswerView | None:
+        """View of an answer; None for branches, and for a settled motion, which has panels of its own."""
+        result, (known, view) = self.result, self._viewed
+        if result is None or result.finding is None or self.settled() is not None:
+            return None
+        if known is not result:
+            view = view_of(result.finding)
+            self._viewed = result, view
+            lines = [_line(*each, _reach(each[1])) for each in view.curves()]
+            self._answer_lines = [each._replace(is_earlier=i in view.earlier) for i, each in enumerate(lines)]
+        return view
+
     def settled(self) -> Settled | None:
         """Return the settled motion, if the request was for one."""
         record = None if self.result is None or self.result.finding is None else self.result.finding.record
@@ -164,6 +185,11 @@ def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line
         return Line(name, curve.parameter, within, curve.period, curve.points, curve.special_points)
     points = curve.points, curve.codim2_points
     return Line(name, curve.first, within, curve.period, *points, curve.kind, curve.second)
+
+
+def _reach(curve: Branch | Locus) -> tuple[float, float]:
+    values = curve.values if isinstance(curve, Branch) else curve.values[:, 0]
+    return float(values.min()), float(values.max())
 
 
 def _growing(live: Progress) -> Iterator[Line]:
@@ -291,8 +317,10 @@ class Exploration:
     def branches(self, key: str) -> tuple[Branch, ...]:
         """Return the branches of a result, none while it is computed; raise a ModelError if there is no such result."""
         with self.guard:
-            result = self.entry(key).result
-            return () if result is None else result.branches
+            entry = self.entry(key)
+            if entry.answer is not None:
+                return tuple(curve for _, curve in entry.answer.curves() if isinstance(curve, Branch))
+            return () if entry.result is None else entry.result.branches
 
     def prepare(self, action: Action) -> tuple[Entry, Task]:
         """Return a new entry for an action, and the task that computes it, with a result file of its own.
@@ -419,5 +447,7 @@ def _ends(entry: Entry) -> str:
         return "; ".join(dict.fromkeys(str(end) for end in result.map.loci[0].ends))
     if len(result.branches) == 1:
         return str(result.branches[0].ends[-1])
+    if entry.answer is not None:
+        return "; ".join(entry.answer.sentences())
     settled = entry.settled()
     return "; ".join(settled.evidence[:2]) if settled is not None else ""

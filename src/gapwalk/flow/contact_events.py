@@ -291,7 +291,9 @@ class Switchboard(BreakpointGeometry):
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        if min(map(abs, depths)) > _ON * (max(self._scales) + self._size(state)):
+        # no motion is larger than that, so its size need not be known
+        most = max(map(abs, state)) * max(1.0, self._coefficients.item(0))
+        if min(map(abs, depths)) > _ON * (self._scale + most):
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
@@ -315,7 +317,7 @@ class Switchboard(BreakpointGeometry):
         then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
         left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
         """
-        distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
+        distance = 2.0 * _ON * (self._scale + self._size(self._state[: 2 * self.n].tolist()))
         for _ in range(self.count):
             self._integrator.step(max_delta_t=0.0, write_tc=True)
             series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])

@@ -63,7 +63,8 @@ class Kink(NamedTuple):
     @property
     def is_impact(self) -> bool:
         """True if velocities jump."""
-        return not np.array_equal(*self.velocities)
+        before, after = self.velocities
+        return before is not after and not np.array_equal(before, after)
 
     def scaled(self, unit: float) -> Kink:
         """Return it with lengths in another unit, of which this is the size."""
@@ -264,7 +265,9 @@ class DryState:
 
     def apply(self) -> None:
         """Give the integrator the present modes, and the coefficients of what is held."""
-        entry, modes = self.entry, [*self.slips, *self.sticks, *(number in self.held for number in self.sign_of)]
+        entry, modes = self.entry, [*self.slips, *self.sticks]
+        if self.sign_of:
+            modes += [number in self.held for number in self.sign_of]
         if modes != self._applied_modes:
             self._applied_modes = modes
             self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
@@ -285,13 +288,17 @@ class DryState:
         if known is not None and not self._follows:
             return self._changed_modes(known)
         self.apply()
-        n, size, columns, last, given = self.n, self.size, self._columns_end, self._friction_end, self._given
+        n, columns, last, found = self.n, self._columns_end, self._friction_end, self._values(theta)
+        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
+        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+
+    def _values(self, theta: float) -> Array:
+        """Return the compiled values at the present state under the modes that the integrator has."""
+        size, given = self.size, self._given
         given[:size] = self._own
         given[size] = theta
         given[size + 1 :] = self._numbers_used
-        found = self._read(given)
-        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
-        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+        return self._read(given)
 
     def _changed_modes(self, known: Readings) -> Readings:
         columns, extending = known.columns.copy(), known.extending
@@ -344,10 +351,12 @@ class DryState:
 
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
-        slots, moved = self.layout.contacts[contact], float(self.vectors[contact].dot(now.accelerations))
-        if slots.sway is not None:
-            moved += float(Angles(self.layout, self.base, theta).sway(slots, 0, 2))
-        return moved
+        moved = float(self.vectors[contact].dot(now.accelerations))
+        return moved if self.layout.contacts[contact].sway is None else moved + self._swaying(contact, theta)
+
+    def _swaying(self, contact: int, theta: float) -> float:
+        """Return the second derivative over time of the displacement that is added to a deflection."""
+        return float(Angles(self.layout, self.base, theta).sway(self.layout.contacts[contact], 0, 2))
 
     def slip_acceleration(self, place: int, now: Readings, theta: float) -> float:
         """Return the derivative of the slip rate of friction over time, with a limit that is constant."""

@@ -253,9 +253,9 @@ class DrySwitches(LoneFriction):
         if rigid and self._lets_go_alone(place):
             self._change_alone(place, -1 if second else 1, theta)
             return
-        now = self.read(theta)
-        if not second and self._turns_alone(place, direction, theta, now):
+        if not second and self._turns_alone(place, direction, theta):
             return
+        now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
             if other != place and memory is not None and self._stops_too(other, now, theta):
                 self._at_memory(other, False, -self.slips[other], theta, now)
@@ -480,8 +480,8 @@ class DrySwitches(LoneFriction):
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
         if not any(self.sticks) and not self._springs:
-            rates = [side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)]
-            return not rates or min(rates) >= -_NEAR * self.speed()
+            least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
+            return least >= 0.0 or least >= -_NEAR * self.speed()
         now, velocity = self.read(theta), self.speed()
         for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:

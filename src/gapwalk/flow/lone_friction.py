@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 
 class Push(NamedTuple):
-    """What a unit of the force of rigid friction does.
+    """Effects of a unit of the force of rigid friction.
 
     Attributes
     ----------
@@ -41,11 +41,17 @@ class Push(NamedTuple):
         That of its own deflection.
     stopping : shape (n,)
         Change of the velocities by which the rate of its deflection changes by 1.
+    vector : shape (n,)
+        Its deflection vector.
+    sways
+        True if a displacement is added to its deflection.
     """
 
     moved: Array
     on_itself: float
     stopping: Array
+    vector: Array
+    sways: bool
 
 
 class LoneFriction(DryState):
@@ -84,7 +90,7 @@ class LoneFriction(DryState):
             return False
         return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
 
-    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
+    def _turns_alone(self, place: int, direction: int, theta: float) -> bool:
         """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
 
         This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
@@ -96,28 +102,36 @@ class LoneFriction(DryState):
             return False
         if theta - self._begun[place] <= SETTLING and direction != -side:
             return False
-        acceleration = self.slip_acceleration(place, now, theta)
-        _, limit, bound = now.friction[place]
-        push = self._push_of(place)
-        if -side * acceleration <= TURNS * largest(now.accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
+        # nothing but plain numbers of the values that decide: this happens at nearly every event
+        columns, first, push = self._columns_end, self._columns_end + 3 * place, self._push_of(place)
+        found = self._values(theta)
+        accelerations = self.entry.table[: self.n].dot(found[:columns])
+        rate, limit, bound = found[first : first + 3].tolist()
+        acceleration = push.vector.dot(accelerations).item()
+        if push.sways:
+            acceleration += self._swaying(self.equations.dry[place], theta)
+        if -side * acceleration <= TURNS * largest(accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
         if abs(beyond) < 2.0 * BARELY or side * needed > bound:
             return False
-        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
-            return False
+        if len(self.slots) > 1:
+            now = self.read(theta)
+            if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
+                return False
         # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
         turns = beyond > 0.0
-        jump = 2.0 * side * limit * push.moved if turns else -acceleration * push.stopping
+        share, jump = (2.0 * side * limit, push.moved) if turns else (-acceleration, push.stopping)
         if self.columns:
             changes = rate_changes(self, self.equations.dry[place], theta)
-            self.velocity_rows += changes[:, None] * (jump / acceleration)
+            self.velocity_rows += changes[:, None] * ((share / acceleration) * jump)
         else:
-            turning = now.accelerations, now.accelerations + jump
-            self.kinks.append(Kink(theta, self.state[: self.n].copy(), (now.velocities, now.velocities), turning))
+            velocities, positions = found[self.n : 2 * self.n], found[: self.n]
+            turning = accelerations, accelerations + share * jump
+            self.kinks.append(Kink(theta, positions, (velocities, velocities), turning))
         if not turns:
-            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
+            self.state[self.n : 2 * self.n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
 
@@ -162,7 +176,8 @@ class LoneFriction(DryState):
             slots = self.slots[place]
             moved = self.base[slots.force]
             on_itself = float(moved.dot(self.base[slots.deflection]))
-            known = Push(moved, on_itself, moved / on_itself if on_itself else moved)
+            stopping = moved / on_itself if on_itself else moved
+            known = Push(moved, on_itself, stopping, self.vectors[self.equations.dry[place]], slots.sway is not None)
             self._pushes[1][place] = known
         return known
 

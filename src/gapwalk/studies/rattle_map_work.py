@@ -61,7 +61,7 @@ class RattleMapFinding(CellFinding):
     @summarizes
     def summary(self) -> SummaryParts:
         """Return the shares of cells, and the borders."""
-        return () if self.map is None else self.map.summary()
+        return () if self.map is None else self.map.summary(notes=False)
 
     def map_document(self, points: bool) -> dict[str, Any]:
         """Return the map as JSON values; with all cells if wanted."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
@@ -15,15 +15,14 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.summary import SummaryParts, summarizes
 
 Over = Annotated[
-    SecondParameter,
+    ParameterRange,
     Field(
         description='write the range that is to be quiet, as in over = { parameter = "speed", from = 700, to = 1100 }'
     ),
@@ -45,7 +44,7 @@ class ThresholdStudy(RangeStudy):
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
     options
-        Number of motions that are tried; as `gapwalk.ThresholdOptions`. In a table, its keys are among the others.
+        Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     """
 
     kind: ClassVar[str] = "threshold"
@@ -109,40 +108,15 @@ class ThresholdWork(Work):
 
     def finding(self) -> ThresholdFinding:
         """Return the threshold as the finding of a study."""
-        return ThresholdFinding(self._found)
+        return ThresholdFinding(self._found, self.done, self.total)
 
 
 @dataclass(frozen=True)
-class ThresholdFinding(Finding):
+class ThresholdFinding(AnswerFinding[Threshold]):
     """Finding of the search for a threshold."""
 
-    found: Threshold | None
-
-    @property
-    def record(self) -> Threshold | None:
-        """The threshold; None before it is known."""
-        return self.found
-
-    @property
-    def complete(self) -> bool:
-        """True if it is known."""
-        return self.found is not None
-
-    @property
-    def stored(self) -> str:
-        """Say that nothing is stored before the threshold is known."""
-        return "nothing is stored yet"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the answer and its evidence; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: Threshold, points: bool) -> dict[str, Any]:
         """Return the threshold as JSON values; with the points of its loci if wanted."""
-        found = self.found
-        if found is None:
-            return {}
         limit, confirmed = found.limit, found.confirmation
         document: dict[str, Any] = {
             "answer": found.sentence,
@@ -156,10 +130,6 @@ class ThresholdFinding(Finding):
         if points:
             document["loci"] = [{"kind": str(locus.kind), "values": locus.values.tolist()} for locus in found.loci]
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
 
 
 def threshold(
@@ -208,7 +178,7 @@ def threshold(
 
     Examples
     --------
-    >>> found = gw.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
+    >>> found = gw.ask.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
     >>> found.value, found.at
     (-3.1652191..., 950.9335...)
     """
@@ -221,7 +191,7 @@ def threshold(
         parameter,
         float(to[0]),
         float(to[1]),
-        over=SecondParameter(over, float(span[0]), float(span[1])),
+        over=ParameterRange(over, float(span[0]), float(span[1])),
         gaps=chosen_gaps(system, gaps),
         options=options or ThresholdOptions(),
     )
