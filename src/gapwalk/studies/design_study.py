@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from gapwalk.answers.design import Design, proved
-from gapwalk.answers.design_goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
+from gapwalk.answers.design_goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
@@ -91,13 +91,13 @@ class GoalTable:
     quiet
         A gap that may not rattle in the band.
     peak
-        A contact whose peak force or torque is to stay below `below` in the band.
+        A contact, shaft or gear whose peak force or torque is to stay below `below` in the band; or another signal.
     resonance
         Number of a natural frequency, which `order` is to meet below `below` or above `above`.
     begin, end
         The band; by default the whole range of the study.
-    below, above, order
-        The limits, and the order of the excitation.
+    below, above, order, at
+        The limits, the order of the excitation, and the linearisation: ``rest``, ``closed`` or ``open``.
     """
 
     no: str | None = None
@@ -109,6 +109,7 @@ class GoalTable:
     below: Any = None
     above: Any = None
     order: float = 1.0
+    at: str = "rest"
 
     def __post_init__(self) -> None:
         named = [name for name in ("no", "quiet", "peak", "resonance") if getattr(self, name) is not None]
@@ -130,7 +131,7 @@ class GoalTable:
         if self.resonance is not None:
             pace = system.structure.pace
             below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
-            return Resonance(self.resonance, below, above, self.order)
+            return Resonance(self.resonance, below, above, self.order, self.at)
         low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
         high = ends[1] if self.end is None else _number(system, parameter, self.end)
         if self.no is not None:
@@ -141,7 +142,7 @@ class GoalTable:
         if self.below is None:
             unit = '"40 N m"' if system.units else "2.0"
             raise ModelError(f"the goal for the peak of {self.peak} has no limit; write below = {unit}")
-        return PeakBelow(self.peak, _force(system, self.below), (low, high))
+        return PeakBelow(self.peak, _size(system, self.peak, self.below), (low, high))
 
 
 def _number(system: System, parameter: str, value: object) -> float:
@@ -154,14 +155,21 @@ def _number(system: System, parameter: str, value: object) -> float:
     return _plain(value, parameter)
 
 
-def _force(system: System, value: object) -> float:
-    """Return a force or torque, in N m where there are units."""
+def _size(system: System, signal: str, value: object) -> float:
+    """Return the limit of a signal in its unit."""
     if system.units is None:
-        return _plain(value, "force")
+        return _plain(value, signal)
+    unit = system.units.signal(peak_signal(system, signal))[1]
+    if unit != "N m":
+        number = str(value).removesuffix(unit).strip()
+        try:
+            return float(number)
+        except ValueError:
+            raise ModelError(f'the limit of {signal} in a goal is {value!r}; write "10 {unit}", say') from None
     try:
         quantity = read_quantity(value, QuantityKind.TORQUE)
     except ValueError as error:
-        raise ModelError(f"the limit of a torque in a goal {error}") from None
+        raise ModelError(f"the limit of {signal} in a goal {error}") from None
     return float(quantity.number * quantity.factor)
 
 
@@ -299,7 +307,7 @@ class DesignWork(Work):
         """Number of parts."""
         ways = 1
         for goal in self.asked.goals:
-            ways *= len(goal.ways)
+            ways *= len(goal.ways(self.system))
         return ways + min(ways, 2) * self.asked.finding.starts + 1
 
     @property
