@@ -54,6 +54,7 @@ class DrySwitches(LoneFriction):
     def __init__(self, equations: Equations) -> None:
         super().__init__(equations)
         self.keeps: int | None = None
+        self._hosts = {self.layout.structure.host(friction) for friction in equations.dry} - {None}
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
@@ -456,9 +457,7 @@ class DrySwitches(LoneFriction):
 
         It does if the contact hosts friction, or its force jumps while something is held.
         """
-        return (jumps and bool(self.held)) or any(
-            self.layout.structure.host(friction) == contact for friction in self.equations.dry
-        )
+        return (jumps and bool(self.held)) or contact in self._hosts
 
     def after_stage(self, contact: int, theta: float) -> None:
         """Decide the friction that a contact hosts again after one of its stages has closed or opened."""

@@ -72,9 +72,10 @@ class TurningPoints:
         dry, n = self._switches.dry, self._size
         if not dry.count or (dry.kinks and dry.kinks[-1].theta == theta):
             return
-        rates, size = self._vectors @ dry.state[n : 2 * n], dry.speed()
-        if not self._swaying and min(map(abs, rates.tolist())) > _TURNING * size:
-            return
+        if not self._swaying:
+            rates = self._vectors.dot(dry.state[n : 2 * n]).tolist()
+            if min(map(abs, rates)) > _TURNING * dry.speed():
+                return
         q, v = dry.state[:n].copy(), dry.state[n : 2 * n].copy()
         a = dry.read(theta).accelerations
         self._stops.append((Kink(theta, q, (v, v), (a, a)), self._keeping_still()))

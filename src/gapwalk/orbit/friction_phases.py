@@ -6,8 +6,8 @@ one step of a walk are not visible at its ends; the margins there show where the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.dry_state import SlipEvent
-from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.flow import PERIOD, Variations
 from gapwalk.flow.friction_gauge import FrictionGauge
-from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of, layout_of
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.orbit import Orbit
 
 Array = NDArray[np.float64]
 _SIGNS = {1: "+", -1: "-", 0: "0"}
@@ -109,34 +111,39 @@ class Margin(NamedTuple):
 
 
 def margins_of(
-    motion: Motion, friction: Mapping[int, list[FrictionPhase]], readings: CompiledReadings | None = None
+    orbit: Orbit, thetas: Array, found: Variations, readings: CompiledReadings | None = None
 ) -> list[Margin]:
     """Return the margins of all friction over one period.
 
     Parameters
     ----------
-    motion
-        The period, sampled evenly and where the phases begin.
-    friction
-        The phases of each contact that is friction, by its number.
+    orbit
+        The orbit.
+    thetas
+        Angles of one period: even ones, and those where the phases begin.
+    found
+        Its motion at these angles, with the logs of the flow.
     readings
         The compiled readings of a flow of the system; they only make it faster.
     """
-    layout = layout_of(motion.system.structure)
+    layout = layout_of(orbit.system.structure)
     return [
         each
-        for contact, phases in friction.items()
-        for each in _Margins(motion, FrictionGauge(layout, contact, readings), phases).all()
+        for contact, phases in orbit.friction.items()
+        for each in _Margins(orbit, thetas, found, FrictionGauge(layout, contact, readings), phases).all()
     ]
 
 
 class _Margins:
     """Margins of one contact that is friction."""
 
-    def __init__(self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase]) -> None:
+    def __init__(
+        self, orbit: Orbit, thetas: Array, found: Variations, gauge: FrictionGauge, phases: list[FrictionPhase]
+    ) -> None:
         self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
-        self._thetas, self._states, self._full = motion.theta, motion.states, float(motion.theta[-1])
-        self._coefficients, self._motion = coefficients_of(motion.system), motion
+        self._thetas, self._states, self._full = thetas, found.states, float(thetas[-1])
+        self._coefficients, self._logs = coefficients_of(orbit.system), (found.slips, found.holds)
+        self._structure = orbit.system.structure
 
     def all(self) -> list[Margin]:
         """Return all margins."""
@@ -190,11 +197,10 @@ class _Margins:
 
     def _stuck(self, samples: list[int]) -> list[DryModes]:
         """Return the modes just before some samples, with this friction in stick."""
-        structure = self._motion.system.structure
+        structure = self._structure
         if len(structure.friction) + len(structure.memories) == 1 == len(structure.reactions):  # there are no others
             return [DryModes(np.zeros(1, dtype=np.int8), np.ones(1, dtype=bool))] * len(samples)
-        logs = self._motion.slips, self._motion.holds
-        modes = modes_along(structure, self._thetas[samples], *logs, before=True)
+        modes = modes_along(structure, self._thetas[samples], *self._logs, before=True)
         return [self._gauge.sticking(modes.at(number)) for number in range(len(samples))]
 
     def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:

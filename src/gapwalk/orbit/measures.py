@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
-from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 from gapwalk.orbit.friction_phases import Margin, margins_of
@@ -146,8 +145,7 @@ def survey(orbit: Orbit) -> Survey:
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
     margins = []
     if structure.friction and orbit.is_exact:
-        motion = Motion.of(orbit.system, thetas, found.states, *found.logs)
-        margins = margins_of(motion, orbit.friction, flow.readings)
+        margins = margins_of(orbit, thetas, found, flow.readings)
     return Survey(tuple(contacts), visited, integrals / length, margins)
 
 
