@@ -23,16 +23,16 @@ def stopped() -> System:
     )
 
 
-def quick(**more) -> gw.goals.DesignOptions:
-    return gw.goals.DesignOptions(finding=replace(gw.goals.DesignOptions().finding, starts=0, **more), search_values=0)
+def quick(**more) -> gw.ask.DesignOptions:
+    return gw.ask.DesignOptions(finding=replace(gw.ask.DesignOptions().finding, starts=0, **more), search_values=0)
 
 
 @pytest.fixture(scope="module")
 def quiet():
     """The least change of load and clearance with which the stop is never touched."""
-    goal = gw.goals.Quiet("stop", (0.7, 1.5))
+    goal = gw.ask.Quiet("stop", (0.7, 1.5))
     changes = {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
-    return gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), options=quick(margin=0.0))
+    return gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), options=quick(margin=0.0))
 
 
 def test_a_quiet_design_is_the_nearest_point_of_a_closed_form(quiet):
@@ -58,8 +58,8 @@ def test_it_describes_itself(quiet):
 
 
 def test_goals_that_stand_against_each_other_are_named():
-    goals = (gw.goals.Resonance(1, above=1.9), gw.goals.Resonance(1, below=1.3))
-    found = gw.design(stopped(), {"stop.stiffness": 0.9}, goals, "frequency", (0.7, 0.75), options=quick())
+    goals = (gw.ask.Resonance(1, above=1.9), gw.ask.Resonance(1, below=1.3))
+    found = gw.ask.design(stopped(), {"stop.stiffness": 0.9}, goals, "frequency", (0.7, 0.75), options=quick())
     assert not found.is_reached
     assert found.sentence.startswith("not reached within the limits: ")
     # with the stop closed the stiffness is 1 + k
@@ -72,8 +72,8 @@ def test_goals_that_stand_against_each_other_are_named():
 def test_folds_leave_a_band_by_the_least_change():
     system = gw.paper.case("13").at(frequency=0.71)
     lead = gw.find_orbit(system)
-    changes = tuple(gw.goals.Change(name) for name in NAMES)
-    problem = DesignProblem(lead, "frequency", 0.55, changes, (gw.goals.NoPoint("fold", (0.60, 0.66)),))
+    changes = tuple(gw.ask.Change(name) for name in NAMES)
+    problem = DesignProblem(lead, "frequency", 0.55, changes, (gw.ask.NoPoint("fold", (0.60, 0.66)),))
     route = problem.route(("below",), 0)
     assert route.is_reached
     u = problem.relative(route.values)
@@ -86,8 +86,8 @@ def test_folds_leave_a_band_by_the_least_change():
 
 def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
     lead = gw.find_orbit(gw.paper.case("13").at(frequency=0.71))
-    goal = gw.goals.NoPoint("fold", (0.60, 0.66))
-    problem = DesignProblem(lead, "frequency", 0.55, tuple(gw.goals.Change(name) for name in NAMES), (goal,))
+    goal = gw.ask.NoPoint("fold", (0.60, 0.66))
+    problem = DesignProblem(lead, "frequency", 0.55, tuple(gw.ask.Change(name) for name in NAMES), (goal,))
     need = min(goal.needs(problem.response(np.zeros(3)), "vanish", 0.0), key=lambda each: each.margin)
     for k in range(3):
         step = np.zeros(3)
@@ -102,21 +102,21 @@ def test_the_slopes_of_a_vanishing_fold_are_those_of_designs_walked_again():
 @pytest.mark.parametrize(
     ("changes", "goal", "words"),
     [
-        ({}, gw.goals.Resonance(1, below=1.0), "no parameter may change"),
-        ({"frequency": 0.5}, gw.goals.Resonance(1, below=1.0), "the parameter of the response itself"),
-        ({"mean.x": 0.5}, gw.goals.Resonance(1, below=1.0), "write its limits"),
-        ({"stop.stiffness": 0.5}, gw.goals.Resonance(2, below=1.0), "the system has 1"),
-        ({"stop.stiffness": 0.5}, gw.goals.Quiet("gap", (0.7, 0.8)), "no contact"),
-        ({"stop.stiffness": 0.5}, gw.goals.NoPoint("fold", (0.5, 0.8)), "inside the range"),
+        ({}, gw.ask.Resonance(1, below=1.0), "no parameter may change"),
+        ({"frequency": 0.5}, gw.ask.Resonance(1, below=1.0), "the parameter of the response itself"),
+        ({"mean.x": 0.5}, gw.ask.Resonance(1, below=1.0), "write its limits"),
+        ({"stop.stiffness": 0.5}, gw.ask.Resonance(2, below=1.0), "the system has 1"),
+        ({"stop.stiffness": 0.5}, gw.ask.Quiet("gap", (0.7, 0.8)), "no contact"),
+        ({"stop.stiffness": 0.5}, gw.ask.NoPoint("fold", (0.5, 0.8)), "inside the range"),
     ],
 )
 def test_what_makes_no_sense_is_refused(changes, goal, words):
     with pytest.raises(ModelError, match=words):
-        gw.design(stopped(), changes, goal, "frequency", (0.7, 0.9), options=quick())
+        gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 0.9), options=quick())
 
 
 def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
-    goal, changes = gw.goals.Quiet("stop", (0.7, 1.5)), {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
+    goal, changes = gw.ask.Quiet("stop", (0.7, 1.5)), {"harmonic1.amplitude": 0.5, "stop.clearance": 0.5}
     output, seen = tmp_path / "design.gapwalk", []
 
     def stop(part, _):
@@ -125,9 +125,9 @@ def test_a_stopped_design_continues_to_the_same(tmp_path, quiet):
 
     how = {"options": quick(margin=0.0), "output": output}
     with pytest.raises(Interrupted) as stopped_at:
-        gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=stop, **how)
+        gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), report=stop, **how)
     assert not stopped_at.value.found.complete
-    again = gw.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **how)
+    again = gw.ask.design(stopped(), changes, goal, "frequency", (0.7, 1.5), **how)
     assert again.routes == quiet.routes
     assert again.system == quiet.system
     assert gw.load(output).changes == quiet.changes

@@ -155,7 +155,7 @@ class Design(Shown):
         return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
 
     @summarizes
-    def summary(self, notes: bool = True) -> SummaryParts:
+    def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return the answer, the changes, the goals and the proof; notes and failures if wanted."""
         units = self.system.units
         yield self.sentence

@@ -210,7 +210,7 @@ class DesignProblem:
         begin = system[self.parameter]
         for goal in self.goals:
             if not isinstance(goal, Goal):
-                raise ModelError(f"a goal is {goal!r}; write one such as gw.goals.NoPoint('fold', (0.6, 0.66))")
+                raise ModelError(f"a goal is {goal!r}; write one such as gw.ask.NoPoint('fold', (0.6, 0.66))")
             goal.check(system, (min(begin, self.end), max(begin, self.end)))
         for change in self.changes:
             change.bounds(system)

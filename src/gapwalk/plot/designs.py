@@ -12,7 +12,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.plot.branches import name_axes, pieces_of
 from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
+from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, in_order, points, stroke, symbol_style, symbols
 
 _BAND = "#fbe3c4"
@@ -36,7 +36,7 @@ def draw_design(found: Design, figure: AnyFigure, measure: str = "", *, title: s
     """
     count = len(found.changes)
     panels = figure.subplots(2, 1, height_ratios=[2.6, 0.45 + 0.26 * count])
-    write_heading(figure, title)
+    write_answer(figure, title, [found.sentence])
     write_letters(panels)
     draw_responses(found, panels[0], measure)
     draw_changes(found, panels[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
@@ -28,10 +28,9 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, check_integers
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
-from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -63,7 +62,7 @@ class DesignOptions:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTable:
-    """Table of a parameter that may change; fields as those of `gapwalk.goals.Change`."""
+    """Table of a parameter that may change; fields as those of `gapwalk.ask.Change`."""
 
     parameter: Annotated[
         str,
@@ -200,7 +199,7 @@ class DesignStudy(DesignOptions, RangeStudy):
     period, start
         Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     finding, search_values, search
-        Options, as `gapwalk.goals.DesignOptions`. In a table, the keys of `finding` are among the others.
+        Options, as `gapwalk.ask.DesignOptions`. In a table, the keys of `finding` are among the others.
     """
 
     kind: ClassVar[str] = "design"
@@ -316,33 +315,11 @@ class DesignWork(Work):
 
 
 @dataclass(frozen=True)
-class DesignFinding(Finding):
+class DesignFinding(AnswerFinding[Design]):
     """Finding of a design, complete or not."""
 
-    found: Design | None
-    done: int
-    total: int
-
-    @property
-    def record(self) -> Design | None:
-        """The design; None before the first search is done."""
-        return self.found
-
-    @property
-    def stored(self) -> str:
-        """Describe how many parts are stored."""
-        return f"{self.done} of {self.total} parts are stored"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the answer, the changes, the goals and the proof; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: Design, points: bool) -> dict[str, Any]:
         """Return the changes, goals and searches as JSON values; with the responses if wanted."""
-        found = self.found
-        if found is None:
-            return {"parts": {"done": self.done, "total": self.total}}
         document: dict[str, Any] = {
             "answer": found.sentence,
             "reached": found.is_reached,
@@ -362,10 +339,6 @@ class DesignFinding(Finding):
             for name, branch in (("response", found.response), ("response_before", found.response_before)):
                 document[name] = {"values": branch.values.tolist(), "stable": [each.stable for each in branch.points]}
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
 
 
 def _plain_row(record: Any) -> dict[str, Any]:
@@ -430,8 +403,8 @@ def design(
 
     Examples
     --------
-    >>> goal = gw.goals.NoPoint("fold", (0.60, 0.66))
-    >>> found = gw.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
+    >>> goal = gw.ask.NoPoint("fold", (0.60, 0.66))
+    >>> found = gw.ask.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
     >>> print(found.summary())
     """
     check_system(system, "design")
