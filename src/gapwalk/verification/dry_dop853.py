@@ -186,11 +186,12 @@ class _Motion(DryInstant):
         tableau, states = method(), self.states
         count = tableau.n_stages
         rates = np.empty((count + 1, *states.shape), dtype=complex)
+        rows = rates.reshape(count + 1, -1)  # a view: `np.tensordot` does the same with more ado
         rates[0] = self._rates(self.theta, states) if first is None else first
         for s in range(1, count):
-            middle = states + h * np.tensordot(tableau.A[s, :s], rates[:s], axes=1)
+            middle = states + (h * tableau.A[s, :s] @ rows[:s]).reshape(states.shape)
             rates[s] = self._rates(self.theta + tableau.C[s] * h, middle)
-        new = states + h * np.tensordot(tableau.B, rates[:count], axes=1)
+        new = states + (h * tableau.B @ rows[:count]).reshape(states.shape)
         rates[-1] = self._rates(self.theta + h, new)
         return new, rates
 
@@ -261,32 +262,38 @@ class _Motion(DryInstant):
             return np.array([self._guard_after(share * h, key)[0] for share in shares])
 
         for key, (last, after) in brackets(sample, exact).items():
-            # the interpolation is less exact than that: the guard may pass below zero at a later sample only
-            first = next(
-                (share for share in after.tolist() if self._guard_after(share * h, key)[0] < -0.1 * FIRES), None
-            )
-            if first is None:
+            for first in after.tolist():
+                at_first = self._guard_after(first * h, key)
+                if at_first[0] < -0.1 * FIRES:
+                    break  # the interpolation is less exact than that: it may be above zero before
+            else:
                 continue
             at_last = self._guard_after(last * h, key)[0]
             if at_last <= 0.0 < last:  # as here, in a dip that is as shallow as that
                 last, at_last = 0.0, self._guard_after(0.0, key)[0]
-            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key), key))
+            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key, at_first), key))
         return min(found) if found else None
 
-    def _root(self, low: float, high: float, key: tuple[str, int]) -> float:
-        """Locate a sign change by Newton's method within a bracket that shrinks."""
-        share = high
-        for _ in range(60):
-            value, slope = self._guard_after(share, key)
+    def _root(self, low: float, high: float, key: tuple[str, int], at_high: tuple[float, float]) -> float:
+        """Locate a sign change by Newton's method within a bracket that shrinks; `at_high` are value and slope there.
+
+        It ends when the next step, by the ratio of the last two, would be rounding: each evaluation costs a whole step.
+        """
+        exact, share, last = 4e-16 * (1.0 + self.theta), high, 0.0
+        for number in range(60):
+            value, slope = self._guard_after(share, key) if number else at_high
             if value > 0.0:
                 low = share
             else:
                 high = share
             step = -value / slope if slope else math.inf
-            better = share + step if low <= share + step <= high else 0.5 * (low + high)
-            if abs(better - share) <= 4e-16 * (1.0 + self.theta) or high - low <= 1e-16:
+            inside = low <= share + step <= high
+            better = share + step if inside else 0.5 * (low + high)
+            if abs(better - share) <= exact or high - low <= 1e-16:
                 return better
-            share = better
+            if inside and last and abs(step) ** 3 <= exact * last**2:
+                return better
+            share, last = better, step if inside else 0.0
         return share
 
     def _guard_after(self, h: float, key: tuple[str, int]) -> tuple[float, float]:
