@@ -166,6 +166,14 @@ def test_a_dip_that_the_interpolation_hides_is_found() -> None:
     assert [*brackets(sample, exact)] == ["passes"]
 
 
+def test_friction_that_keeps_all_at_rest_is_verified() -> None:
+    brakes = [friction("j", {"x": 1.0}, 0.3, stiffness=2.0), friction("f", {"x": 1.0}, 1.2)]
+    (around,) = carry([gw.find_orbit(oscillator(brakes, damping=0.1))])
+    assert around.closure < Check.CLOSURE.bound
+    assert around.astray == 0.0
+    assert not around.extremes.any()
+
+
 def test_two_events_at_one_angle_are_compared_in_their_order() -> None:
     """As at switching-sliding: before it sticks, friction slips the other way for no time."""
     orbit, _ = found("stick")

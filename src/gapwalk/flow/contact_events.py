@@ -124,6 +124,7 @@ class Switchboard(BreakpointGeometry):
             for k, j in equations.switches
         ]
         self._inside: list[bool] = []
+        self._holding = set[int]()  # switches of the stops that are held
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
@@ -200,6 +201,7 @@ class Switchboard(BreakpointGeometry):
         if self.dry.count:
             self.dry.closed = self._closed()
             self.dry.start(self._system, self._system_directions, theta, self._unit)
+            self._holding = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -223,9 +225,7 @@ class Switchboard(BreakpointGeometry):
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self.dry.count and self.dry.holds(switch):
-            if self.dry.let_go(switch, theta):
-                self.log.append(ContactEvent(theta, switch, False, 0.0))
-                self._left[switch] = theta + _LEAVING
+            self.dry.let_go(switch, theta)
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
@@ -252,7 +252,9 @@ class Switchboard(BreakpointGeometry):
         self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
-            for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
+            others = self._impacts.strike(switch, theta)  # an impulse may press on stops that are held
+            self._log_released(theta)
+            for other in others:
                 self.log.append(ContactEvent(theta, other, True, 0.0))
             return True
         contact = self.equations.switches[switch][0]
@@ -408,8 +410,19 @@ class Switchboard(BreakpointGeometry):
             self._settle_simultaneous(range(self.count), self._integrator.time)
         return self._go_on(self._integrator.time)
 
+    def _log_released(self, theta: float) -> None:
+        """Log that stops open which the last event has let go: their own, friction that slips, or an impulse."""
+        held = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
+        for switch in sorted(self._holding - held):
+            self.log.append(ContactEvent(theta, switch, False, 0.0))
+            if abs(self._rate(switch, theta)) <= self._speed:
+                self._left[switch] = theta + _LEAVING
+        self._holding = held
+
     def _go_on(self, theta: float) -> bool:
         """Return whether the integrator continues after an event."""
+        if self.dry.sign_of:
+            self._log_released(theta)
         if (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
@@ -421,6 +434,8 @@ class Switchboard(BreakpointGeometry):
         self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed(), self.dry.present)
         if self.dry.count:
             self.dry.after_stage(-1, theta)
+        if self.dry.sign_of:
+            self._log_released(theta)
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""

@@ -421,15 +421,14 @@ class DrySwitches(LoneFriction):
         """Return True if the stop of a switch is held."""
         return self.stop_reaction.get(switch) in self.held
 
-    def let_go(self, switch: int, theta: float) -> bool:
-        """Open a stop that is held where its reaction vanishes; return False if the reaction only begins there."""
+    def let_go(self, switch: int, theta: float) -> None:
+        """Open a stop that is held where its reaction vanishes, unless the reaction only begins there."""
         number = self.stop_reaction[switch]
         sign, now, modes = self.sign_of[number], self.read(theta), self.slips.copy()
         if sign * float(self._soon(now, theta).reactions[number]) > 0.0:
-            return False
+            return
         self._hold(theta, [each for each in self.held if each != number])
         self._report(modes, theta)
-        return True
 
     def after_impact(self, theta: float, stops: Sequence[int] = ()) -> None:
         """Decide all modes again after an impact, which moves what was stuck; `stops` are held if they are pushed."""

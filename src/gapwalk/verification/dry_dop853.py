@@ -41,6 +41,8 @@ _BARELY = 1e-8  # excess of a force over its bound where friction would slip for
 _HOP = 1e-3  # angle of a flight that is located from its parabola, and of a step while slip pauses
 _SLOW = 1e-4  # share of the velocities below which an event may be too slow to be found
 _SECTION = 1e-10  # radians before the end in which an impact may come before or after it, by rounding
+_SHORTEST = 1e-9  # angle of a step that is taken whatever its error is
+_STEPS = 8000  # the most in a period: those in pauses, and as many as it may take besides
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
 
@@ -113,7 +115,7 @@ class _Motion(DryInstant):
     def __init__(self, orbit: Orbit) -> None:
         super().__init__(orbit)
         equations, n = self.equations, self.equations.size
-        self.error, self._step = 0.0, 1e-3
+        self.error, self._step, self._steps = 0.0, 1e-3, _STEPS * orbit.period
         self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
         self._pieces = sorted(
             {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
@@ -197,6 +199,9 @@ class _Motion(DryInstant):
 
     def _advance(self, stop: float) -> tuple[str, int] | None:
         """Take one step, to the first event in it if there is any; return that."""
+        self._steps -= 1
+        if self._steps < 0:
+            raise NumericalError("the motion takes too many steps")
         self._end_pauses()
         hops = self._hops()
         most = min([stop - self.theta, *(1.5 * hop for hop in hops.values()), *(_HOP for _ in self.pausing)])
@@ -208,7 +213,7 @@ class _Motion(DryInstant):
                 if not math.isfinite(error):
                     raise NumericalError("the motion diverges")
                 ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
-                if error <= _EXACT or h < 1e-9:
+                if error <= _EXACT or h < _SHORTEST:
                     break
                 h *= max(0.2, ratio)
         longer = max(self._step, h) if h == most else h
