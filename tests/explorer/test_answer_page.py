@@ -10,6 +10,7 @@ from playwright.sync_api import Page
 from starlette.testclient import TestClient
 
 import gapwalk as gw
+from gapwalk.errors import ModelError
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
 from tests.explorer.browser import READY, browser, chromium, opened, served, until
@@ -214,9 +215,8 @@ def test_panels_below_follow_the_diagram(page) -> None:
     page.click("#fit")
     page.click("#nearer")
     low, high = page.evaluate("gapwalk.diagram.place._fullLayout.xaxis.range")
-    ticks = [
-        float(text) for text in page.locator("#below > div:first-child text[text-anchor=middle]").all_inner_texts()
-    ]
+    texts = page.locator("#below > div:first-child text[text-anchor=middle]")
+    ticks = [float(text) for text in texts.all_text_contents()]
     assert ticks
     assert all(low <= tick <= high for tick in ticks)
     # a tick of the panel is below that of the diagram
@@ -267,7 +267,7 @@ def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
     until(page, "Boolean(gapwalk.answer.content)")
 
 
-@pytest.mark.parametrize("name", ["rattle", "map", "threshold", "run-up", "design", "tolerance"])
+@pytest.mark.parametrize("name", ["rattle", "threshold", "run-up"])
 def test_a_saved_page_has_the_answer(page, folder, tmp_path, name) -> None:
     path, wrong = tmp_path / f"{name}.html", []
     gw.save_html(gw.load(folder / f"{name}.gapwalk"), path, motions=4)
@@ -291,7 +291,7 @@ def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(pag
     (folder := tmp_path / "stop.toml").write_text(STOP.replace("to = 0.9", "to = 1.2"), encoding="utf-8")
     branch = gw.run(gw.read_study(folder)).branches[0]
     gw.save_html(branch, path, motions=4, gradients=1)
-    with pytest.raises(gw.ModelError, match="gradients is -1"):
+    with pytest.raises(ModelError, match="gradients is -1"):
         gw.save_html(branch, path, gradients=-1)
     kept = page.context.browser.new_context(offline=True).new_page()
     kept.on("pageerror", lambda error: wrong.append(str(error)))
