@@ -192,9 +192,12 @@ class ToleranceView(AnswerView):
         seen: set[Kind] = set()
         for index, special in enumerate(self.record.points):
             column = self._column(index)
-            if len(column) < 2 or np.ptp(column) == 0.0:
+            if len(column) < 2 or np.ptp(np.quantile(column, (0.01, 0.99))) == 0.0:
                 continue
-            heights, edges = np.histogram(column, bins=min(_BINS, max(5, int(np.sqrt(len(column))))))
+            low, high = np.quantile(column, (0.01, 0.99))
+            wide = 0.5 * (high - low)  # beyond this, single parts lie: they would widen all classes
+            reach = max(low - wide, float(column.min())), min(high + wide, float(column.max()))
+            heights, edges = np.histogram(column, min(_BINS, max(5, int(np.sqrt(len(column))))), reach)
             x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(heights / heights.max(), 2), [0.0]))
             text = "" if special.kind in seen else f"{special.kind}: distribution"
             seen.add(special.kind)

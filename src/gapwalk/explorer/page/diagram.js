@@ -259,7 +259,7 @@ export class Diagram {
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
       this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.refine(), 120);
+      this.timer = setTimeout(() => (this.over?.clouds.length ? this.draw() : this.refine()), 120); // clouds have a height in pixels
     });
   }
 }

@@ -212,6 +212,12 @@ async function chooseEnd(end, key) {
   extras.chooseEnd(end, key, choice);
 }
 
+/** Show the values of the parameters of a chosen motion; what was written meanwhile stays. */
+function showValues(shown) {
+  parameters.take(shown.parameters, parameters.edited);
+  showLocusRange({ keep: true });
+}
+
 /** Enable the buttons that apply to the chosen point. */
 function enable() {
   const { chosen } = page, start = chosen?.start;

@@ -160,6 +160,6 @@ export function legendOf(list, over, below, arrows) {
   for (const { text, tint } of over?.shades ?? []) add(text, swatch(`swatch ${tint}`));
   for (const { text, tint, wild } of over?.cells?.entries ?? []) add(text, swatch(`swatch cell ${tint}${wild ? " wild" : ""}`));
   for (const { text, mark, look } of [...(over?.layers ?? []), ...below]) add(text, swatch(`mark ${mark} ${look}`));
-  if (over?.clouds.length) add("dots: parts; bar: middle 90 % of them", swatch(`mark dots kind-${over.clouds[0].kind}`));
+  if (over?.clouds.length) add("dots: parts, spread upwards only to be seen; bar: middle 90 % of them", swatch(`mark dots kind-${over.clouds[0].kind}`));
   if (arrows) add("arrow: how far a parameter moves the point", swatch("mark line main"));
 }
