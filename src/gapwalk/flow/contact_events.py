@@ -137,9 +137,21 @@ class Switchboard(BreakpointGeometry):
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         self.modes.attach(integrator)
-        self.dry.attach(integrator, columns, readings)
+        self.dry.attach(integrator, columns, readings, self._coefficient_change())
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
+
+    def _coefficient_change(self) -> Callable[[NDArray[np.float64]], None]:
+        """Return a function that takes over coefficients, which change with what is held."""
+        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
+
+        def change(coefficients: NDArray[np.float64]) -> None:
+            switches = mine()
+            assert switches is not None
+            switches._coefficients = switches.modes.coefficients = coefficients
+            switches._of_motion.clear()
+
+        return change
 
     def start(
         self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
@@ -185,19 +197,9 @@ class Switchboard(BreakpointGeometry):
 
     def _start_dry(self, theta: float) -> None:
         """Set the modes of friction and stops; where they change later, so do the coefficients."""
-        if not self.dry.count:
-            return
-
-        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
-
-        def change(coefficients: NDArray[np.float64]) -> None:
-            switches = mine()
-            assert switches is not None
-            switches._coefficients = switches.modes.coefficients = coefficients
-            switches._of_motion.clear()
-
-        self.dry.closed = self._closed()
-        self.dry.start(self._system, self._system_directions, theta, self._unit, change)
+        if self.dry.count:
+            self.dry.closed = self._closed()
+            self.dry.start(self._system, self._system_directions, theta, self._unit)
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -291,7 +293,9 @@ class Switchboard(BreakpointGeometry):
         """
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
-        if min(map(abs, depths)) > _ON * (max(self._scales) + self._size(state)):
+        # no motion is larger than that, so its size need not be known
+        most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
+        if min([abs(depths[other]) for other in others]) > most:
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
@@ -315,7 +319,7 @@ class Switchboard(BreakpointGeometry):
         then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
         left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
         """
-        distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
+        distance = 2.0 * _ON * (self._scale + self._size(self._state[: 2 * self.n].tolist()))
         for _ in range(self.count):
             self._integrator.step(max_delta_t=0.0, write_tc=True)
             series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])

@@ -8,7 +8,7 @@ Method: docs/numerics/flow.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,16 +57,14 @@ class DrySwitches(LoneFriction):
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
-    def start(
-        self, base: Array, directions: Array, theta: float, unit: float, changed: Callable[[Array], None]
-    ) -> None:
+    def start(self, base: Array, directions: Array, theta: float, unit: float) -> None:
         """Set all modes for the state in the integrator, and begin a new log.
 
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
         self.hold_log = [Hold(theta, ())]
-        self.begin(base, directions, changed)
+        self.begin(base, directions)
         if self.sign_of:
             self._move_within(theta, unit)
         self._restart(theta)
@@ -253,9 +251,9 @@ class DrySwitches(LoneFriction):
         if rigid and self._lets_go_alone(place):
             self._change_alone(place, -1 if second else 1, theta)
             return
-        now = self.read(theta)
-        if not second and self._turns_alone(place, direction, theta, now):
+        if not second and self._turns_alone(place, direction, theta):
             return
+        now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
             if other != place and memory is not None and self._stops_too(other, now, theta):
                 self._at_memory(other, False, -self.slips[other], theta, now)
@@ -480,8 +478,8 @@ class DrySwitches(LoneFriction):
     def are_right(self, theta: float) -> bool:
         """Return True if the modes are those of the present state, unless it is where they change."""
         if not any(self.sticks) and not self._springs:
-            rates = [side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)]
-            return not rates or min(rates) >= -_NEAR * self.speed()
+            least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
+            return least >= 0.0 or least >= -_NEAR * self.speed()
         now, velocity = self.read(theta), self.speed()
         for place, (rate, _, bound) in enumerate(now.friction):
             if self.slips[place]:

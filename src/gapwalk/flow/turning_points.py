@@ -101,6 +101,10 @@ class TurningPoints:
             kinks.append(Kink(theta, state[:n], (v, v), (a, a)))
         shortest = COOLDOWN * float(coefficients[0])
         for (theta, positions, velocities, turning), still in [(kink, list[int]()) for kink in kinks] + self._stops:
+            if not self._swaying and velocities[0] is velocities[1]:  # nearly always: nothing turns just there
+                values = [self._vectors.dot(each).tolist() for each in (velocities[0], *turning)]
+                if all(abs(v) > shortest * max(abs(a), abs(b)) for v, a, b in zip(*values, strict=True)):
+                    continue
             before, after, *turned = (self._vectors @ np.array([*velocities, *turning]).T).T.tolist()
             for event, contact in self._swaying:
                 angles = Angles(layout, coefficients, theta)

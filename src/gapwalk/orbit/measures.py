@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -125,7 +126,9 @@ def survey(orbit: Orbit) -> Survey:
     thetas = np.array([0.0, length])
     if structure.friction:
         starts = [phase.start % length for phases in orbit.friction.values() for phase in phases]
-        thetas = np.unique(np.concatenate((np.linspace(0.0, length, _SAMPLES * orbit.period + 1), starts)))
+        thetas = np.sort(np.concatenate((_even(orbit.period), starts)))
+        if (same := thetas[1:] == thetas[:-1]).any():
+            thetas = np.delete(thetas, np.flatnonzero(same))
     integrals, turns, found = flow.survey(coefficients, orbit.state, thetas)
     contacts = []
     for contact in flow.equations.layout.contacts:
@@ -146,6 +149,12 @@ def survey(orbit: Orbit) -> Survey:
         motion = Motion.of(orbit.system, thetas, found.states, *found.logs)
         margins = margins_of(motion, orbit.friction, flow.readings)
     return Survey(tuple(contacts), visited, integrals / length, margins)
+
+
+@lru_cache(maxsize=16)
+def _even(period: int) -> NDArray[np.float64]:
+    """Return the even samples of a motion with friction over some forcing periods."""
+    return np.linspace(0.0, PERIOD * period, _SAMPLES * period + 1)
 
 
 def apart(a: float, b: float, full: float) -> float:

@@ -47,7 +47,7 @@ _DIFFERENT = 1e-5  # share of the range by which a tracked point may differ from
 
 @dataclass(frozen=True, eq=False)
 class Recovered:
-    """What followed from the first samples: their lost points, predictors for the others, and further origins."""
+    """Results of the first samples: their lost points, predictors for the others, and further origins."""
 
     samples: tuple[int, ...]
     values: tuple[Array, ...]
