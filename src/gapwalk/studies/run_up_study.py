@@ -195,9 +195,10 @@ class RunUpStudy(StudyKind):
             values |= {"times": tuple(trace.time.tolist()), "speeds": tuple(trace.speed.tolist())}
         elif ramp:
             names = {"begin": "from", "end": "to", "rate": "rate"}
+            example = f'"100 {system.units.parameter(system.structure.pace)}/s"' if system.units else "0.01"
             missing = " and ".join(names[key] for key in ramp)
             raise ModelError(
-                f'{missing} {"is" if len(ramp) == 1 else "are"} missing: write from, to and rate = "100 rpm/s" for a '
+                f"{missing} {'is' if len(ramp) == 1 else 'are'} missing: write from, to and rate = {example} for a "
                 'ramp, or trace = "run-up.csv" for a measured trace'
             )
         asked = cls(**values)

@@ -63,7 +63,10 @@ class ThresholdStudy(RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"threshold of {self.range_words} at which {', '.join(self.gaps)} cease to rattle over {self.over.words}"
+        verb = "ceases" if len(self.gaps) == 1 else "cease"
+        return (
+            f"threshold of {self.range_words} at which {', '.join(self.gaps)} {verb} to rattle over {self.over.words}"
+        )
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value of both parameters."""
