@@ -76,7 +76,7 @@ def test_a_stop_stays_held_where_friction_beside_it_turns_round() -> None:
     )
     flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
     numbers = np.random.default_rng(15)
-    for _ in range(8):
+    for _ in range(3):
         state = np.array([*(0.3 * numbers.normal(size=2) - [0.0, 0.5]), *numbers.normal(size=2)])
         expected = reference.integrate(state, 0.0, 2.0 * TURN).state
         np.testing.assert_allclose(flow.integrate(coefficients, state, 0.0, 2.0 * TURN).state, expected, atol=1e-10)

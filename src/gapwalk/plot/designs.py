@@ -114,7 +114,8 @@ def _entries(found: Design) -> list[tuple[str, Any]]:
     for kind in in_order(seen):
         entries.append((symbol_style(kind).text, symbols(symbol_style(kind).marker, 6.0, "white", BLACK, 0.6)))
     if _bands(found):
-        entries.append((" and ".join(goal.words for goal in found.judged), _BAND))
+        words = [goal.words for goal in found.judged]
+        entries.append((words[0] if len(words) == 1 else "bands of the goals", _BAND))
     if found.isolated:
         entries.append(("isolated branches are drawn like the response after", stroke(BLUE, 1.7)))
     return entries
