@@ -213,7 +213,7 @@ def judge_gaps(
     pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
     paces = (values or {}).get(pace, np.full(len(states), system[pace]))
     scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
-    motions = motions_of(system, states, values)
+    motions = motions_of(system, states, values, periods=_TRANSIENT)
     states = motions.advance(states, _TRANSIENT)
     motions = motions.eased(states)
     waited = wait(motions, states, scales, patience, _LONGEST)
