@@ -171,7 +171,7 @@ class GapVerdicts(NamedTuple):
     periods : shape (count,)
         Periods of the motions in forcing periods; 0 if they did not become periodic.
     peaks : shape (count, gaps)
-        Largest magnitude of each contact force.
+        Largest magnitude of each contact force; nan on a rigid stop.
     states : shape (count, state_size)
         Last states of the motions.
     error
@@ -220,8 +220,17 @@ def judge_gaps(
     found = motions.contacts(waited.states, WATCHED)
     codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
     periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
-    peaks = found.peaks[:, places]
-    return GapVerdicts(np.stack(codes, axis=1), periods, peaks, found.states, motions.error, length)
+    verdicts = GapVerdicts(
+        np.stack(codes, axis=1), periods, found.peaks[:, places], found.states, motions.error, length
+    )
+    for column, place in enumerate(places):
+        if system.structure.contacts[place].law.rebounds:  # its force is no part of the batch
+            verdicts.peaks[:, column] = np.nan
+            for k in np.flatnonzero((codes[column] == GapState.CLOSED.code) | (codes[column] == GapState.OPEN.code)):
+                here = system.at({name: float(each[k]) for name, each in (values or {}).items()})
+                motion = Motion.of(here, np.zeros(1), found.states[k][None])
+                verdicts.codes[k, column] = gap_state(motion, gaps[column]).code
+    return verdicts
 
 
 def contact_place(system: System, gap: str) -> int:
