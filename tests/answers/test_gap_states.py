@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, known_gaps, state_codes, usual_gaps
+from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, judge_gaps, known_gaps, state_codes, usual_gaps
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from tests.systems import clutch
@@ -57,3 +57,16 @@ def test_codes_of_many_motions():
     impacts = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.5], [2.0, 1.0], [np.nan, np.nan]])
     loaded = np.array([True, False, True, True, True, False])
     assert state_codes(impacts, loaded).tolist() == [0, 1, 2, 2, 3, -1]
+
+
+def test_a_mass_that_a_rigid_stop_holds_is_closed():
+    """It stays on the stop where the load never pulls, bounces where it pulls at times, and else hangs free."""
+    stop = gw.rigid_stop("stop", {"x": 1.0}, 0.5, restitution=0.5)
+    load = Harmonic(0.2, {"x": 1.0})
+    system = System(["x"], [[0.01]], damping=[[0.05]], contacts=[stop], harmonics=[load], frequency=1.0)
+    pulls = 0.2 + 0.01 * 0.5  # mean load below which the load and the spring pull at times
+    means = np.array([-0.4, 0.15, 0.95 * pulls, 1.05 * pulls, 1.0])
+    found = judge_gaps(system, np.tile([0.4, 0.0], (5, 1)), {"mean.x": means}, ["stop"], 300)
+    expected = [GapState.OPEN, GapState.ONE_SIDE, GapState.ONE_SIDE, GapState.CLOSED, GapState.CLOSED]
+    assert [list(GapState)[code] for code in found.codes[:, 0]] == expected
+    assert np.isnan(found.peaks).all()  # an impact has no peak of force

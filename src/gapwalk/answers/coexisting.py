@@ -101,7 +101,8 @@ def _settled(
     is_short = (found.periods > 0) & (found.periods <= options.longest)
     for index in np.flatnonzero(finite_rows(found.states) & is_short).tolist():
         own = int(found.periods[index]), tuple(found.codes[index].tolist()), found.peaks[index]
-        if any(own[:2] == each[:2] and np.allclose(own[2], each[2], rtol=_ALIKE, atol=0.0) for each in known):
+        alike = (each[2] for each in known if own[:2] == each[:2])
+        if any(np.allclose(own[2], each, rtol=_ALIKE, atol=0.0, equal_nan=True) for each in alike):
             continue
         known.append(own)
         yield found.states[index]

@@ -150,7 +150,7 @@ def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> N
     """
     hits = (impacts > 0.0).sum(axis=1)
     quiet = np.where(is_loaded, GapState.CLOSED.code, GapState.OPEN.code)
-    codes = np.choose(hits, [quiet, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code])
+    codes = np.where(hits == 0, quiet, np.where(hits == 1, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code))
     return np.where(np.isnan(impacts).any(axis=1), -1, codes)
 
 
@@ -177,7 +177,7 @@ class GapVerdicts(NamedTuple):
     periods : shape (count,)
         Periods of the motions in forcing periods; 0 if they did not become periodic.
     peaks : shape (count, gaps)
-        Largest magnitude of each contact force.
+        Largest magnitude of each contact force; nan on a rigid stop.
     states : shape (count, state_size)
         Last states of the motions.
     error
@@ -219,15 +219,24 @@ def judge_gaps(
     pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
     paces = (values or {}).get(pace, np.full(len(states), system[pace]))
     scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
-    motions = motions_of(system, states, values)
+    motions = motions_of(system, states, values, periods=_TRANSIENT)
     states = motions.advance(states, _TRANSIENT)
     motions = motions.eased(states)
     waited = wait(motions, states, scales, patience, _LONGEST)
     found = motions.contacts(waited.states, WATCHED)
     codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
     periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
-    peaks = found.peaks[:, places]
-    return GapVerdicts(np.stack(codes, axis=1), periods, peaks, found.states, motions.error, length)
+    verdicts = GapVerdicts(
+        np.stack(codes, axis=1), periods, found.peaks[:, places], found.states, motions.error, length
+    )
+    for column, place in enumerate(places):
+        if system.structure.contacts[place].law.rebounds:  # its force is no part of the batch
+            verdicts.peaks[:, column] = np.nan
+            for k in np.flatnonzero((codes[column] == GapState.CLOSED.code) | (codes[column] == GapState.OPEN.code)):
+                here = system.at({name: float(each[k]) for name, each in (values or {}).items()})
+                motion = Motion.of(here, np.zeros(1), found.states[k][None])
+                verdicts.codes[k, column] = gap_state(motion, gaps[column]).code
+    return verdicts
 
 
 def contact_place(system: System, gap: str) -> int:

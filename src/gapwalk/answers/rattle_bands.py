@@ -400,6 +400,8 @@ def worst_of(
         return None
     worst = max(rows, key=_peak)
     share = math.nan
+    if math.isnan(worst.peak):  # on a rigid stop motions have no peak force by which they could be told apart
+        starts = 0
     if starts:
         peaks, _ = settled_peaks(system.at({parameter: worst.value}), gap, starts, seed)
         share = float(np.mean(np.abs(peaks - worst.peak) <= _EQUAL * worst.peak))

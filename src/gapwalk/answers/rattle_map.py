@@ -54,7 +54,7 @@ class RattleMap(Shown):
     periods : shape (rows, columns)
         Periods of the motions; 0 if they did not become periodic.
     peak_force : shape (rows, columns, gaps)
-        Largest magnitude of each contact force.
+        Largest magnitude of each contact force; nan on a rigid stop.
     loci
         Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
         motion that was followed is lost.

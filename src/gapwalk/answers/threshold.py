@@ -21,6 +21,8 @@ from gapwalk.model.words import parameter_symbol, value_words
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
+_SMOOTH = 1e-6  # error of a limit, relative to the range, above which its locus was not smooth there
+
 
 @dataclass(frozen=True, slots=True)
 class ThresholdOptions:
@@ -217,7 +219,9 @@ class Threshold(Shown):
                 f"so with 95 % confidence fewer than {share:.2g} % of such starts do"
             )
             yield f"({found.words})"
-        if self.limit is not None:
+        if self.limit is not None and self.uncertainty > _SMOOTH * abs(self.end - self.begin):
+            yield "the limit is a corner of its locus, such as a cusp, so it has no slopes"
+        elif self.limit is not None:
             with suppress(NumericalError, ModelError):
                 yield f"what moves it most, in percent for one percent more: {self.gradient().words(5)}"
         if notes:

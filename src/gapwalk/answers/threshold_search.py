@@ -223,7 +223,8 @@ class ThresholdSearch:
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
         by_name = {asked.over: pairs[:, 0], asked.parameter: pairs[:, 1]}
         found = judge_gaps(asked.system, states, by_name, asked.gaps, options.periods)
-        is_lost, is_quiet = (found.codes < 0).any(axis=1), np.isin(found.codes, _QUIET).all(axis=1)
+        is_lost = np.asarray((found.codes < 0).any(axis=1))
+        is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
         def motion(k: int) -> Hit:
             return Hit(float(pairs[k, 1]), float(pairs[k, 0]), states[k] if is_lost[k] else found.states[k])

@@ -90,6 +90,7 @@ def motions_of(
     states: NDArray[np.float64],
     values: Mapping[str, NDArray[np.float64]] | None = None,
     error: float = 1e-4,
+    periods: int = _PILOT_PERIODS,
 ) -> ManyMotions:
     """Create the flow of many motions: the batch integrator, or the exact flow where that is faster or the only one.
 
@@ -104,11 +105,14 @@ def motions_of(
         vary.
     error
         The allowed error, as in `BatchOptions`.
+    periods
+        Forcing periods over which the steps are chosen: all of those over which the motions are followed, or so many
+        that most transients have ended.
     """
     batch = batch_of(system, states, values or {})
     pilot = batch.some(np.unique(np.linspace(0, batch.count - 1, _PILOT).astype(int)))
     try:
-        steps = _flow_of(system, error).steps_for(pilot, _PILOT_PERIODS)
+        steps = _flow_of(system, error).steps_for(pilot, periods)
     except (FlowError, UnfitError):  # too stiff; or friction that sticks rigidly, and other laws without a kernel
         return ExactMotions(system, values)
     block_plan = BlockPlan(batch.linear, batch.pattern, steps)
