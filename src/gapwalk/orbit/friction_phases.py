@@ -150,7 +150,8 @@ class _Margins:
         thetas, found, full = self._thetas, list[Margin](), self._full
         rates = self._gauge.rate(self._coefficients, thetas, self._states, None, 1)
         firsts = np.searchsorted(thetas, [phase.start % full for phase in self._phases]).tolist()
-        inside = [self._inside(*each) for each in zip(firsts, [*firsts[1:], *firsts[:1]], strict=True)]
+        lasts = [*firsts[1:], *firsts[:1]]
+        inside = [self._inside(*each) for each in zip(self._phases, firsts, lasts, strict=True)]
         sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
         past = [phase.mode for phase in (self._phases[-1], *self._phases[:-1])]
         ends = [place for place, phase in enumerate(self._phases) if past[place] not in (0, phase.mode)]
@@ -172,12 +173,12 @@ class _Margins:
             found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
         return found
 
-    def _inside(self, first: int, last: int) -> NDArray[np.intp]:
-        """Return the samples within a phase, in the order of time; it begins and ends at one, at which others do."""
+    def _inside(self, phase: FrictionPhase, first: int, last: int) -> NDArray[np.intp]:
+        """Return the samples within a phase, in the order of time, given those at which it and the next one begin."""
         count = len(self._thetas) - 1
-        if first < last:
-            return np.arange(first, last + 1)
-        return np.arange(first, last + count + (first != last)) % count
+        if first == last:  # it lasts a moment, or all the period
+            return np.arange(first, first + count) % count if phase.length > 0.5 * self._full else np.array([first])
+        return np.arange(first, last + 1) if first < last else np.arange(first, last + count + 1) % count
 
     def _bounds(self, asked: list[tuple[NDArray[np.intp], int]]) -> list[tuple[Array, Array]]:
         """Return the force at which slip begins, and that in stick, at sets of samples with the modes at one each."""
