@@ -9,6 +9,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors.lyapunov import lyapunov
+from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import signal_of
 from gapwalk.model.contact import Contact, friction
@@ -302,3 +303,15 @@ def test_the_slope_of_a_signal_of_friction_is_that_of_neighbouring_orbits():
             ]
             expected = (ends[1] - ends[0]) / (2.0 * step)
             assert found.by_parameters[:, column] == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_centre_of_a_deflection_that_other_friction_stops_is_found() -> None:
+    """A spring that never slips is centred by the extremes of its deflection, where the rate has corners."""
+    brakes = [friction("f", {"x": 1.0}, 0.5), friction("j", {"x": 1.0}, 3.0, stiffness=0.5)]
+    load = [gw.loads.Harmonic(1.0, {"x": 1.0})]
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=brakes, harmonics=load, frequency=0.70)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.74, walk=gw.WalkOptions(largest_step=0.1))
+    assert branch.ends[-1].reason is EndReason.RANGE
+    for point in branch.points:
+        x, _, extension = point.orbit.state
+        assert extension == pytest.approx(x - point.orbit.extremes[0, :2].mean(), abs=1e-12)

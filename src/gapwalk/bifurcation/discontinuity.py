@@ -22,6 +22,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
+from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit
 
 _PROBES = (1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # distances ahead at which the equation is evaluated
@@ -91,6 +92,9 @@ def _difference(first: Orbit, last: Orbit) -> str:
             names = sorted({_name(first, event) for event in together})
             words = f"beyond it, {', '.join(names)} behave{'' if names[1:] else 's'} otherwise at theta = {theta:.6g}"
             return f"{words}, {_ELSEWHERE}" if theta < _AT_ONCE else words
+    more = max(ours[len(theirs) :], theirs[len(ours) :], key=len)
+    if more and PERIOD * first.period - more[0].theta < _MOVED:
+        return f"beyond it, {_name(first, more[0])} behaves otherwise at {_ELSEWHERE}"
     return "beyond it, its last events are others"
 
 

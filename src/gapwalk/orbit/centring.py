@@ -21,7 +21,9 @@ from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import ContactSlots
 
 _SAMPLES = 32  # per forcing period, between which the deflection turns at most once
-_SECANTS = 4  # steps of the secant method: the deflection depends on the square of the error of an angle
+_SECANTS = 6  # steps of the secant method, before an interval is halved
+_STEPS = 40  # of both
+_STILL = 1e-8  # share of a rate that counts as 0: the deflection depends on the square of the error of an angle
 _STEP = 1e-150  # of the complex step
 
 
@@ -121,19 +123,34 @@ class _Deflection:
             inner = np.flatnonzero((way * rates[:-1] > 0.0) & (way * rates[1:] <= 0.0))
             if not len(inner):
                 continue
-            first, last = rates[inner], rates[inner + 1]
-            peaks = places[inner] + 0.5 * width * first**2 / (first - last)
-            k = int(inner[np.argmax(way * peaks)])
+            first, last = way * rates[inner], way * rates[inner + 1]
+            peaks = way * places[inner] + 0.5 * width * first**2 / (first - last)
+            # that is the peak of a parabola: where friction stops the motion in between, it may be lower or higher
+            for place in np.flatnonzero(peaks + 0.5 * width * np.maximum(first, -last) >= peaks.max()):
+                k = int(inner[place])
+                found += [(float(places[each]), segment, float(thetas[each])) for each in (k, k + 1)]
+                found += self._peak(segment, thetas[k : k + 2], rates[k : k + 2], sampled[k])
+        return found
 
-            low, high = (float(thetas[k]), float(rates[k])), (float(thetas[k + 1]), float(rates[k + 1]))
-            for _ in range(_SECANTS):
-                theta = low[0] - low[1] * (high[0] - low[0]) / (high[1] - low[1])
-                if not thetas[k] < theta < thetas[k + 1]:
-                    break
-                state = self._flow.integrate(self._coefficients, sampled[k], float(thetas[k]), theta).state
-                found.append((float(self.at(theta, state)), segment, theta))
-                low, high = (high, low) if abs(low[1]) < abs(high[1]) else (low, high)
-                low = theta, float(self.at(theta, state, 1))
-                if low[1] == high[1]:
-                    break
+    def _peak(
+        self, segment: int, thetas: NDArray[np.float64], rates: NDArray[np.float64], state: NDArray[np.float64]
+    ) -> list[tuple[float, int, float]]:
+        """Return the deflection at angles ever nearer to where its rate vanishes between two of them."""
+        (low, high), found = thetas.tolist(), list[tuple[float, int, float]]()
+        (at_low, at_high), begin = rates.tolist(), low
+        (last, rate), (other, its_rate) = (low, at_low), (high, at_high)
+        for _ in range(_STEPS):
+            theta = last - rate * (last - other) / (rate - its_rate) if rate != its_rate else high
+            # the rate has a corner where friction begins to stick, and is 0 from there on: then halve
+            if not low < theta < high or len(found) >= _SECANTS:
+                theta = 0.5 * (low + high)
+            if not low < theta < high or min(abs(at_low), abs(at_high)) <= _STILL * float(np.abs(rates).max()):
+                break
+            there = self._flow.integrate(self._coefficients, state, begin, theta).state
+            found.append((float(self.at(theta, there)), segment, theta))
+            (other, its_rate), (last, rate) = (last, rate), (theta, float(self.at(theta, there, 1)))
+            if rate * at_low > 0.0:
+                low, at_low = theta, rate
+            else:
+                high, at_high = theta, rate
         return found
