@@ -46,7 +46,7 @@ ORDER = (
 )
 
 # Namespaces: modules directly in gapwalk/ that have public names of one subject.
-NAMESPACES = ("analysis", "goals", "laws", "loads", "measure", "methods", "records", "special_points", "train")
+NAMESPACES = ("analysis", "ask", "laws", "loads", "measure", "methods", "records", "special_points", "train")
 
 # Modules directly in gapwalk/ that stand above all packages.
 ABOVE_ALL = ("__init__", "__main__", *NAMESPACES)

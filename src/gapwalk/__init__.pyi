@@ -2,8 +2,8 @@
 
 # Namespaces: what fewer scripts need, by subject.
 from . import analysis as analysis
+from . import ask as ask
 from . import errors as errors
-from . import goals as goals
 from . import laws as laws
 from . import loads as loads
 from . import measure as measure
@@ -15,14 +15,6 @@ from . import records as records
 from . import special_points as special_points
 from . import studies as studies
 from . import train as train
-from .answers.rattle_bands import RattleBands as RattleBands
-from .answers.run_up import run_up as run_up
-from .answers.run_ups import run_ups as run_ups
-from .answers.speed_course import SpeedCourse as SpeedCourse
-from .answers.spread import Spread as Spread
-from .answers.threshold import Threshold as Threshold
-from .answers.threshold import ThresholdOptions as ThresholdOptions
-from .answers.tolerance import Tolerance as Tolerance
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled
 from .attractors.basins import Basins as Basins
@@ -69,7 +61,6 @@ from .reduction import reduce as reduce
 from .studies.basin_study import basins as basins
 from .studies.basin_work import BasinOptions as BasinOptions
 from .studies.basin_work import basin_shares as basin_shares
-from .studies.design_study import design as design
 from .studies.diagram_study import DiagramOptions as DiagramOptions
 from .studies.diagram_study import diagram as diagram
 from .studies.diagram_study import find_others as find_others
@@ -80,8 +71,6 @@ from .studies.family_study import family as family
 from .studies.map import Map as Map
 from .studies.map import MapOptions as MapOptions
 from .studies.map_study import bifurcation_map as bifurcation_map
-from .studies.rattle_study import RattleOptions as RattleOptions
-from .studies.rattle_study import rattle_bands as rattle_bands
 from .studies.read_result import load as load
 from .studies.regime_study import RegimeMapOptions as RegimeMapOptions
 from .studies.regime_study import regimes as regimes
@@ -92,9 +81,6 @@ from .studies.study_file import read_study as read_study
 from .studies.sweep import Sweep as Sweep
 from .studies.sweep import SweepOptions as SweepOptions
 from .studies.sweep_study import sweep as sweep
-from .studies.threshold_study import threshold as threshold
-from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
-from .studies.tolerance_study import tolerance as tolerance
 from .studies.verify import verify as verify
 from .verification import Verification as Verification
 

@@ -2,14 +2,14 @@
 
 Classes: `AttractorKind`, `Band`, `BandEnd`, `BasinCheck`, `BasinShares`, `Basis`, `Box`, `BranchCheck`, `BranchPoint`,
 `BranchWalk`, `Cascade`, `Chance`, `ChangedParameter`, `Check`, `Codim2`, `Codim2Point`, `Comparison`, `Confirmation`,
-`Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`, `Design`, `DiagramBranch`, `Direction`, `Drawn`,
-`DryModes`, `End`, `EndReason`, `Equilibrium`, `Fate`, `Figure`, `ForcePeak`, `FoundOrbit`, `FrictionPhase`, `Further`,
-`GapSpan`, `GapState`, `Hold`, `HowFound`, `Influences`, `Instability`, `JudgedGoal`, `JumpDelay`, `Kink`, `Lane`,
-`LocusEnd`, `LocusEndReason`, `LocusPoint`, `MapSection`, `Margin`, `Match`, `Member`, `Modes`, `Motion`, `Mover`,
-`OrbitCheck`, `Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`,
-`RunUp`, `RunUps`, `Sample`, `SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`,
-`SpecialCheck`, `SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `ToleranceCheck`,
-`Tree`, `Turns`, `Unexplained`, `Window`, `Worst`.
+`Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`, `DiagramBranch`, `Direction`, `Drawn`, `DryModes`, `End`,
+`EndReason`, `Equilibrium`, `Fate`, `Figure`, `ForcePeak`, `FoundOrbit`, `FrictionPhase`, `Further`, `GapSpan`,
+`GapState`, `Hold`, `HowFound`, `Influences`, `Instability`, `JudgedGoal`, `JumpDelay`, `Kink`, `Lane`, `LocusEnd`,
+`LocusEndReason`, `LocusPoint`, `MapSection`, `Margin`, `Match`, `Member`, `Modes`, `Motion`, `Mover`, `OrbitCheck`,
+`Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`, `Sample`,
+`SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`,
+`SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `ToleranceCheck`, `Tree`, `Turns`,
+`Unexplained`, `Window`, `Worst`.
 """
 
 from gapwalk.lazy_names import lazy_names

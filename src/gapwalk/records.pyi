@@ -1,21 +1,18 @@
 """Public names of `gapwalk.records`; see `gapwalk.lazy_names`."""
 
 from .answers.design import ChangedParameter as ChangedParameter
-from .answers.design import Design as Design
 from .answers.design import JudgedGoal as JudgedGoal
 from .answers.gap_spans import BandEnd as BandEnd
 from .answers.gap_spans import GapSpan as GapSpan
 from .answers.gap_spans import Mover as Mover
 from .answers.gap_spans import RattleBand as RattleBand
 from .answers.gap_states import GapState as GapState
+from .answers.jump_delay import JumpDelay as JumpDelay
 from .answers.least_change import Route as Route
 from .answers.rattle_bands import Severity as Severity
 from .answers.rattle_bands import Worst as Worst
 from .answers.rattle_map import RattleMap as RattleMap
 from .answers.run_up import ForcePeak as ForcePeak
-from .answers.run_up import JumpDelay as JumpDelay
-from .answers.run_up import RunUp as RunUp
-from .answers.run_ups import RunUps as RunUps
 from .answers.settled_sweep import Direction as Direction
 from .answers.settled_sweep import Sample as Sample
 from .answers.settled_sweep import SettledSweep as SettledSweep

@@ -36,7 +36,9 @@ def touches() -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def bands():
-    return gw.rattle_bands(stopped(), "frequency", (0.7, 1.5), "stop", options=gw.RattleOptions(starts=16), workers=1)
+    return gw.ask.rattle_bands(
+        stopped(), "frequency", (0.7, 1.5), "stop", options=gw.ask.RattleOptions(starts=16), workers=1
+    )
 
 
 def test_the_ends_are_grazing_points_of_the_linear_motion_and_a_jump(bands):
@@ -97,7 +99,7 @@ def test_severity_and_the_worst_motion(bands):
 
 
 def test_a_quiet_gap_is_said_to_be_quiet():
-    quiet = gw.rattle_bands(stopped(), "frequency", (0.5, 0.8), workers=1)
+    quiet = gw.ask.rattle_bands(stopped(), "frequency", (0.5, 0.8), workers=1)
     assert str(quiet.summary()).splitlines()[0] == "stop is quiet (open) from 0.5 to 0.8"
     assert not quiet.bands
     assert not quiet.worst
@@ -108,8 +110,8 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
     within = (high + 4e-4, high + 0.03)
     size = LOAD / (1.0 - within[0] ** 2 + 1j * DAMPING * within[0])
     quiet = (size.real, (1j * within[0] * size).real)  # the linear motion, which does not touch
-    options = gw.RattleOptions(search=3, starts=16)
-    found = gw.rattle_bands(stopped(), "frequency", within, start=quiet, options=options, workers=1)
+    options = gw.ask.RattleOptions(search=3, starts=16)
+    found = gw.ask.rattle_bands(stopped(), "frequency", within, start=quiet, options=options, workers=1)
     assert not found.of("stop", "rising")
     assert not found.of("stop", "falling")
     (band,) = found.of("stop")
@@ -122,16 +124,16 @@ def test_a_rattling_motion_that_no_sweep_meets_is_found_from_random_starts():
 
 
 def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
-    whole = gw.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "whole.gw")
+    whole = gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "whole.gw")
 
     def stop(*news):
         raise KeyboardInterrupt
 
     with pytest.raises(gw.errors.Interrupted) as caught:
-        gw.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw", report=stop)
+        gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw", report=stop)
     assert not caught.value.found.complete
     assert [str(each.direction) for each in caught.value.found.sweeps] == ["rising"]
-    again = gw.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw")
+    again = gw.ask.rattle_bands(stopped(), "frequency", (0.9, 1.1), workers=1, output=tmp_path / "part.gw")
     for one in (again, gw.load(tmp_path / "whole.gw")):
         assert str(one.summary()) == str(whole.summary())
         assert [end.value for band in one.bands for end in (band.low, band.high)] == [
@@ -152,7 +154,7 @@ def test_a_file_stores_it_and_a_stopped_run_goes_on(tmp_path):
 def test_wrong_requests_are_refused(changes, message):
     asked = {"parameter": "frequency", "to": (0.7, 1.2), "gaps": "stop"} | changes
     with pytest.raises(ModelError, match=message):
-        gw.rattle_bands(stopped(), **asked)
+        gw.ask.rattle_bands(stopped(), **asked)
 
 
 def simulated_mesh(speed: float, periods: int = 90) -> np.ndarray:

@@ -49,7 +49,7 @@ def chirped(t, first, rate):
 
 @pytest.mark.parametrize(("first", "last", "rate"), [(0.5, 1.8, 0.004), (0.6, 1.4, 0.05)])
 def test_a_chirp_agrees_with_the_fresnel_integral(first, last, rate):
-    run = gw.run_up(linear(), SpeedCourse.ramp(first, last, rate), state=[0.1, -0.2], samples=64)
+    run = gw.ask.run_up(linear(), SpeedCourse.ramp(first, last, rate), state=[0.1, -0.2], samples=64)
     assert run.time[-1] == pytest.approx((last - first) / rate, rel=1e-14)
     assert np.abs(run.states[:, 0] - chirped(run.time, first, rate)).max() < 1e-9
     assert np.ptp(run.states[:, 0]) > 1.0
@@ -96,7 +96,7 @@ def exact_by_scipy(course: SpeedCourse, state, times):
 
 def test_impacts_agree_with_scipy_over_time():
     course = SpeedCourse([0.0, 30.0, 45.0, 60.0], [0.6, 1.1, 1.2, 1.0])
-    run = gw.run_up(impacting(), course, state=[0.1, -0.2], samples=32)
+    run = gw.ask.run_up(impacting(), course, state=[0.1, -0.2], samples=32)
     by_scipy, hits = exact_by_scipy(course, [0.1, -0.2], run.time)
     assert hits == run.peaks[0].impacts > 5
     assert np.abs(np.interp(by_scipy[:, 0], run.time, run.states[:, 0]) - by_scipy[:, 1]).max() < 1e-8
@@ -138,7 +138,7 @@ def train(**more) -> gw.System:
 
 @pytest.mark.parametrize("ratio", [1.0, -2.5])
 def test_inertias_pull_back_while_the_reaction_runs_the_train_up(ratio):
-    run = gw.run_up(train(ratio=str(ratio)), SpeedCourse.ramp(700.0, 1900.0, 1000.0), samples=16)
+    run = gw.ask.run_up(train(ratio=str(ratio)), SpeedCourse.ramp(700.0, 1900.0, 1000.0), samples=16)
     rate = 1000.0 * 2.0 * np.pi / 60.0
     late = run.time > 0.9
     drag = -2.0 / ratio
@@ -148,7 +148,7 @@ def test_inertias_pull_back_while_the_reaction_runs_the_train_up(ratio):
 
 def test_a_constant_speed_is_a_run_up_without_acceleration():
     system = impacting().at(frequency=0.9)
-    run = gw.run_up(system, SpeedCourse([0.0, 20.0], [0.9, 0.9]), state=[0.1, 0.3], phase=1.0, samples=64)
+    run = gw.ask.run_up(system, SpeedCourse([0.0, 20.0], [0.9, 0.9]), state=[0.1, 0.3], phase=1.0, samples=64)
     motion = gw.integrate(system, np.array([0.1, 0.3]), 2.0, 64, phase=1.0)
     assert np.abs(run.states[:129] - motion.states).max() < 1e-12
 
@@ -158,11 +158,11 @@ def test_many_run_ups_agree_with_the_exact_ones():
     courses = [SpeedCourse.ramp(0.6, 1.2, rate) for rate in (0.005, 0.01, 0.02)]
     courses += [SpeedCourse.ramp(1.2, 0.6, 0.01), SpeedCourse([0.0, 30.0, 45.0, 60.0], [0.6, 1.1, 1.2, 1.0])]
     phases = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    found = gw.run_ups(system, courses, phases=phases, bins=20, options=BatchOptions(error=1e-5, sample=4))
+    found = gw.ask.run_ups(system, courses, phases=phases, bins=20, options=BatchOptions(error=1e-5, sample=4))
     assert found.error < 1e-5
     assert not found.diverged.any()
     for number, course in enumerate(courses):
-        exact = gw.run_up(system, course, phase=float(phases[number]), samples=256)
+        exact = gw.ask.run_up(system, course, phase=float(phases[number]), samples=256)
         assert found.peaks("wall")[number] == pytest.approx(abs(exact.peaks[0].force), rel=2e-3)
         assert found.impacts[number].sum() == exact.peaks[0].impacts
         assert found.high[number].max() == pytest.approx(exact.states[:, 0].max(), abs=2e-4)
@@ -181,8 +181,8 @@ def test_three_masses_in_a_batch():
     )  # fmt: skip
     course = SpeedCourse.ramp(0.4, 1.6, 0.04)
     state = np.array([0.1, 0.0, -0.1, 0.0, 0.2, 0.0])
-    found = gw.run_ups(system, [course], states=state[None], bins=10, options=BatchOptions(error=1e-5))
-    exact = gw.run_up(system, course, state=state, samples=128)
+    found = gw.ask.run_ups(system, [course], states=state[None], bins=10, options=BatchOptions(error=1e-5))
+    exact = gw.ask.run_up(system, course, state=state, samples=128)
     assert found.impacts.sum() == exact.peaks[0].impacts > 3
     assert found.peaks("gap")[0] == pytest.approx(abs(exact.peaks[0].force), rel=1e-3)
 
@@ -209,21 +209,21 @@ def test_what_cannot_run_up_is_refused_by_name():
     wall = gw.System(["x"], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 0.1, restitution=0.7)], harmonics=load, **stiff)
     table = gw.System(["x"], harmonics=[gw.Harmonic(0.1, {"x": 1.0}, over_speed="1 + W**3")], **stiff)
     for system, word in ((brake, "friction"), (wall, "rigid stop"), (table, "over the speed")):
-        for compute in (lambda s: gw.run_up(s, course), lambda s: gw.run_ups(s, [course])):
+        for compute in (lambda s: gw.ask.run_up(s, course), lambda s: gw.ask.run_ups(s, [course])):
             with pytest.raises(gw.errors.ModelError, match=word):
                 compute(system)
     for wrong, word in (
         (lambda: SpeedCourse([0.0, 1.0], [0.0, 1.0]), "must be > 0"),
         (lambda: SpeedCourse([0.0, 0.0], [1.0, 1.0]), "increase"),
         (lambda: SpeedCourse.ramp(1.0, 2.0, -1.0), "rate"),
-        (lambda: gw.run_up(linear(), SpeedCourse.ramp(0.5, 1.0, 0.1), state=[1.0]), "state"),
+        (lambda: gw.ask.run_up(linear(), SpeedCourse.ramp(0.5, 1.0, 0.1), state=[1.0]), "state"),
     ):
         with pytest.raises(gw.errors.ModelError, match=word):
             wrong()
 
 
 def test_a_waterfall_of_a_run_up_has_the_orders_of_its_loads():
-    run = gw.run_up(linear(order=3), SpeedCourse.ramp(0.05, 0.2, 0.0002), state=[0.3, 0.0], samples=64)
+    run = gw.ask.run_up(linear(order=3), SpeedCourse.ramp(0.05, 0.2, 0.0002), state=[0.3, 0.0], samples=64)
     found = run.waterfall("x", 6.0, 4)
     highest = found.orders[1:][found.amplitudes[:, 1:].argmax(axis=1)]
     assert np.all(highest[len(highest) // 2 :] == 3.0)

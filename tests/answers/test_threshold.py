@@ -34,7 +34,7 @@ def amplitude(frequency: float) -> float:
 
 def test_the_threshold_is_that_of_the_linear_resonance(gear: gw.System) -> None:
     """The teeth stay together if the mean load exceeds the stiffness times the amplitude of the linear motion."""
-    found = gw.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (0.7, 1.6), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (0.7, 1.6), options=FEW)
     assert found.at == pytest.approx(math.sqrt(STIFFNESS - DAMPING**2 / 2.0), rel=1e-6)
     exact = STIFFNESS * LOAD / (DAMPING * math.sqrt(STIFFNESS - DAMPING**2 / 4.0))
     assert found.value == pytest.approx(exact, rel=1e-9)
@@ -64,7 +64,7 @@ def opens(frequency: float, mean: float) -> bool:
 
 
 def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
-    found = gw.threshold(gear, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
     assert found.is_edge
     assert found.at == pytest.approx(1.4, rel=1e-9)
     assert found.value == pytest.approx(STIFFNESS * amplitude(1.4), rel=1e-8)
@@ -73,7 +73,7 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
 
 @pytest.mark.parametrize(("to", "says"), [((0.8, 1.2), "nothing rattles"), ((0.05, 0.2), "still rattles")])
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
-    found = gw.threshold(gear, "mean.x", to, "frequency", (0.7, 1.6), options=FEW)
+    found = gw.ask.threshold(gear, "mean.x", to, "frequency", (0.7, 1.6), options=FEW)
     assert found.limit is None
     assert math.isnan(found.value)
     assert says in found.notes[0]
@@ -82,7 +82,7 @@ def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float],
 
 
 def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
-    found = gw.threshold(
+    found = gw.ask.threshold(
         gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW, output=tmp_path / "t.gapwalk"
     )
     again = gw.load(tmp_path / "t.gapwalk")
@@ -95,8 +95,8 @@ def test_a_study_stores_its_threshold(gear: gw.System, tmp_path) -> None:
 
 def test_bad_requests_teach(gear: gw.System) -> None:
     with pytest.raises(gw.errors.ModelError, match="two different ones"):
-        gw.threshold(gear, "mean.x", (0.1, 1.0), "mean.x", (0.7, 1.6))
+        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), "mean.x", (0.7, 1.6))
     with pytest.raises(gw.errors.ModelError, match="teeth"):
-        gw.threshold(gear, "mean.x", (0.1, 1.0), "frequency", (0.7, 1.6), gaps="tooth")
+        gw.ask.threshold(gear, "mean.x", (0.1, 1.0), "frequency", (0.7, 1.6), gaps="tooth")
     with pytest.raises(gw.errors.ModelError, match="starts is 0"):
         ThresholdOptions(starts=0)

@@ -42,7 +42,7 @@ LONG = {
         "belt",
         "impact-damper",
     )
-} | {"howto/nothing-missing.md", "howto/loads.md"}
+} | {"howto/nothing-missing.md", "howto/loads.md", "pictures.md"}
 
 
 @pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))

@@ -16,6 +16,7 @@ from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.orbit.sensitivity import sensitivity, signal_along
 from tests.dry.event_reference import Reference
 from tests.results.again import again
+from tests.tiers import in_campaign
 
 TURN = 2.0 * math.pi
 DAMPING, SPRING = 0.05, 5.0
@@ -67,7 +68,9 @@ def sums(multipliers: np.ndarray) -> list[complex]:
     return [complex(np.sum(multipliers**k)) for k in (1, 2, 3)]
 
 
-@pytest.mark.parametrize("system", [jenkins(0.3), coulomb(0.8, frequency=0.3), chain(0.1, 2.0), chain(0.1, None)])
+@pytest.mark.parametrize(
+    "system", [jenkins(0.3), coulomb(0.8, frequency=0.3), in_campaign(chain(0.1, 2.0)), chain(0.1, None)]
+)
 def test_where_friction_slips_a_multiplier_is_exactly_0_if_it_forgets_and_the_others_are_those_of_another_code(system):
     orbit = gw.find_orbit(system)
     assert not orbit.stuck

@@ -11,6 +11,7 @@ from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import ModelFileError
 from gapwalk.studies.measure import read_measured_model
+from tests.models import CLUTCH
 from tests.systems import clutch
 
 TRUE = {"stage2.clearance": 1.02, "mean.q1": 0.245}
@@ -141,28 +142,14 @@ def test_what_is_wrong_is_refused_with_what_to_write(guess, points, names, words
         gw.measure.fit_points(guess, points, names)
 
 
-MODEL = """
-coordinates = ["q1", "q3"]
-stiffness = [[0.1, -0.6], [-0.06, 1.1]]
-damping = [[0.04, -0.04], [-0.04, 0.06]]
-mean = { q1 = 0.25, q3 = 0.25 }
-
-[[contact]]
-name = "stage2"
-deflection = { q1 = 1.0 }
-force = { q1 = 0.9, q3 = -0.54 }
-clearance = 1.0
-stiffness = 1.0
-impact_damping = 0.05
-
-[[harmonic]]
-amplitude = 0.25
-acts_on = { q1 = 1.0 }
-
+MODEL = (
+    CLUTCH
+    + """
 [measurement]
 sweep = { parameter = "frequency", from = 0.7, to = 0.61 }
 fit = ["stage2.clearance"]
 """
+)
 
 
 def test_the_command_fits_points_of_the_model_or_of_a_csv_file(tmp_path, monkeypatch, capsys, exact) -> None:

@@ -197,7 +197,9 @@ def test_the_lines_of_the_forces_are_those_of_finely_sampled_ones(name):
     assert pytest.approx(expected, abs=3e-8 if name == "products" else 3e-4) == found.T
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name", some_of(SYSTEMS, "displacements", "stiffness", "growth", "levels of the damping", "formulas")
+)
 def test_the_balanced_motion_tends_to_the_one_of_shooting(name):
     exact, states, multipliers, bounds = exact_of(name), [], [], []
     for harmonics in (10, 40, 120):

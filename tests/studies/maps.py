@@ -4,7 +4,7 @@ import sys
 import time
 
 from gapwalk import Balance, Kind, Study, WalkOptions, run
-from gapwalk.studies import MapStudyOptions, SecondParameter
+from gapwalk.studies import MapStudyOptions, ParameterRange
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -12,7 +12,7 @@ KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
 
 def clutch_map(workers: int | None = 1, kinds: tuple[Kind, ...] = KINDS, **more) -> Study:
     """The second resonance of figure 13 over frequency and mean load: loci of flips, folds and grazing points."""
-    second = SecondParameter("mean.q1", 0.2, 0.3)
+    second = ParameterRange("mean.q1", 0.2, 0.3)
     given = {"sections": 2, "max_period": 1} | more
     options = MapStudyOptions("frequency", 1.4, 1.1, "half.q1", second=second, kinds=kinds, workers=workers, **given)
     system = clutch(frequency=1.4).at({"mean.q1": 0.2})

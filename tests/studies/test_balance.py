@@ -28,6 +28,7 @@ from tests.studies.diagrams import clutch_diagram, islands
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_result
 from tests.studies.studies import stop_study
+from tests.tiers import some_of
 
 FILE = """
 coordinates = ["x"]
@@ -264,7 +265,7 @@ def test_a_search_leads_to_balanced_branches_each_of_them_once(tmp_path) -> None
     assert_same_result(gw.load(path), result)
 
 
-@pytest.mark.parametrize("figure", ["9a", "9b"])
+@pytest.mark.parametrize("figure", some_of(["9a", "9b"], "9a"))
 def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     """What the paper validates its method with: the whole range, all special points."""
     system = gw.paper.case(figure, slope="reduced").at(frequency=2.0)

@@ -64,6 +64,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(workers) -> None:
     assert len(set(pids.values()) - {os.getpid()}) >= 2
 
 
+@pytest.mark.slow
 def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, workers) -> None:
     alone = gw.sweep(*FOLDS, options=options(starts=2))
     pids = list(workers.executor._client.run(os.getpid).values())[:1]

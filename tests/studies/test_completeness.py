@@ -157,6 +157,7 @@ def test_every_attractor_by_the_island_of_period_3_is_on_a_branch(window):
     assert {int(each[-1]) for each in alone.missing} == {3}
 
 
+@pytest.mark.slow
 def test_scipy_settles_to_the_same_attractors(window):
     """A second opinion on the flow."""
     system = case("15").at(frequency=0.45)

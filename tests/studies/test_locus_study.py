@@ -177,7 +177,7 @@ def test_options_survive_the_file() -> None:
 
 
 def test_options_make_sense_in_python_too() -> None:
-    second = gw.studies.SecondParameter("harmonic1.amplitude", 0.09, 0.6)
+    second = gw.studies.ParameterRange("harmonic1.amplitude", 0.09, 0.6)
     given = {"parameter": "frequency", "begin": 2.0, "end": 0.6, "measure": "half.x", "second": second}
     with pytest.raises(ModelError, match="one section and one kind, as in sections="):
         LocusStudyOptions(**given, sections=(0.3, 0.4), kinds=(gw.Kind.FOLD,))

@@ -65,7 +65,7 @@ def problems_of(text: str, changes=None):
 def test_a_map_has_all_that_its_file_says() -> None:
     options = study_of(MAP).options
     assert isinstance(options, gw.studies.MapStudyOptions)
-    assert options.second == gw.studies.SecondParameter("frequency", 0.9, 0.4)
+    assert options.second == gw.studies.ParameterRange("frequency", 0.9, 0.4)
     assert options.within == ((0.1, 0.5), (0.4, 0.9))
     assert options.limits == gw.MapOptions((0.5, 0.6), 1, (gw.Kind.FLIP, gw.Kind.FOLD), 3)
     system = study_of(MAP).system

@@ -369,7 +369,7 @@ def test_scipy_needs_no_other_events():
 
 
 def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypatch):
-    second = gw.studies.SecondParameter("mean.q1", 0.25, 0.26)
+    second = gw.studies.ParameterRange("mean.q1", 0.25, 0.26)
     options = gw.studies.MapStudyOptions(
         "frequency", 0.85, 0.79, "half.q1", second=second, sections=(0.25,), max_period=1, workers=1
     )

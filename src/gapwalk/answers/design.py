@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.answers.design_goals import AnyGoal
+from gapwalk.answers.design_goals import EXACT, AnyGoal
 from gapwalk.answers.least_change import DesignProblem, Route
-from gapwalk.answers.local_response import unstable_spans
+from gapwalk.answers.local_response import LocalResponse, unstable_spans
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.search import FoundOrbit, search
@@ -23,8 +23,6 @@ from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
-
-_ROUNDING = 1e-9  # margin by which a goal may be missed
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +81,7 @@ class JudgedGoal:
     @property
     def is_reached(self) -> bool:
         """True if the new design reaches it."""
-        return self.after >= -_ROUNDING
+        return self.after >= -EXACT
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +148,14 @@ class Design(Shown):
         texts = [f"{each.name} {_percent(each)}" for each in moved if _size(each) >= 5e-4] or ["nothing"]
         if all(goal.is_reached for goal in self.judged):
             what = " and ".join(goal.words for goal in self.judged)
+            if self.failures:
+                return f"not proved: {what}; the response reaches it with {', '.join(texts)}, but {self.failures[0]}"
             return f"{what}: change {', '.join(texts)}"
         missed = " and ".join(goal.words for goal in self.judged if not goal.is_reached)
         return f"not reached within the limits: {missed}; nearest with {', '.join(texts)}"
 
     @summarizes
-    def summary(self, notes: bool = True) -> SummaryParts:
+    def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return the answer, the changes, the goals and the proof; notes and failures if wanted."""
         units = self.system.units
         yield self.sentence
@@ -173,7 +173,7 @@ class Design(Shown):
         yield Table(("parameter", ">before", ">after", ">change", ">limits"), rows)
         yield ""
         goals = [
-            (each.words, f"{each.before:+.4f}", f"{each.after:+.4f}", "reached" if each.is_reached else "missed")
+            (each.words, _margin(each.before), _margin(each.after), "reached" if each.is_reached else "missed")
             for each in self.judged
         ]
         yield Table(("goal", ">margin before", ">after", ""), goals)
@@ -184,9 +184,10 @@ class Design(Shown):
                 yield f'  without "{each.words}" the others are not reached either'
         yield ""
         reached = [route for route in self.routes if route.is_reached]
+        count, steps = len(self.routes), sum(route.steps for route in self.routes)
         yield (
-            f"norm of the relative changes {self.change:.6g}; {len(self.routes)} searches, {len(reached)} of which "
-            f"reached the goals, {sum(route.steps for route in self.routes)} responses walked"
+            f"norm of the relative changes {self.change:.6g}; {count} search{'es' if count > 1 else ''}, "
+            f"{len(reached) or 'none'} of which reached the goals with the safety margin, {steps} designs tried"
         )
         yield f"proof: {self.response.counts}; searched at {len(self.searched)} values: {self._found_words()}"
         if notes:
@@ -232,6 +233,10 @@ def _size(each: ChangedParameter) -> float:
     return abs(each.after - each.before) / (abs(each.before) or 0.5 * (each.high - each.low))
 
 
+def _margin(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:+.4f}"
+
+
 def _percent(each: ChangedParameter) -> str:
     return f"{each.percent:+.2f} %" if each.before else f"to {each.after:.4g}"
 
@@ -272,9 +277,9 @@ def proved(
     best = best_route(routes)
     fine = replace(problem, options=replace(problem.options, walk=WalkOptions()))
     u = problem.relative(best.values)
-    present = fine.response(np.zeros(len(problem.changes)))
     new = fine.response(u)
     notes: list[str] = []
+    present, before = _present(fine, notes)
     found: list[FoundOrbit] = []
     searched: tuple[float, ...] = ()
     if values:
@@ -284,8 +289,8 @@ def proved(
     isolated = _followed(new.branch, [each for each in found if each.orbit.period == problem.lead.period], notes)
     others = tuple(each for each in found if each.orbit.period != problem.lead.period)
     judged = [
-        JudgedGoal(goal.words(present.system, problem.parameter), goal.margin(present), goal.margin(new))
-        for goal in problem.goals
+        JudgedGoal(goal.words(new.system, problem.parameter), margin, goal.margin(new))
+        for goal, margin in zip(problem.goals, before, strict=True)
     ]
     failures = [text for branch in isolated for goal in problem.goals for text in goal.against(branch)]
     if others:
@@ -295,8 +300,11 @@ def proved(
         )
     for low, high in unstable_spans(new.branch, *new.ends):
         notes.append(f"the response is unstable between {low:.6g} and {high:.6g}; another motion settles there")
-    broken = dict.fromkeys(route.words for route in routes if math.isinf(route.missing))
-    notes += [f"a search failed: {words}" for words in broken]
+    if broken := [route for route in routes if math.isinf(route.missing)]:
+        names = dict.fromkeys(" and ".join(filter(None, route.ways)) or "the only way" for route in broken)
+        notes.append(
+            f"{len(broken)} of {len(routes)} searches failed ({'; '.join(names)}): the table of searches says why"
+        )
     if not complete:
         notes.append(f"stopped when {len(routes)} searches were done")
     if len(judged) > 1 and not best.is_reached:
@@ -310,12 +318,12 @@ def proved(
         present.system,
         new.system,
         problem.parameter,
-        (float(new.branch.values[0]), problem.end),
+        (problem.lead.system[problem.parameter], problem.end),
         problem.goals,
         changes,
         tuple(judged),
         best.change,
-        present.branch,
+        present.walked,
         new.branch,
         tuple(isolated),
         others,
@@ -325,6 +333,16 @@ def proved(
         tuple(notes),
         tuple(failures),
     )
+
+
+def _present(problem: DesignProblem, notes: list[str]) -> tuple[LocalResponse, list[float]]:
+    """Return the response of the present design, and its margins; nan where it does not reach the end of the range."""
+    present = problem.response(np.zeros(len(problem.changes)))
+    try:
+        return present, [goal.margin(present) for goal in problem.goals]
+    except NumericalError as error:
+        notes.append(f"the present design could not be judged: {error}")
+        return present, [math.nan] * len(problem.goals)
 
 
 def _searched(problem: DesignProblem, values: int) -> tuple[float, ...]:

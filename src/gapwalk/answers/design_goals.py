@@ -9,12 +9,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import GapState, chosen_gaps, gap_state, innermost
+from gapwalk.answers.gap_states import chosen_gaps, contact_place, gap_state, innermost, kept
 from gapwalk.answers.local_response import LocalResponse, band_points
 from gapwalk.attractors.rattle import largest
 from gapwalk.bifurcation.branch import Branch
@@ -22,7 +23,9 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ModelError
+from gapwalk.flow.motion import force_of, signal_names, signal_place
 from gapwalk.flow.quadrature import quadrature
+from gapwalk.model.equilibria import Equilibrium, find_equilibria
 from gapwalk.model.modes import find_modes
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
@@ -30,7 +33,11 @@ from gapwalk.orbit.orbit import Orbit
 
 MARGIN = 1e-3
 """Safety margin: as a share of the width of a band, of a limit, or of a measure of size 1."""
+EXACT = 1e-9
+"""Margin that may be missing because of rounding."""
 
+_STATES = ("rest", "closed", "open")
+_FAR = 0.5  # margin, as a share of a limit, beyond which a peak does not count in one step
 _LOWEST = 3  # local minima of a measure along a branch that are kept away from zero
 _STEP = 1e-5  # relative change of a parameter for the derivative of a natural frequency
 
@@ -57,8 +64,13 @@ class Need(NamedTuple):
 class Goal(ABC):
     """A goal of a design."""
 
-    ways: ClassVar[tuple[str, ...]] = ("",)
-    """Ways in which it may be reached; each is tried."""
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways in which it may be reached by a system; each is tried."""
+        return ("",)
+
+    def posed(self, system: System, way: str) -> System:
+        """Return the system, with the same parameters, on whose response the margins of a way are taken."""
+        return system
 
     @property
     def band(self) -> tuple[float, float] | None:
@@ -138,9 +150,8 @@ class NoPoint(Goal):
         if not low < high:
             raise ModelError(f"the band of a goal is from {low:g} to {high:g}; write the smaller value first")
 
-    @property
-    def ways(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Ways in which the points leave the band."""
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways in which the points leave the band."""
         return (*_MOVES, "vanish") if self.kind in (Kind.FOLD, Kind.FLIP) else tuple(_MOVES)
 
     def words(self, system: System, parameter: str) -> str:
@@ -155,7 +166,7 @@ class NoPoint(Goal):
         multipliers plus one plays this role.
         """
         points = [each for each in response.branch.special_points if each.kind == self.kind]
-        if way != "vanish" and (points or "vanish" not in self.ways):
+        if way != "vanish" and (points or "vanish" not in self.ways(response.system)):
             return _moved_out(response, points, self.within, way, margin)
         # without points, others must not appear: a design beyond the cusp may come back to it, and no further
         measure = response.advance if self.kind is Kind.FOLD else _from_flips
@@ -202,10 +213,18 @@ class Quiet(Goal):
         The band.
     """
 
-    ways: ClassVar[tuple[str, ...]] = ("closed", "open")
-
     gap: str
     within: tuple[float, float]
+
+    def ways(self, system: System) -> tuple[str, ...]:
+        """Return the ways: closed on one of its sides, if there it is no rigid stop, or open."""
+        law = system.structure.contacts[contact_place(system, self.gap)].law
+        sides = () if law.rebounds else sorted(innermost(system, self.gap).values(), reverse=True)
+        return (*(_CLOSED[side] for side in sides), "open")
+
+    def posed(self, system: System, way: str) -> System:
+        """Return the system whose gap keeps the state: it has no rattle that hides how far a quiet motion is."""
+        return kept(system, self.gap, _side(way))
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
@@ -221,10 +240,9 @@ class Quiet(Goal):
 
         A grazing point that leaves the band passes an end of it, where the depth is zero then: no way of its own.
         """
-        state = GapState.CLOSED if way == "closed" else GapState.OPEN
 
         def measure(point: BranchPoint) -> float:
-            return quiet_depth(point.orbit, self.gap, state)
+            return quiet_depth(point.orbit, self.gap, _side(way))
 
         return [
             Need(value - margin, response.slopes(place, measure), f"{self.gap} {way} at {place.point.value:.6g}")
@@ -233,9 +251,10 @@ class Quiet(Goal):
 
     def margin(self, response: LocalResponse) -> float:
         """Return the depth by which the gap stays closed or open over the band, relative to its clearance."""
+        sides = [0, *innermost(response.system, self.gap).values()]
         return max(
-            response.lowest(lambda point, state=state: quiet_depth(point.orbit, self.gap, state), *self.within)[0][1]
-            for state in (GapState.CLOSED, GapState.OPEN)
+            response.lowest(lambda point, side=side: quiet_depth(point.orbit, self.gap, side), *self.within)[0][1]
+            for side in sides
         )
 
     def against(self, branch: Branch) -> list[str]:
@@ -247,7 +266,15 @@ class Quiet(Goal):
         return [f"{self.gap} rattles on an isolated branch between {min(values):.6g} and {max(values):.6g}"]
 
 
-def quiet_depth(orbit: Orbit, gap: str, state: GapState) -> float:
+_CLOSED = {1: "closed on the positive side", -1: "closed on the negative side"}
+
+
+def _side(way: str) -> int:
+    """Return the side on which a way keeps a gap closed; 0 for open."""
+    return next((side for side, words in _CLOSED.items() if words == way), 0)
+
+
+def quiet_depth(orbit: Orbit, gap: str, side: int) -> float:
     """Return the depth by which a gap stays closed or open over an orbit, relative to its clearance; negative if not.
 
     Parameters
@@ -256,84 +283,121 @@ def quiet_depth(orbit: Orbit, gap: str, state: GapState) -> float:
         The orbit.
     gap
         Name of the contact.
-    state
-        The state, closed or open.
+    side
+        The side on which it is to stay closed, 1 or -1; 0: it is to stay open.
     """
     depths, breakpoints = [], orbit.system.breakpoints
-    for switch, side in innermost(orbit.system, gap).items():
+    for switch, own in innermost(orbit.system, gap).items():
         contact, _, clearance = breakpoints[switch]
-        turns = [side * value for value in orbit.turns[contact].values]
+        turns = [own * value for value in orbit.turns[contact].values]
         size = abs(clearance) or 1.0
-        depths.append((min(turns) - clearance if state is GapState.CLOSED else clearance - max(turns)) / size)
-    return max(depths) if state is GapState.CLOSED else min(depths)
+        if not side:
+            depths.append((clearance - max(turns)) / size)
+        elif own == side:
+            depths.append((min(turns) - clearance) / size)
+    return min(depths)
 
 
 @dataclass(frozen=True)
 class PeakBelow(Goal):
-    """The peak force or torque of a contact stays below a limit over a band, stable motion or not.
+    """The peak of a signal, such as the torque in a link, stays below a limit over a band, stable motion or not.
 
     Parameters
     ----------
-    contact
-        Name of the contact.
+    signal
+        Name of a contact, for its force; of a shaft or gear of a drive train, for its whole torque, that of its
+        permanent spring and damper included; or any signal, as in `Orbit.signal`.
     limit
-        The limit, in N m or non-dimensional.
+        The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within
         The band.
     """
 
-    contact: str
+    signal: str
     limit: float
     within: tuple[float, float]
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
-        unit = " N m" if system.units else ""
+        unit = f" {unit}" if (unit := _unit(system, peak_signal(system, self.signal))) else ""
         low, high = self.within
-        return f"peak of {self.contact} below {self.limit:g}{unit} between {parameter} = {low:g} and {high:g}"
+        return f"peak of {self.signal} below {self.limit:g}{unit} between {parameter} = {low:g} and {high:g}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if there is no such contact, the limit is no force, or the band leaves the range."""
+        """Raise a ModelError if there is no such signal, the limit is no size, or the band leaves the range."""
         super().check(system, ends)
-        known = [contact.name for contact in system.structure.contacts if not contact.law.rebounds]
-        if self.contact not in known:
-            raise ModelError(f"a goal limits the force of {self.contact!r}; {did_you_mean(self.contact, known)}")
+        name = peak_signal(system, self.signal)
+        rigid = [each for each in system.structure.contacts if each.law.rebounds]
+        if rigid and (name.endswith("''") or name in map(force_of, rigid)):
+            raise ModelError(
+                f"a goal limits the peak of {self.signal}, which is infinite where the rigid stop {rigid[0].name} is "
+                f'struck; write a goal without impacts, {{ quiet = "{rigid[0].name}" }}'
+            )
         if not self.limit > 0.0:
-            raise ModelError(f"the limit of {self.contact} is {self.limit!r}; it must be a force > 0")
+            raise ModelError(f"the limit of {self.signal} is {self.limit!r}; it must be a number > 0")
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins where the peak is largest."""
+        """Return the margins where the peaks of either sign are largest: where both are equal, both count."""
         return [
             Need(
                 value - margin,
-                response.slopes(place, self._left),
-                f"peak of {self.contact} {self.limit * (1.0 - value):.6g} at {place.point.value:.6g}",
+                response.slopes(place, partial(self._left, sign=sign)),
+                f"peak of {self.signal} {sign * self.limit * (1.0 - value):.6g} at {place.point.value:.6g}",
             )
-            for place, value in response.lowest(self._left, *self.within, most=_LOWEST)
+            for sign in (1, -1)
+            for place, value in response.lowest(partial(self._left, sign=sign), *self.within, most=_LOWEST)
+            if value < _FAR
         ]
 
     def margin(self, response: LocalResponse) -> float:
         """Return what is left to the limit, as a share of it."""
-        return response.lowest(self._left, *self.within)[0][1]
+        return min(response.lowest(partial(self._left, sign=sign), *self.within)[0][1] for sign in (1, -1))
 
     def against(self, branch: Branch) -> list[str]:
         """Return a sentence if the peak is above the limit on the branch inside the band."""
-        peaks = [(-self._left(point), point.value) for point in band_points(branch, *self.within)]
+        points = band_points(branch, *self.within)
+        peaks = [(-self._left(point, sign=sign), point.value) for point in points for sign in (1, -1)]
         share, value = max(peaks, default=(-1.0, 0.0))
         if share <= 0.0:
             return []
-        return [f"the peak of {self.contact} on an isolated branch is {(1.0 + share) * self.limit:.6g} at {value:.6g}"]
+        return [f"the peak of {self.signal} on an isolated branch is {(1.0 + share) * self.limit:.6g} at {value:.6g}"]
 
-    def _left(self, point: BranchPoint) -> float:
-        return 1.0 - peak_force(point.orbit, self.contact) / self.limit
+    def _left(self, point: BranchPoint, *, sign: int) -> float:
+        key = f"peaks of {self.signal}"
+        if key not in point.memo:
+            point.memo[key] = peaks(point.orbit, self.signal)
+        return 1.0 - point.memo[key][sign < 0] / self.limit
 
 
-def peak_force(orbit: Orbit, contact: str) -> float:
-    """Return the largest magnitude of the force of a contact in an orbit, in N m or non-dimensional."""
-    place = [form.name for form in orbit.system.structure.contacts].index(contact)
-    along = quadrature(orbit.system, orbit.state, orbit.period)
+def peak_signal(system: System, name: str) -> str:
+    """Return the signal of a contact, of a shaft or gear, or of any other name, as `Motion.signal` knows it.
+
+    Raises
+    ------
+    ModelError
+        If there is none.
+    """
+    known = signal_names(system)
+    if f"{name}.torque" in known:
+        return f"{name}.torque"
+    contacts = {form.name: form for form in system.structure.contacts}
+    if name not in known and name in contacts:
+        return force_of(contacts[name])
+    return known[signal_place(system, name)]
+
+
+def peaks(orbit: Orbit, signal: str) -> tuple[float, float]:
+    """Return the largest value of a signal in an orbit, and the largest of its negative, in the unit of the signal."""
+    name, along = peak_signal(orbit.system, signal), quadrature(orbit.system, orbit.state, orbit.period)
     nodes = np.arange(len(along.motion.theta))
-    return largest(along, nodes, lambda motion: np.abs(motion.forces[:, place]))
+    highest, lowest = (
+        largest(along, nodes, lambda motion, sign=sign: sign * motion.signal(name)) for sign in (1.0, -1.0)
+    )
+    return highest, lowest
+
+
+def _unit(system: System, signal: str) -> str:
+    return system.units.signal(signal)[1] if system.units else ""
 
 
 @dataclass(frozen=True)
@@ -343,29 +407,38 @@ class Resonance(Goal):
     Parameters
     ----------
     number
-        Number of the natural frequency: 1 for the first that is not zero, with the first stage of every contact closed.
+        Number of the natural frequency: 1 for the first that is not zero.
     below, above
         The limits, in the unit of the frequency or speed; give one or both.
     order
         Order of the excitation that meets it: per turn where the first parameter is the speed of a shaft, otherwise a
         multiple of the frequency.
+    at
+        The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
+        there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
     """
 
     number: int
     below: float | None = None
     above: float | None = None
     order: float = 1.0
+    at: str = "rest"
 
     def __post_init__(self) -> None:
         if self.below is None and self.above is None:
             raise ModelError("a goal names a resonance, but no limit; write below = ... or above = ...")
+        if not self.order > 0.0:
+            raise ModelError(f"the order of a resonance is {self.order!r}; it must be a number > 0")
+        if self.at not in _STATES:
+            raise ModelError(f"a resonance is taken at {self.at!r}; {did_you_mean(str(self.at), _STATES)}")
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
         unit = f" {system.units.parameter(system.structure.pace)}" if system.units else ""
         limits = (("above", self.above), ("below", self.below))
         parts = [f"{word} {value:g}{unit}" for word, value in limits if value is not None]
-        return f"resonance {self.number} with order {self.order:g} {' and '.join(parts)}"
+        about = "" if self.at == "rest" else f", {self.at},"
+        return f"resonance {self.number}{about} with order {self.order:g} {' and '.join(parts)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
         """Raise a ModelError if the system has no such natural frequency."""
@@ -373,7 +446,7 @@ class Resonance(Goal):
 
     def value(self, system: System) -> float:
         """Return the frequency or speed at which the order meets the natural frequency."""
-        rates = find_modes(system).frequencies
+        rates = find_modes(system, self._state(system)).frequencies
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]
         if not 1 <= self.number <= len(rates):
@@ -400,6 +473,17 @@ class Resonance(Goal):
         value = self.value(response.system)
         pairs = ((-1.0, self.below), (1.0, self.above))
         return min(side * (value - limit) / abs(limit) for side, limit in pairs if limit is not None)
+
+    def _state(self, system: System) -> Equilibrium | str:
+        if self.at != "rest":
+            return self.at
+        found = find_equilibria(system).equilibria
+        if not found or not found[0].stable:
+            raise ModelError(
+                f"a goal names resonance {self.number} about the static equilibrium, but there is no stable one; write "
+                'at = "closed", with the first stage of every contact, or at = "open"'
+            )
+        return found[0]
 
 
 AnyGoal = NoPoint | Quiet | PeakBelow | Resonance

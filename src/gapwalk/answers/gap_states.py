@@ -1,26 +1,41 @@
-"""States of a gap in one motion: closed, open, or rattling on one side or on both.
+"""States of a gap in one motion: closed, open, or rattling on one side or on both; and systems whose gaps keep one.
 
 A gap is a contact with a clearance. It is quiet where it never opens and where it never touches; it rattles where it
 does both by turns. Only the innermost stage of each side counts: further stages stiffen a contact that is closed.
+Many motions are judged by the batch integrator once they have settled.
+
+A motion in which a gap is quiet is also a motion of the system whose gap keeps that state for ever: its force on that
+side goes on beyond the breakpoint as the same formula, as if the parts were glued, or it is always zero. That system
+is smooth where the gap would rattle, so that its response shows how far a design is from a quiet gap.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.many_motions import motions_of
+from gapwalk.attractors.regime_judge import wait
+from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.laws import Law, Stages
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
+WATCHED = 16
+"""Forcing periods over which the gaps of many motions are watched; a multiple of most periods."""
+_TRANSIENT = 16  # forcing periods after which fewer steps may do: random starts close gaps at great velocities
+_LONGEST = 8  # longest period that is distinguished from motions without period
 _RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
 
 
@@ -139,6 +154,82 @@ def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> N
     return np.where(np.isnan(impacts).any(axis=1), -1, codes)
 
 
+def watched(system: System, state: NDArray[np.float64], gaps: Sequence[str]) -> list[GapState]:
+    """Return the state of each gap over some forcing periods from a state at theta = 0, by the exact flow.
+
+    Raises
+    ------
+    FlowError
+        If the motion diverges.
+    """
+    arc = Strobe(system).arc(state, WATCHED)
+    motion = Motion.of(system, np.zeros(1), state[None], arc.contacts)
+    return [gap_state(motion, gap) for gap in gaps]
+
+
+class GapVerdicts(NamedTuple):
+    """States of gaps in many settled motions.
+
+    Attributes
+    ----------
+    codes : shape (count, gaps)
+        `GapState.code` of each gap; -1 for motions that have diverged.
+    periods : shape (count,)
+        Periods of the motions in forcing periods; 0 if they did not become periodic.
+    peaks : shape (count, gaps)
+        Largest magnitude of each contact force.
+    states : shape (count, state_size)
+        Last states of the motions.
+    error
+        Error of the integrator over a forcing period of settled motions, relative to their size.
+    waited
+        The most forcing periods over which any of them was followed before it was watched.
+    """
+
+    codes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    peaks: NDArray[np.float64]
+    states: NDArray[np.float64]
+    error: float
+    waited: int
+
+
+def judge_gaps(
+    system: System,
+    states: NDArray[np.float64],
+    values: Mapping[str, NDArray[np.float64]] | None,
+    gaps: Sequence[str],
+    patience: int,
+) -> GapVerdicts:
+    """Follow motions until they are periodic or patience ends, and return what their gaps do then.
+
+    Parameters
+    ----------
+    system
+        The system.
+    states : shape (count, state_size)
+        States at theta = 0.
+    values
+        Parameter values by name, each of shape (count,), one for each motion; None if they are those of the system.
+    gaps
+        Names of the contacts.
+    patience
+        The most forcing periods in which a motion may become periodic.
+    """
+    pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
+    paces = (values or {}).get(pace, np.full(len(states), system[pace]))
+    scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
+    motions = motions_of(system, states, values)
+    states = motions.advance(states, _TRANSIENT)
+    motions = motions.eased(states)
+    waited = wait(motions, states, scales, patience, _LONGEST)
+    found = motions.contacts(waited.states, WATCHED)
+    codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
+    periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
+    peaks = found.peaks[:, places]
+    return GapVerdicts(np.stack(codes, axis=1), periods, peaks, found.states, motions.error, length)
+
+
 def contact_place(system: System, gap: str) -> int:
     """Return the number of the contact that is a gap."""
     return [contact.name for contact in system.structure.contacts].index(gap)
@@ -151,6 +242,79 @@ def innermost(system: System, gap: str) -> dict[int, int]:
         if contact == place and (side not in found or clearance < found[side][1]):
             found[side] = (switch, clearance)
     return {switch: side for side, (switch, _) in found.items()}
+
+
+class _Kept(Law):
+    """The force of a contact whose innermost stage on one side is always closed, or, with side 0, all are open.
+
+    The breakpoints stay what they are: crossing one is an event, at which the force does not change.
+    """
+
+    name, words = "kept", "a gap that keeps its state"
+
+    def __init__(self, law: Law, side: int) -> None:
+        self.law, self.side, self.host = law, side, law.host
+        # of one object, as those of the law that it stands for
+        self.parameters = law.parameters  # pyright: ignore[reportAttributeAccessIssue]
+        self.stage_parameters = law.stage_parameters  # pyright: ignore[reportAttributeAccessIssue]
+
+    def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
+        """See `Law.force`."""
+        if not self.side:
+            return 0.0 * rate
+        return self.law.force(rate, stages.kept(self.side), numbers)
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """See `Law.arguments`."""
+        return self.law.arguments
+
+    @property
+    def mode_count(self) -> int:
+        """See `Law.mode_count`."""
+        return self.law.mode_count
+
+    def guards(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Sequence[Any]:
+        """See `Law.guards`."""
+        return self.law.guards(rate, stages.kept(self.side), numbers)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Kept) and (self.law, self.side) == (other.law, other.side)
+
+    def __hash__(self) -> int:
+        return hash((self.law, self.side))
+
+    def __repr__(self) -> str:
+        return f"_Kept({self.law!r}, {self.side})"
+
+
+def kept(system: System, gap: str, side: int) -> System:
+    """Return the system whose gap never changes its state; its parameters are the same.
+
+    Parameters
+    ----------
+    system
+        The system.
+    gap
+        Name of the contact.
+    side
+        1 or -1: always closed on that side; 0: always open.
+
+    Raises
+    ------
+    ModelError
+        If the contact is a rigid stop that is to stay closed: it has no force by a formula.
+
+    Examples
+    --------
+    >>> glued = kept(system, "mesh", 1)
+    """
+    structure, place = system.structure, contact_place(system, gap)
+    form = structure.contacts[place]
+    if side and form.law.rebounds:
+        raise ModelError(f"{gap} is a rigid stop, which stays closed by no force of its own; its gap may stay open")
+    contacts = (*structure.contacts[:place], replace(form, law=_Kept(form.law, side)), *structure.contacts[place + 1 :])
+    return System.from_values(replace(structure, contacts=contacts), system.values)
 
 
 def _width(system: System, gap: str) -> float:

@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.design_goals import MARGIN, AnyGoal, Goal, Need
+from gapwalk.answers.design_goals import EXACT, MARGIN, AnyGoal, Goal, Need
 from gapwalk.answers.local_response import COARSE, LocalResponse
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
-from gapwalk.orbit.find import carry
+from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
 
 _PENALTY, _STRONGEST = 10.0, 1e5  # on the largest missing margin, at first and at most
@@ -160,10 +161,10 @@ class LeastChangeOptions:
 
 
 class _Judged(NamedTuple):
-    """A design: its relative changes, its response, and the margins of all goals."""
+    """A design: its relative changes, the first orbits of its responses by their structures, and all margins."""
 
     u: NDArray[np.float64]
-    lead: Orbit
+    leads: dict[Structure, Orbit]
     needs: list[Need]
 
     @property
@@ -210,7 +211,7 @@ class DesignProblem:
         begin = system[self.parameter]
         for goal in self.goals:
             if not isinstance(goal, Goal):
-                raise ModelError(f"a goal is {goal!r}; write one such as gw.goals.NoPoint('fold', (0.6, 0.66))")
+                raise ModelError(f"a goal is {goal!r}; write one such as gw.ask.NoPoint('fold', (0.6, 0.66))")
             goal.check(system, (min(begin, self.end), max(begin, self.end)))
         for change in self.changes:
             change.bounds(system)
@@ -252,22 +253,23 @@ class DesignProblem:
         return float(np.sqrt(np.sum(self.weights * u**2)))
 
     def response(self, u: NDArray[np.float64], lead: Orbit | None = None) -> LocalResponse:
-        """Walk the response of a design.
+        """Return the response of a design, which is walked when it is first needed.
 
         Parameters
         ----------
         u
             Relative changes.
         lead
-            Orbit at the beginning of the range of a design nearby.
+            Orbit at the beginning of the range of a design nearby, with the structure that the response is to have.
         """
-        moved = carry(lead or self.lead, self.system_at(u), self.names)
-        scales = self.scales.tolist()
-        return LocalResponse.of(moved, self.parameter, self.end, self.names, scales, self.options.walk)
+        lead = lead or self.lead
+        system = System.from_values(lead.system.structure, self.system_at(u).values)
+        moved, scales = carry(lead, system, self.names), tuple(self.scales.tolist())
+        return LocalResponse(moved, self.parameter, self.end, self.names, scales, self.options.walk)
 
     def ways(self) -> list[tuple[str, ...]]:
         """Return the combinations of the ways of all goals."""
-        return list(product(*(goal.ways for goal in self.goals)))
+        return list(product(*(goal.ways(self.lead.system) for goal in self.goals)))
 
     def starts(self) -> NDArray[np.float64]:
         """Return the further starts, evenly spread over the bounds; shape (starts, k)."""
@@ -296,7 +298,7 @@ class DesignProblem:
         except (NumericalError, ModelError) as error:
             return Route(ways, start, self._values(u), self.size(u), math.inf, search.steps, str(error))
         worst = min(found.needs, key=lambda need: need.margin, default=None)
-        is_missing = found.missing > max(_DONE * self.options.margin, _DONE * _DONE)
+        is_missing = found.missing > max(_DONE * self.options.margin, EXACT)
         words = worst.words if worst is not None else ""
         if search.is_given_up:
             words += f"; given up, {_HOPELESS:g} times beyond the least change known"
@@ -333,6 +335,10 @@ class DesignProblem:
         return tuple(system[name] for name in self.names)
 
 
+def _covers(band: tuple[float, float] | None, other: tuple[float, float] | None) -> bool:
+    return band is not None and other is not None and band[0] <= other[0] and other[1] <= band[1]
+
+
 class _Search:
     """Sequential quadratic programming for one way of reaching the goals."""
 
@@ -342,12 +348,12 @@ class _Search:
 
     def run(self, u: NDArray[np.float64]) -> _Judged:
         """Return the best design that was found."""
-        now, radius, penalty = self.judged(u, None), _TRUST, _PENALTY
+        now, radius, penalty = self.judged(u, {}), _TRUST, _PENALTY
         is_near = self.problem.size(u) < self.known  # a further start begins beyond, and comes nearer first
         while self.steps < self.problem.options.steps and radius > _NARROWEST:
             step, slack = self.quadratic(now, radius, penalty)
             size = float(np.abs(step).max())
-            small = _DONE * max(self.problem.options.margin, _DONE)
+            small = max(_DONE * self.problem.options.margin, 0.1 * EXACT)
             if slack > small and size < 0.5 * radius and penalty < _STRONGEST:
                 penalty *= 10.0  # the penalty was too weak to close the margins although there was room
                 continue
@@ -355,7 +361,7 @@ class _Search:
             if size <= _DONE or predicted <= 1e-9 * self.merit(now.u, now.missing, penalty):
                 break
             try:
-                trial = self.judged(now.u + step, now.lead)
+                trial = self.judged(now.u + step, now.leads)
             except NumericalError:
                 radius = 0.3 * size
                 continue
@@ -372,17 +378,43 @@ class _Search:
             is_near = is_near or self.problem.size(now.u) < self.known
         return now
 
-    def judged(self, u: NDArray[np.float64], lead: Orbit | None) -> _Judged:
-        """Walk the response of a design, and judge it."""
+    def judged(self, u: NDArray[np.float64], leads: dict[Structure, Orbit]) -> _Judged:
+        """Walk the responses of a design, one for each system that the goals are judged on, and judge them."""
         self.steps += 1
-        response = self.problem.response(u, lead)
-        margin = self.problem.options.margin
-        needs = [
-            need
-            for goal, way in zip(self.problem.goals, self.ways, strict=True)
-            for need in goal.needs(response, way, margin)
-        ]
-        return _Judged(u, response.branch.points[0].orbit, needs)
+        problem, needs = self.problem, list[Need]()
+        responses: dict[Structure, LocalResponse] = {}
+        for goal, way in zip(problem.goals, self.ways, strict=True):
+            posed = self.posed(goal)
+            structure = posed.structure
+            if structure not in responses:
+                responses[structure] = problem.response(u, leads.get(structure) or self.first(posed))
+            needs += goal.needs(responses[structure], way, problem.options.margin)
+        return _Judged(u, {structure: each.lead for structure, each in responses.items()}, needs)
+
+    def posed(self, goal: Goal) -> System:
+        """Return the system on whose response a goal is judged.
+
+        Where gaps are to be quiet over the band of the goal, it is the one whose gaps keep their states: the motion
+        that is looked for is the same, and it is judged without the rattle that the design is to remove.
+        """
+        system = self.problem.lead.system
+        for other, way in zip(self.problem.goals, self.ways, strict=True):
+            if other is goal or _covers(other.band, goal.band):
+                system = other.posed(system, way)
+        return system
+
+    def first(self, posed: System) -> Orbit:
+        """Return the orbit at the beginning of the range of the present design, with the structure of another system.
+
+        Newton's method from the present orbit finds it at once where that motion is already as the goal wants it.
+        """
+        lead = self.problem.lead
+        if posed.structure == lead.system.structure:
+            return lead
+        try:
+            return find_orbit(posed, lead.period, lead.state)
+        except NumericalError:
+            return find_orbit(posed, lead.period)
 
     def merit(self, u: NDArray[np.float64], missing: float, penalty: float) -> float:
         """Return the measure that each step decreases."""

@@ -8,7 +8,7 @@ each parameter, in the plane across the branch, and the central difference of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -53,56 +53,61 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LocalResponse:
-    """The response of a system over a range, walked from one end to the other.
+    """The response of a system over a range, walked from one end to the other when it is first needed.
 
     Attributes
     ----------
-    branch
-        The branch.
+    lead
+        Orbit at the beginning of the range.
+    parameter, end
+        The walked parameter, and the other end of its range.
     names
         Parameters that may change.
     scales
         Size of a relative change of 1 of each of them.
+    walk
+        Options of the walk.
     """
 
-    branch: Branch
+    lead: Orbit
+    parameter: str
+    end: float
     names: tuple[str, ...]
     scales: tuple[float, ...]
+    walk: WalkOptions = COARSE
 
-    @classmethod
-    def of(
-        cls, lead: Orbit, parameter: str, end: float, names: Sequence[str], scales: Sequence[float], walk: WalkOptions
-    ) -> LocalResponse:
-        """Walk the response from an orbit at one end of the range to the other end.
+    @cached_property
+    def walked(self) -> Branch:
+        """The branch as far as it was walked."""
+        return follow(self.lead, self.parameter, self.end, walk=self.walk)
 
-        Raises
-        ------
-        ConvergenceError
-            If the branch does not reach the other end.
-        """
-        branch = follow(lead, parameter, end, walk=walk)
+    @cached_property
+    def branch(self) -> Branch:
+        """The branch over the whole range; raises a ConvergenceError if it does not reach the other end."""
+        branch, end = self.walked, self.end
         last = branch.ends[-1]
         if last.reason is not EndReason.RANGE or abs(last.value - end) > abs(end - branch.values[0]) * _INSIDE:
             raise ConvergenceError(
-                f"the response from {parameter} = {branch.values[0]:.6g} does not reach {end:.6g}: {last.reason_words}"
+                f"the response from {self.parameter} = {branch.values[0]:.6g} does not reach {end:.6g}: "
+                f"{last.reason_words}"
             )
-        return cls(branch, tuple(names), tuple(scales))
+        return branch
 
     @property
     def system(self) -> System:
         """The system at the beginning of the response."""
-        return self.branch.system
+        return self.lead.system
 
     @property
     def ends(self) -> tuple[float, float]:
         """Ends of the range, the smaller one first."""
-        first, last = float(self.branch.values[0]), float(self.branch.values[-1])
-        return min(first, last), max(first, last)
+        begin = self.system[self.parameter]
+        return min(begin, self.end), max(begin, self.end)
 
     @property
     def forward(self) -> float:
         """1 if the walk begins at the smaller end, -1 otherwise."""
-        return 1.0 if self.branch.values[-1] > self.branch.values[0] else -1.0
+        return 1.0 if self.end > self.system[self.parameter] else -1.0
 
     def advance(self, point: BranchPoint) -> float:
         """Return the component of the tangent along the walked parameter: negative where the branch runs back."""
@@ -145,17 +150,15 @@ class LocalResponse:
 
     @cached_property
     def _corrector(self) -> Corrector:
-        first = self.branch.points[0].orbit
-        method = first.method()
         way = 1 if self.forward > 0.0 else -1
-        return start_branch(first, self.branch.parameter, float(self.branch.values[-1]), way, method).corrector
+        return start_branch(self.lead, self.parameter, self.end, way, self.lead.method()).corrector
 
     def _moved(self, place: Place, name: str, change: float) -> BranchPoint:
         """Return the point that takes the place of one when a parameter changes."""
         point, scales = place.point, self._corrector.scales
         system = point.orbit.system
         other = system.at({name: system[name] + change})
-        equation = point.orbit.method().pose(other, self.branch.parameter, point.orbit.period)
+        equation = point.orbit.method().pose(other, self.parameter, point.orbit.period)
         corrector = Corrector(equation, scales)
         x = np.append(equation.unknowns(point.orbit), point.value) / scales
         corrected = corrector.at_value(x, point.value) if place.is_fixed else corrector.correct(x, point.tangent)

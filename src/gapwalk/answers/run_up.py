@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.answers.jump_delay import JumpDelay, jump_delays
 from gapwalk.answers.speed_course import Piece, SpeedCourse, angles_of, pieces_of
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.kinds import Kind
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD
@@ -36,8 +36,6 @@ from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
 
 _REFINED = 256  # samples of an interval in which the largest force is looked for
-_BESIDE = 6  # points of a branch next to a fold, which lie on one side of it
-_OTHER = 0.05  # share of the range of a branch by which another motion differs from that at a fold
 _TOPS = 6  # of the largest samples of a force, around each of which it is looked for
 
 
@@ -65,24 +63,6 @@ class ForcePeak(NamedTuple):
     theta: float
     impacts: int
     fastest: float
-
-
-class JumpDelay(NamedTuple):
-    """A jump that a run-up makes after the fold of a branch at which a slow sweep would jump.
-
-    Attributes
-    ----------
-    fold
-        Speed of the fold.
-    jump
-        Speed at which the run-up is half way between the motions before and after; NaN if it never is.
-    delay
-        Time from the fold to the jump.
-    """
-
-    fold: float
-    jump: float
-    delay: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,6 +156,11 @@ class RunUp(Shown):
         layout, numbers = layout_of(self.system.structure), coefficients_of(self.system)
         return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
 
+    def coordinate_of(self, signal: str) -> str:
+        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`."""
+        name = signal.rstrip("'")
+        return name if name in self.system.coordinates else self.loudest
+
     @cached_property
     def forces(self) -> NDArray[np.float64]:
         """Contact forces, shape (samples, contacts)."""
@@ -222,46 +207,13 @@ class RunUp(Shown):
         ModelError
             If the branch is over another parameter, or the speed of the run-up changes its direction.
         """
-        pace, measure = self.system.structure.pace, f"half.{coordinate}"
-        if branch.parameter != pace:
-            raise ModelError(f"the branch is over {branch.parameter}; a run-up needs a response over {pace}")
-        sign = np.unique(np.sign(self.course.rates))
-        sign = sign[sign != 0.0]
-        if len(sign) != 1:
-            raise ModelError("the speed changes its direction; delays are known for a run-up or a run-down alone")
-        speed, half = self.half(coordinate)
-        values = np.array([point.value for point in branch.points])
-        sizes = np.array([point.measure(measure) for point in branch.points])
-        stable = np.array([point.orbit.stable for point in branch.points])
-        found = []
-        for special in branch.special_points:
-            if special.kind is not Kind.FOLD or not speed.min() < special.value < speed.max():
-                continue
-            before = special.point.measure(measure)
-            far = np.hypot((values - special.value) / np.ptp(values), (sizes - before) / (np.ptp(sizes) or 1.0))
-            beside = np.argsort(far, kind="stable")[:_BESIDE]
-            if sign[0] * (np.mean(values[beside]) - special.value) > 0.0 or not stable[beside].any():
-                continue  # a stable motion ends there for the other direction, or none does
-            steps = np.flatnonzero(
-                stable[:-1] & stable[1:] & ((values[:-1] < special.value) != (values[1:] < special.value))
-            )
-            shares = (special.value - values[steps]) / (values[steps + 1] - values[steps])
-            others = sizes[steps] + shares * (sizes[steps + 1] - sizes[steps])
-            others = others[np.abs(others - before) > _OTHER * np.ptp(sizes)]
-            if not len(others):
-                continue
-            after = others[np.argmin(np.abs(others - before))]
-            beyond = sign[0] * (speed - special.value) > 0.0
-            jumped = np.flatnonzero(beyond & (np.abs(half - after) < np.abs(half - before)))
-            jump = float(speed[jumped[0]]) if len(jumped) else float("nan")
-            times = np.interp([special.value, jump], *_increasing(self.speed, self.time))
-            found.append(JumpDelay(special.value, jump, float(times[1] - times[0]) if len(jumped) else float("nan")))
-        return tuple(found)
+        return jump_delays(self, branch, coordinate)
 
     def waterfall(self, signal: str, top: float = 10.0, periods: int = 8, overlap: float = 0.75) -> Waterfall:
         """Compute spectra over orders in windows of some forcing periods, along the run-up.
 
-        The motion is sampled evenly over the angle, so orders stay lines while the speed changes.
+        The motion is sampled evenly over the angle, so orders stay lines while the speed changes. The spectra are over
+        the speed, or over the time if the speed is held or turns back.
 
         Parameters
         ----------
@@ -281,7 +233,7 @@ class RunUp(Shown):
         """
         turns = float(self.system.turns or 1)
         even = np.abs((self.theta - self.theta[0]) / PERIOD * self.samples % 1.0 - 0.5) > 0.5 - 1e-6
-        values, speed, length = self.signal(signal)[even], self.speed[even], periods * self.samples
+        values, length, over_speed = self.signal(signal)[even], periods * self.samples, self.course.is_invertible
         if len(values) < length:
             raise ModelError(
                 f"the run-up lasts {len(values) / self.samples:.3g} forcing periods, less than a window of {periods}; "
@@ -298,10 +250,10 @@ class RunUp(Shown):
             mean = piece.mean()
             lines = 2.0 * np.abs(np.fft.rfft((piece - mean) * weights)) / weights.sum()
             rows.append([abs(mean), *lines[1:count]])
-        orders, middles = turns * np.arange(count) / periods, speed[starts + length // 2]
+        orders, along = turns * np.arange(count) / periods, (self.speed if over_speed else self.time)[even]
         return Waterfall(
-            self.system.structure.pace, signal, middles, orders, np.array(rows), np.ones(len(starts), bool),
-            self.system.turns,
+            self.system.structure.pace if over_speed else "time", signal, along[starts + length // 2], orders,
+            np.array(rows), np.ones(len(starts), bool), self.system.turns, self.system.units,
         )  # fmt: skip
 
     @summarizes
@@ -331,7 +283,7 @@ class RunUp(Shown):
         units, pace = self.system.units, self.system.structure.pace
         unit = " N m" if units else ""
         return tuple(
-            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units)}; "
+            f"{each.contact}: at most {abs(each.force):.4g}{unit}, at {value_words(each.speed, pace, units, 6)}; "
             f"{each.impacts} impacts"
             for each in self.peaks
             if each.force
@@ -394,7 +346,7 @@ def run_up(
     >>> mass = gw.System(
     ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=1.0
     ... )
-    >>> run = gw.run_up(mass, gw.SpeedCourse.ramp(0.5, 1.5, 0.01))
+    >>> run = gw.ask.run_up(mass, gw.ask.SpeedCourse.ramp(0.5, 1.5, 0.01))
     >>> round(float(run.time[-1]), 9)
     100.0
     """
@@ -403,7 +355,7 @@ def run_up(
         raise ModelError(f"samples is {samples!r}; it must be an integer from 16 to 65,536 per forcing period")
     if not isinstance(speed, SpeedCourse):
         raise ModelError(
-            f"speed is {speed!r}; write gw.SpeedCourse.ramp(700, 1100, 100), or gw.SpeedCourse(time, speed)"
+            f"speed is {speed!r}; write gw.ask.SpeedCourse.ramp(700, 1100, 100), or gw.ask.SpeedCourse(time, speed)"
         )
     ramped = Ramped(system)
     pace = system.structure.pace
@@ -472,7 +424,3 @@ def _peaks(ramped: Ramped, thetas, states, intervals: list[Piece], events: list[
         speed = float(speed) / system.structure.frequency
         found.append(ForcePeak(form.name, force, speed, time, theta, len(hits), max(hits, default=0.0)))
     return tuple(found)
-
-
-def _increasing(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return (x, y) if x[-1] > x[0] else (x[::-1], y[::-1])

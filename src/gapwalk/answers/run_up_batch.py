@@ -94,7 +94,7 @@ def run_batch(
     structure = ramped.system.structure
     if structure.equations.variations:
         raise ModelError(
-            "run-ups in a batch cannot include loads that vary a number of a contact; use gapwalk.run_up, one by one"
+            "run-ups in a batch cannot include loads that vary a number of a contact; use gapwalk.ask.run_up, singly"
         )
     fastest = max(course.speed.max() for course in courses) * structure.frequency
     linear = Linear(layout_of(structure), ramped.coefficients(fastest, 0.0)[None])
@@ -118,7 +118,7 @@ def run_batch(
             raise FlowError(
                 f"the error of the run-ups is {found.error:.2g} with {steps} steps per forcing period, but "
                 f"{options.error:g} was requested; allow a larger error (BatchOptions(error=...)), or use "
-                "gapwalk.run_up, one by one"
+                "gapwalk.ask.run_up, singly"
             )
         per_time = max(revised(steps, found.error, options.error), steps + 4) * fastest / (2.0 * math.pi)
 

@@ -155,7 +155,7 @@ class RunUps(Shown):
             peaks, places = self.peaks(name), self.places(name)
             middle, most = np.nanquantile(peaks, (0.5, 0.95))
             worst = int(np.nanargmax(peaks))
-            where = value_words(float(places[worst]), system.structure.pace, system.units)
+            where = value_words(float(places[worst]), system.structure.pace, system.units, 4)
             found.append(
                 f"{name}: peak {middle:.4g}{unit} in half of the run-ups, {most:.4g}{unit} in 95 %; at most "
                 f"{peaks[worst]:.4g}{unit}, at {where} of the run-up at {self.rates[worst]:.4g}{per}"
@@ -240,7 +240,7 @@ def run_ups(
     Raises
     ------
     ModelError
-        If the system cannot run up, or a load varies a number of a contact: those need `gapwalk.run_up`.
+        If the system cannot run up, or a load varies a number of a contact: those need `gapwalk.ask.run_up`.
     FlowError
         If the error cannot be reached.
 
@@ -256,14 +256,14 @@ def run_ups(
     ...     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
     ...     frequency=1.0,
     ... )
-    >>> found = gw.run_ups(mass, [gw.SpeedCourse.ramp(0.5, 1.5, rate) for rate in (0.01, 0.02)])
+    >>> found = gw.ask.run_ups(mass, [gw.ask.SpeedCourse.ramp(0.5, 1.5, rate) for rate in (0.01, 0.02)])
     >>> found.peaks("wall").shape
     (2,)
     """
     check_system(system, "run_ups")
     courses = tuple(speeds)
     if not courses or not all(isinstance(each, SpeedCourse) for each in courses):
-        raise ModelError("speeds must be a list of courses, such as [gw.SpeedCourse.ramp(700, 1100, rate), ...]")
+        raise ModelError("speeds must be a list of courses, such as [gw.ask.SpeedCourse.ramp(700, 1100, rate), ...]")
     if isinstance(bins, bool) or not isinstance(bins, int) or not 2 <= bins <= 10_000:
         raise ModelError(f"bins is {bins!r}; it must be an integer from 2 to 10,000")
     ramped, count = Ramped(system), len(courses)

@@ -137,6 +137,17 @@ class SpeedCourse:
         """Change of the speed by time between the points, shape (points - 1,)."""
         return np.diff(self.speed) / np.diff(self.time)
 
+    @property
+    def is_one_way(self) -> bool:
+        """True if the speed rises or falls and never turns; it may be held for some time."""
+        signs = np.unique(np.sign(self.rates))
+        return len(signs[signs != 0.0]) == 1
+
+    @property
+    def is_invertible(self) -> bool:
+        """True if each speed is met once, so that a picture may be drawn over the speed instead of the time."""
+        return self.is_one_way and bool(np.all(self.rates != 0.0))
+
     @cached_property
     def turned(self) -> NDArray[np.float64]:
         """Integral of the speed over time up to each point, shape (points,)."""

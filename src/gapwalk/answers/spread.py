@@ -68,8 +68,8 @@ class Spread:
 
     Examples
     --------
-    >>> gw.Spread("stage2.clearance", sd=0.05)
-    >>> gw.Spread("mean.q1", "uniform", low=0.2, high=0.3)
+    >>> gw.ask.Spread("stage2.clearance", sd=0.05)
+    >>> gw.ask.Spread("mean.q1", "uniform", low=0.2, high=0.3)
     """
 
     parameter: str
@@ -283,7 +283,7 @@ def measured_parts(path: str | os.PathLike[str]) -> Spreads:
 
     Examples
     --------
-    >>> gw.tolerance(system, "frequency", (1.9, 0.6), gw.analysis.measured_parts("clutches.csv"))
+    >>> gw.ask.tolerance(system, "frequency", (1.9, 0.6), gw.analysis.measured_parts("clutches.csv"))
     """
     try:
         with open_file(path) as file:

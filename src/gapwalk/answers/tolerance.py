@@ -23,7 +23,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
 Array = NDArray[np.float64]
 
@@ -227,8 +227,8 @@ class Tolerance(Shown):
         return ", ".join(f"{self.names[k]} {first[k]:.2f}" for k in order)
 
     @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the distribution of each point, the probability of a jump in the band, and how sure that is."""
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the distribution of each point, the probability of a jump in the band, and how sure; and the notes."""
         units = self.branch.system.units
         symbol, known = parameter_symbol(self.parameter, units), int(self.known.sum())
         if self.band is not None and known:
@@ -268,6 +268,8 @@ class Tolerance(Shown):
             )
             yield Table(heads, rows)
         yield from self._doubts()
+        if notes:
+            yield from remarks(self.notes, self.failures)
 
     def tables(self) -> Tables:
         """Return the tables of the points, of their indices, and of all samples."""

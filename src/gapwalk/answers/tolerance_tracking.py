@@ -167,7 +167,7 @@ class Tracking:
 
     @property
     def labels(self) -> list[tuple[object, ...]]:
-        """What a point must share with another one to be its counterpart."""
+        """Properties that a point shares with its counterpart."""
         return [label_of(special) for special in self.specials]
 
     def at(self, values: Array) -> System:

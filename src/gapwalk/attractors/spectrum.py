@@ -22,6 +22,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
+from gapwalk.model.units import Units
 from gapwalk.orbit.orbit import Orbit
 
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
@@ -162,6 +163,8 @@ class Waterfall:
         True for stable orbits.
     turns
         See `System.turns`.
+    units
+        Units of the system.
     """
 
     parameter: str
@@ -171,6 +174,7 @@ class Waterfall:
     amplitudes: NDArray[np.float64]
     stable: NDArray[np.bool_]
     turns: int | Fraction | None = None
+    units: Units | None = None
 
     def plot(self, **options):
         """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
@@ -315,7 +319,16 @@ def waterfall(
         lines = spectrum(orbit, signal, options).amplitudes[: len(row[::step])]
         row[: len(lines) * step : step] = lines
     values = np.array([orbit.system[parameter] for orbit in orbits])
-    return Waterfall(parameter, signal, values, orders, table, np.array([orbit.stable for orbit in orbits]), turns)
+    return Waterfall(
+        parameter,
+        signal,
+        values,
+        orders,
+        table,
+        np.array([orbit.stable for orbit in orbits]),
+        turns,
+        orbits[0].system.units,
+    )
 
 
 def line_name(

@@ -19,6 +19,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
+from gapwalk.explorer.answer_view import AnswerView, view_of
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
 from gapwalk.explorer.tasks import Task
@@ -70,6 +71,8 @@ class Line(NamedTuple):
         Kind of the special points of a locus; None for a branch.
     second
         The second parameter of a locus; otherwise empty.
+    is_earlier
+        True for a branch of the system before the change that an answer proposes.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Line(NamedTuple):
     special_points: Sequence[SpecialPoint | Codim2Point]
     kind: Kind | None = None
     second: str = ""
+    is_earlier: bool = False
 
 
 @dataclass
@@ -118,6 +122,8 @@ class Entry:
     live: Progress = field(default_factory=Progress)
     version: int = 0
     model: str = ""
+    _viewed: tuple[Result | None, AnswerView | None] = (None, None)
+    _answer_lines: list[Line] = field(default_factory=list)
 
     @property
     def can_resume(self) -> bool:
@@ -135,12 +141,14 @@ class Entry:
         """Return its branches, then its loci, as the page shows them; while it is computed, as they were found."""
         result = self.result
         if result is None:
-            return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
-        if not isinstance(result.options, BranchOptions):
+            return [*(line_of(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
+        if self.answer is not None:
+            return self._answer_lines
+        if result.finding is not None or not isinstance(result.options, BranchOptions):
             return []
         first, last = sorted((result.walked.begin, result.walked.end))
         loci = zip(result.map.names, result.map.loci, strict=True) if result.map is not None else ()
-        return [_line(*each, (first, last)) for each in (*result.named, *loci)]
+        return [line_of(*each, (first, last)) for each in (*result.named, *loci)]
 
     @property
     def saves(self) -> list[str]:
@@ -153,17 +161,41 @@ class Entry:
         there = {"table": has_table, "script": True, "model": has_orbit, "result": self.result is not None}
         return [word for word, is_there in there.items() if is_there]
 
+    @property
+    def answer(self) -> AnswerView | None:
+        """Content of an answer; None for branches, and for a settled motion, which has panels of its own."""
+        result, (known, view) = self.result, self._viewed
+        if result is None or result.finding is None or self.settled() is not None:
+            return None
+        if known is not result:
+            view = view_of(result.finding)
+            self._viewed = result, view
+            self._answer_lines = answer_lines(view)
+        return view
+
     def settled(self) -> Settled | None:
         """Return the settled motion, if the request was for one."""
         record = None if self.result is None or self.result.finding is None else self.result.finding.record
         return record if isinstance(record, Settled) else None
 
 
-def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line:
+def line_of(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line:
+    """Return a branch or a locus as a line of the page."""
     if isinstance(curve, Branch):
         return Line(name, curve.parameter, within, curve.period, curve.points, curve.special_points)
     points = curve.points, curve.codim2_points
     return Line(name, curve.first, within, curve.period, *points, curve.kind, curve.second)
+
+
+def answer_lines(view: AnswerView) -> list[Line]:
+    """Return the curves of an answer as lines of the page."""
+    lines = [line_of(*each, _reach(each[1])) for each in view.curves()]
+    return [line._replace(is_earlier=number in view.earlier) for number, line in enumerate(lines)]
+
+
+def _reach(curve: Branch | Locus) -> tuple[float, float]:
+    values = curve.values if isinstance(curve, Branch) else curve.values[:, 0]
+    return float(values.min()), float(values.max())
 
 
 def _growing(live: Progress) -> Iterator[Line]:
@@ -291,8 +323,10 @@ class Exploration:
     def branches(self, key: str) -> tuple[Branch, ...]:
         """Return the branches of a result, none while it is computed; raise a ModelError if there is no such result."""
         with self.guard:
-            result = self.entry(key).result
-            return () if result is None else result.branches
+            entry = self.entry(key)
+            if entry.answer is not None:
+                return tuple(curve for _, curve in entry.answer.curves() if isinstance(curve, Branch))
+            return () if entry.result is None else entry.result.branches
 
     def prepare(self, action: Action) -> tuple[Entry, Task]:
         """Return a new entry for an action, and the task that computes it, with a result file of its own.
@@ -419,5 +453,7 @@ def _ends(entry: Entry) -> str:
         return "; ".join(dict.fromkeys(str(end) for end in result.map.loci[0].ends))
     if len(result.branches) == 1:
         return str(result.branches[0].ends[-1])
+    if entry.answer is not None:
+        return "; ".join(entry.answer.sentences())
     settled = entry.settled()
     return "; ".join(settled.evidence[:2]) if settled is not None else ""

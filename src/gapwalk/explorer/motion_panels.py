@@ -212,18 +212,29 @@ class Flows:
         SupersededError
             After a newer request.
         """
+        return await self.do(self._unless_newer(tab, self._number(tab), call))
+
+    async def do_last_in_parts(self, tab: str, parts: Iterable[Callable[[], object]]) -> None:
+        """Do work in parts, so that other clicks wait for one part at most; errors as `do_last`, before each part."""
+        number = self._number(tab)
+        for part in parts:
+            await self.do(self._unless_newer(tab, number, part))
+
+    def _number(self, tab: str) -> int:
         with self._guard:
             number = self._last.get(tab, 0) + 1
             if len(self._last) > _TABS:
                 self._last.clear()
             self._last[tab] = number
+        return number
 
+    def _unless_newer(self, tab: str, number: int, call: Callable[[], T]) -> Callable[[], T]:
         def unless_old() -> T:
             if self._last.get(tab) != number:
                 raise SupersededError("superseded by a newer request")
             return call()
 
-        return await self.do(unless_old)
+        return unless_old
 
     def close(self) -> None:
         """End the thread."""

@@ -20,7 +20,7 @@ from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.diagram_study import DiagramStudyOptions
 from gapwalk.studies.map_study import MapStudyOptions
-from gapwalk.studies.options import BranchOptions, SecondParameter
+from gapwalk.studies.options import BranchOptions, ParameterRange
 from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.settle_study import SettleStudyOptions
 from gapwalk.studies.study_file import Study
@@ -289,7 +289,7 @@ def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
         origin,
         *(first, action.low, action.high),
         method=locus_method(special.orbit, origin),
-        second=SecondParameter(second, second_low, second_high),
+        second=ParameterRange(second, second_low, second_high),
         sections=(system[second],),
         kinds=(special.kind,),
     )

@@ -106,6 +106,13 @@ class _Script:
 
     def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
         """Return lines of the script that name the branches of a result and, for a map, its loci after them."""
+        if entry.answer is not None:
+            return [
+                f"record = {result}.finding.record",
+                "print(record.summary())",
+                f"{name} = {entry.answer.script}",
+                "",
+            ]
         if entry.result is None or entry.result.map is None:
             return [f"{name} = {result}.branches", ""]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]

@@ -18,7 +18,7 @@ from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.options import BranchOptions, RangeStudy
 from gapwalk.studies.study_file import Study
 
 _MOST_OPEN = 20  # files open at the same time
@@ -131,9 +131,9 @@ class Session:
             "contacts": [contact.name for contact in system.structure.contacts],
             "parameters": _parameters(system),
             "measures": quantity_words([measure_name(each, system) for each in measures], system),
-            "x": options.parameter if walked else "frequency",
+            "x": getattr(options, "parameter", system.structure.pace),
             "y": measure_name(shown, system),
-            "range": [options.begin, options.end] if walked else [],
+            "range": [options.begin, options.end] if isinstance(options, RangeStudy) else [],
             "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
             "loci": locus_lines(),
             "studies": [_study(each) for each in exploration.studies],
@@ -149,8 +149,8 @@ class Session:
 
 def _study(study: Study) -> dict[str, Any]:
     """Describe a study of the file for the page; a page cannot set the parameters along which it runs."""
-    second = getattr(study.options, "second", None)
-    walks = [getattr(study.options, "parameter", None), getattr(second, "parameter", None)]
+    others = (getattr(study.options, name, None) for name in ("second", "over"))
+    walks = [getattr(study.options, "parameter", None), *(getattr(each, "parameter", None) for each in others)]
     return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}
 
 
@@ -168,6 +168,11 @@ def exploration_progress(exploration: Exploration) -> list[dict[str, Any]]:
         return [_progress(entry) for entry in exploration.entries.values()]
 
 
+def _answer(entry: Entry) -> dict[str, Any] | None:
+    """Return the axes over which the page shows an answer, if it has a place in a diagram; None for other results."""
+    return None if entry.answer is None else {"axes": entry.answer.axes}
+
+
 def _progress(entry: Entry) -> dict[str, Any]:
     return {
         "key": entry.key,
@@ -178,6 +183,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "model": entry.model,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
+        "answer": _answer(entry),
         "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],
@@ -190,6 +196,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
                 "parameter": line.parameter,
                 "kind": line.kind,
                 "second": line.second,
+                "earlier": line.is_earlier,
             }
             for line in entry.lines()
         ],

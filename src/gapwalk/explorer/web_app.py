@@ -21,6 +21,7 @@ from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, quantity
+from gapwalk.explorer.gradient_panel import GradientWork
 from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
 from gapwalk.explorer.plan import Place, orbit_at
 from gapwalk.explorer.progress_stream import Events
@@ -51,6 +52,8 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         Route("/api/curve", api.curve),
         Route("/api/motion", api.motion),
         Route("/api/details", api.details),
+        Route("/api/answer", api.answer),
+        Route("/api/gradient", api.gradient),
         Route("/api/events", api.events),
         Route("/api/export/{what}", api.export),
         Route("/api/act", api.act, methods=["POST"]),
@@ -142,6 +145,22 @@ class _Api:
     async def details(self, request: Request) -> Response:
         """Return spectrum and section of the motion at a place; only the last request of a tab is answered."""
         return await self._of_motion(request, details_of, "/details")
+
+    async def answer(self, request: Request) -> Response:
+        """Return what a result says and draws, if it is an answer."""
+        entry = self.session.exploration(_text(request, "file")).entry(_text(request, "result"))
+        view = entry.answer
+        if view is None:
+            raise ModelError(f"{entry.title} is no answer; its branches are in the diagram")
+        return _Json(await self.session.flows.do(view.content))
+
+    async def gradient(self, request: Request) -> Response:
+        """Return what moves a special point; of several requests of a tab only the last one is answered."""
+        exploration, place, _ = self._asked(request)
+        _, special = exploration.special(place)
+        work = GradientWork(special)
+        await self.session.flows.do_last_in_parts(f"{_text(request, 'tab')}/gradient", work.parts())
+        return _Json(work.content())
 
     async def _of_motion(self, request: Request, compute: Callable[..., dict[str, Any]], what: str) -> Response:
         exploration, place, signal = self._asked(request)

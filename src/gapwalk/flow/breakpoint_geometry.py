@@ -64,10 +64,15 @@ class BreakpointGeometry:
         self._vectors = coefficients[self._deflections]
         self._offsets = (self.signs * coefficients[self._breaks]).tolist()
         self._scales = [1.0 + abs(offset) for offset in self._offsets]
+        self._scale = max(self._scales)
         weights = [min(1.0, 1.0 / abs(offset)) if offset else 1.0 for offset in self._offsets]
         self._parameters[self._weights : self._weights + self.count] = weights
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
         self._simultaneous = [self._possibly_simultaneous(switch) for switch in range(self.count)]
+        # deflections of one coordinate each, the usual case, are compared with their breakpoints fastest
+        plain = not self._swaying and all(len(row) == 1 for row in self._rows)
+        rows = zip(self._signs, self._rows, self._offsets, strict=True)
+        self._plain = [(*row[0], sign, offset) for sign, row, offset in rows] if plain else None
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
         self._lines = [None if sway is None else coefficients[sway] for sway in self._sways]
 
@@ -92,6 +97,8 @@ class BreakpointGeometry:
 
     def _depths(self, positions: list[float], theta: float) -> list[float]:
         """Return the penetration of each stage (> 0), or the distance from it (< 0)."""
+        if self._plain is not None:
+            return [sign * (factor * positions[i] - offset) for i, factor, sign, offset in self._plain]
         depths = [
             sign * (sum([factor * positions[i] for i, factor in row]) - offset)
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)

@@ -63,7 +63,8 @@ class Kink(NamedTuple):
     @property
     def is_impact(self) -> bool:
         """True if velocities jump."""
-        return not np.array_equal(*self.velocities)
+        before, after = self.velocities
+        return before is not after and not np.array_equal(before, after)
 
     def scaled(self, unit: float) -> Kink:
         """Return it with lengths in another unit, of which this is the size."""
@@ -207,9 +208,15 @@ class DryState:
             self._contacts[contact] = [*slots.deflection.tolist(), *sway, *speed]
         self._sways = any(layout.contacts[contact].sway is not None for contact in self._contacts)
 
-    def attach(self, integrator: Any, columns: int, compiled: CompiledReadings | None) -> None:
-        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
-        self.integrator, self.state, self._parameters = integrator, integrator.state, integrator.pars
+    def attach(
+        self, integrator: Any, columns: int, compiled: CompiledReadings | None, changed: Callable[[Array], None]
+    ) -> None:
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
+
+        `changed` is called with the coefficients whenever they change.
+        """
+        self._changed, self.integrator = changed, integrator
+        self.state, self._parameters = integrator.state, integrator.pars
         self._own = self.state[: self.size]
         self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
         self.columns = columns
@@ -219,15 +226,14 @@ class DryState:
             self._numbers_used = self._parameters[compiled.used]
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
 
-    def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
+    def begin(self, base: Array, directions: Array) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
 
-        `changed` is called with the coefficients whenever they change. What was computed for the system before is kept
-        if it differs by its frequency only.
+        What was computed for the system before is kept if it differs by its frequency only.
         """
         numbers = (base[1:].tobytes(), directions[:, 1:].tobytes())
         same, self._numbers = numbers == self._numbers and not self._sways, numbers
-        self.base, self.directions, self._changed = base, directions, changed
+        self.base, self.directions = base, directions
         if same:
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
@@ -241,7 +247,7 @@ class DryState:
         # a start may be decided twice: then the integrator may still have what the first one held
         self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
-        changed(self.coefficients)
+        self._changed(self.coefficients)
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
@@ -264,7 +270,9 @@ class DryState:
 
     def apply(self) -> None:
         """Give the integrator the present modes, and the coefficients of what is held."""
-        entry, modes = self.entry, [*self.slips, *self.sticks, *(number in self.held for number in self.sign_of)]
+        entry, modes = self.entry, [*self.slips, *self.sticks]
+        if self.sign_of:
+            modes += [number in self.held for number in self.sign_of]
         if modes != self._applied_modes:
             self._applied_modes = modes
             self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
@@ -285,13 +293,17 @@ class DryState:
         if known is not None and not self._follows:
             return self._changed_modes(known)
         self.apply()
-        n, size, columns, last, given = self.n, self.size, self._columns_end, self._friction_end, self._given
+        n, columns, last, found = self.n, self._columns_end, self._friction_end, self._values(theta)
+        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
+        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+
+    def _values(self, theta: float) -> Array:
+        """Return the compiled values at the present state under the modes that the integrator has."""
+        size, given = self.size, self._given
         given[:size] = self._own
         given[size] = theta
         given[size + 1 :] = self._numbers_used
-        found = self._read(given)
-        values, friction = self.entry.table.dot(found[:columns]), found[columns:last].reshape(-1, 3).tolist()
-        return Readings(found[n : 2 * n], values[:n], found[last:], values[n:], friction, found[:columns])
+        return self._read(given)
 
     def _changed_modes(self, known: Readings) -> Readings:
         columns, extending = known.columns.copy(), known.extending
@@ -344,10 +356,12 @@ class DryState:
 
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
-        slots, moved = self.layout.contacts[contact], float(self.vectors[contact].dot(now.accelerations))
-        if slots.sway is not None:
-            moved += float(Angles(self.layout, self.base, theta).sway(slots, 0, 2))
-        return moved
+        moved = float(self.vectors[contact].dot(now.accelerations))
+        return moved if self.layout.contacts[contact].sway is None else moved + self._swaying(contact, theta)
+
+    def _swaying(self, contact: int, theta: float) -> float:
+        """Return the second derivative over time of the displacement that is added to a deflection."""
+        return float(Angles(self.layout, self.base, theta).sway(self.layout.contacts[contact], 0, 2))
 
     def slip_acceleration(self, place: int, now: Readings, theta: float) -> float:
         """Return the derivative of the slip rate of friction over time, with a limit that is constant."""

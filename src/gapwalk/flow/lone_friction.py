@@ -26,12 +26,13 @@ LATER = 1e-4
 UNSEEN = 1e-13
 """Share of its limit, or of the velocities, by which an extension or a slip rate may be off."""
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
+_MOMENT = 1e-6  # radians over which a force shows how fast it leaves its bound
 
 Array = NDArray[np.float64]
 
 
 class Push(NamedTuple):
-    """What a unit of the force of rigid friction does.
+    """Effects of a unit of the force of rigid friction.
 
     Attributes
     ----------
@@ -41,11 +42,17 @@ class Push(NamedTuple):
         That of its own deflection.
     stopping : shape (n,)
         Change of the velocities by which the rate of its deflection changes by 1.
+    vector : shape (n,)
+        Its deflection vector.
+    sways
+        True if a displacement is added to its deflection.
     """
 
     moved: Array
     on_itself: float
     stopping: Array
+    vector: Array
+    sways: bool
 
 
 class LoneFriction(DryState):
@@ -84,7 +91,7 @@ class LoneFriction(DryState):
             return False
         return not self.columns or float(self.base[self.slots[place].numbers["static"]]) == 1.0
 
-    def _turns_alone(self, place: int, direction: int, theta: float, now: Readings) -> bool:
+    def _turns_alone(self, place: int, direction: int, theta: float) -> bool:
         """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
 
         This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
@@ -96,28 +103,36 @@ class LoneFriction(DryState):
             return False
         if theta - self._begun[place] <= SETTLING and direction != -side:
             return False
-        acceleration = self.slip_acceleration(place, now, theta)
-        _, limit, bound = now.friction[place]
-        push = self._push_of(place)
-        if -side * acceleration <= TURNS * largest(now.accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
+        # nothing but plain numbers of the values that decide: this happens at nearly every event
+        columns, first, push = self._columns_end, self._columns_end + 3 * place, self._push_of(place)
+        found = self._values(theta)
+        accelerations = self.entry.table[: self.n].dot(found[:columns])
+        rate, limit, bound = found[first : first + 3].tolist()
+        acceleration = push.vector.dot(accelerations).item()
+        if push.sways:
+            acceleration += self._swaying(self.equations.dry[place], theta)
+        if -side * acceleration <= TURNS * largest(accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
         if abs(beyond) < 2.0 * BARELY or side * needed > bound:
             return False
-        if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
-            return False
+        if len(self.slots) > 1:
+            now = self.read(theta)
+            if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
+                return False
         # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
         turns = beyond > 0.0
-        jump = 2.0 * side * limit * push.moved if turns else -acceleration * push.stopping
+        share, jump = (2.0 * side * limit, push.moved) if turns else (-acceleration, push.stopping)
         if self.columns:
             changes = rate_changes(self, self.equations.dry[place], theta)
-            self.velocity_rows += changes[:, None] * (jump / acceleration)
+            self.velocity_rows += changes[:, None] * ((share / acceleration) * jump)
         else:
-            turning = now.accelerations, now.accelerations + jump
-            self.kinks.append(Kink(theta, self.state[: self.n].copy(), (now.velocities, now.velocities), turning))
+            velocities, positions = found[self.n : 2 * self.n], found[: self.n]
+            turning = accelerations, accelerations + share * jump
+            self.kinks.append(Kink(theta, positions, (velocities, velocities), turning))
         if not turns:
-            self.state[self.n : 2 * self.n] -= now.friction[place][0] * push.stopping
+            self.state[self.n : 2 * self.n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
 
@@ -128,6 +143,8 @@ class LoneFriction(DryState):
         ``g`` of the force beyond its bound and its change ``-b`` over the angle, the slip rate is ``2 g^3 / (3 b^2)``
         at most, by the acceleration per force.
         """
+        if self._grows_surely(place, theta):
+            return False
         now, turn = self.read(theta), float(self.base[0])
         growth = margin_growth(self, place, now, theta) * turn
         if not 0.0 < growth < TURNS * now.friction[place][2]:
@@ -139,6 +156,20 @@ class LoneFriction(DryState):
         self.state[: self.size] = kept
         most = self._push_of(place).on_itself * turn * 2.0 * growth**3
         return bend > 0.0 and most < 3.0 * UNSEEN * self.speed() * bend**2
+
+    def _grows_surely(self, place: int, theta: float) -> bool:
+        """Return True if a force at its bound leaves it fast, by its difference over a moment: exact it costs more."""
+        number, now, given = self.reaction_of[place], self._values(theta), self._given
+        assert number is not None
+        n, columns, table, first = self.n, self._columns_end, self.entry.table, self._columns_end + 3 * place + 2
+        rates = np.concatenate((now[n : 2 * n], table[:n].dot(now[:columns]), now[self._friction_end :]))
+        given[: self.size] += (_MOMENT * self.base.item(0)) * rates
+        given[self.size] += _MOMENT
+        later, row = self._read(given), table[n + number]
+        force, then = row.dot(now[:columns]).item(), row.dot(later[:columns]).item()
+        bound, after = now.item(first), later.item(first)
+        growth = abs(then) - abs(force) - (after - bound)
+        return force * then > 0.0 and abs(growth) > 2.0 * TURNS * bound * _MOMENT
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
@@ -162,7 +193,8 @@ class LoneFriction(DryState):
             slots = self.slots[place]
             moved = self.base[slots.force]
             on_itself = float(moved.dot(self.base[slots.deflection]))
-            known = Push(moved, on_itself, moved / on_itself if on_itself else moved)
+            stopping = moved / on_itself if on_itself else moved
+            known = Push(moved, on_itself, stopping, self.vectors[self.equations.dry[place]], slots.sway is not None)
             self._pushes[1][place] = known
         return known
 

@@ -54,9 +54,9 @@ def signal_words(signal: str, units: Units | None = None) -> str:
     return _with(signal, units and units.signal(signal)[1])
 
 
-def value_words(value: float, name: str, units: Units | None = None) -> str:
+def value_words(value: float, name: str, units: Units | None = None, digits: int = 8) -> str:
     """Write the value of a parameter in a sentence: ``Ω = 0.5``, ``speed = 1500 rpm``."""
-    return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.8g}", units and units.parameter(name))))
+    return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.{digits}g}", units and units.parameter(name))))
 
 
 def pace_words(system: System) -> str:

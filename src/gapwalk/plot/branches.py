@@ -121,7 +121,8 @@ def extent_of(curve: NDArray[np.float64], left: float, right: float) -> tuple[fl
 def name_axes(ax: Axes, branch: Branch, measure: str) -> None:
     """Write the parameter of a branch and a measure next to the axes."""
     ax.set_xlabel(parameter_words(branch.parameter, branch.system.units))
-    ax.set_ylabel(style.broken(measure_words(measure, branch.system.units)))
+    room = 72.0 * ax.bbox.height / ax.figure.dpi
+    ax.set_ylabel(style.broken(measure_words(measure, branch.system.units), room))
 
 
 def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, float]]:
@@ -241,11 +242,11 @@ def draw_branches(
         ax.set(xlim=within, ylim=extent_of(drawing.curve, *within))
     ax.set_autoscale_on(False)  # labels are placed for these limits
     if legend:
-        write_legend(ax, _entries(branches), "above" if legend == "above" else "below")
+        write_legend(ax, line_entries(branches), "above" if legend == "above" else "below")
     return partial(drawing.finish, ax, labels, closeup)
 
 
-def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
+def line_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """List lines and symbols that occur, for a legend; a piece between special points may contain no point."""
     counts = {count.label for branch in branches for count in branch.instabilities}
     counts |= {special.after.label for branch in branches for special in branch.special_points}

@@ -12,7 +12,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.plot.branches import name_axes, pieces_of
 from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
+from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, in_order, points, stroke, symbol_style, symbols
 
 _BAND = "#fbe3c4"
@@ -36,7 +36,7 @@ def draw_design(found: Design, figure: AnyFigure, measure: str = "", *, title: s
     """
     count = len(found.changes)
     panels = figure.subplots(2, 1, height_ratios=[2.6, 0.45 + 0.26 * count])
-    write_heading(figure, title)
+    write_answer(figure, title, [found.sentence])
     write_letters(panels)
     draw_responses(found, panels[0], measure)
     draw_changes(found, panels[1])
@@ -114,7 +114,8 @@ def _entries(found: Design) -> list[tuple[str, Any]]:
     for kind in in_order(seen):
         entries.append((symbol_style(kind).text, symbols(symbol_style(kind).marker, 6.0, "white", BLACK, 0.6)))
     if _bands(found):
-        entries.append((" and ".join(goal.words for goal in found.judged), _BAND))
+        words = [goal.words for goal in found.judged]
+        entries.append((words[0] if len(words) == 1 else "bands of the goals", _BAND))
     if found.isolated:
         entries.append(("isolated branches are drawn like the response after", stroke(BLUE, 1.7)))
     return entries

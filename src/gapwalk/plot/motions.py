@@ -326,6 +326,14 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
     depth
         Smallest amplitude with a colour, relative to the largest.
     """
+    mesh = fill_waterfall(found, ax, depth)
+    ax.figure.colorbar(
+        mesh, ax=ax, label=f"amplitude of {signal_words(found.signal, found.units)}", pad=0.02, extend="min"
+    )
+
+
+def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) -> Any:
+    """Draw a waterfall without the bar of its colours; return the colours."""
     steps = np.diff(found.values)
     places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(steps), 1e-12))))  # along the branch
     turns = 1 + np.flatnonzero(steps[:-1] * steps[1:] < 0.0)
@@ -347,9 +355,11 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
     marks = _marks(found.values, places, turns)
     ax.set_xticks([x for x, _ in marks], [text for _, text in marks])
     ax.grid(visible=False)
-    ax.set_xlabel(parameter_words(found.parameter) + (", along the branch" if len(turns) else ""))
+    time = "time" + " [s]" * bool(found.units)
+    words = time if found.parameter == "time" else parameter_words(found.parameter, found.units)
+    ax.set_xlabel(words + (", along the branch" if len(turns) else ""))
     ax.set_ylabel(order_words(found.turns))
-    ax.figure.colorbar(mesh, ax=ax, label=f"amplitude of {found.signal}", pad=0.02, extend="min")
+    return mesh
 
 
 def _marks(

@@ -390,7 +390,9 @@ def unpacked(
         shown = shown[0]
     asked = {each.name: getattr(record.options, each.name) for each in fields(record.options)}
     known = drawing_of(shown, in_axes)[0].options
-    named = {name: asked[name] for name in ("measure", "signal", "phase") if name in asked and name in known}
+    asked |= {} if finding is None else dict(finding.drawn)
+    decided = {"measure", "signal", "phase", *(() if finding is None else finding.drawn)}
+    named = {name: asked[name] for name in asked if name in decided and name in known}
     if options.get("measure") is not None and "measure" not in known:
         raise ModelError(f"the picture of the kind {record.options.kind} shows no measure; leave it out")
     given = {name: value for name, value in options.items() if value is not None}

@@ -19,7 +19,7 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_words
 from gapwalk.plot.cells import draw_loci, fill_colors
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_heading, write_legend, write_letters
+from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION, points, stroke, symbols
 
 _TINTS = {GapState.ONE_SIDE: "#fbe3c4", GapState.BOTH_SIDES: "#f2b98a"}  # in grey, the second is clearly darker
@@ -60,7 +60,7 @@ def draw_rattle(found: RattleBands, figure: AnyFigure, gap: str | None = None, *
     """
     gap = _checked(found, gap)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.25, 1.0, 0.8])
-    write_heading(figure, title)
+    write_answer(figure, title, [found.sentence(gap)])
     write_letters(panels)
     draw_bands(found, panels[0], gap)
     units = found.system.units
@@ -132,7 +132,7 @@ def _draw_severity(found: RattleBands, ax: Axes, gap: str, what: str, words: str
                 ax.plot(*np.array(own).T, zorder=4, **symbols(marker, 2.6 if is_periodic else 4.0, color, color))
     worst = next((each.severity for each in found.worst if each.severity.gap == gap), None)
     if worst is not None and what != "per_second":
-        ax.plot([worst.value], [getattr(worst, what)], zorder=6, **symbols("*", 11.0, BLACK, "#f3c55b"))
+        ax.plot([worst.value], [getattr(worst, what)], zorder=6, **symbols("*", 11.0, "#f3c55b", BLACK))
     ax.set(ylabel=words, xlabel=parameter_words(found.parameter, found.system.units))
     ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
 
@@ -152,7 +152,7 @@ def _entries(found: RattleBands, gap: str) -> Iterator[tuple[str, Any]]:
     words = {GapState.ONE_SIDE: "rattles on one side", GapState.BOTH_SIDES: "on both sides"}
     yield from ((words[state], tint) for state, tint in _TINTS.items() if state in seen)
     if found.worst:
-        yield "worst", symbols("*", 9.0, BLACK, "#f3c55b")
+        yield "worst", symbols("*", 9.0, "#f3c55b", BLACK)
 
 
 def _line(met: str) -> tuple[str, Any]:

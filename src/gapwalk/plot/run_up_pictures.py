@@ -2,29 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
+from gapwalk.answers.design_goals import peak_force
+from gapwalk.answers.jump_delay import JumpDelay
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
+from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
+from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words, signal_words
-from gapwalk.plot.branches import draw_branches
+from gapwalk.plot.branches import draw_branches, line_entries
+from gapwalk.plot.motions import fill_waterfall
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, Inches, write_legend
+from gapwalk.plot.sheet import AnyFigure, Inches, write_answer, write_legend, write_letters
 from gapwalk.plot.style import BLACK, BLUE, GREY, VERMILLION, dots, stroke
 
+_DELAY = "#f9dfcc"
 _THIN = 40_000  # points of a history up to which all are drawn
 
 
-def _run_up_size(run: RunUp, signal: str | None = None, *, branch: Branch | None = None) -> Inches:
-    return 8.0, 4.2 + 3.6 * (branch is not None)
+def _run_up_size(
+    run: RunUp, signal: str = "", *, branch: Branch | None = None, orders: float = 0.0, **_: object
+) -> Inches:
+    return 8.0, 4.4 + 3.4 * (branch is not None) + 3.0 * (orders > 0.0)
 
 
 @draws(RunUp, panels=True, size=_run_up_size)
-def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, branch: Branch | None = None) -> Finish:
-    """Draw a signal of a run-up over the speed, and half its range per period over the response below.
+def draw_run_up(
+    run: RunUp,
+    figure: AnyFigure,
+    signal: str = "",
+    *,
+    branch: Branch | None = None,
+    orders: float = 0.0,
+    window: int = 8,
+    title: str = "",
+) -> Finish:
+    """Draw a signal of a run-up over the speed; below it the response that a slow sweep meets, and a waterfall.
 
     Parameters
     ----------
@@ -34,56 +55,102 @@ def draw_run_up(run: RunUp, figure: AnyFigure, signal: str | None = None, *, bra
         A coordinate, velocity, contact force or torque, as in `RunUp.signal`; by default the coordinate of the contact
         with the largest force.
     branch
-        A response over the speed, of the same system: then the signal must be a coordinate.
+        A response over the speed, of the same system: half the range of the coordinate in each period is laid over it.
+        For a signal that is no coordinate, it is that of `RunUp.coordinate_of`.
+    orders
+        Highest order of the waterfall; 0: none.
+    window
+        Length of its spectra in forcing periods.
+    title
+        Title above the picture, to which the largest forces are added.
     """
     signal = signal or run.loudest
-    if branch is not None and signal not in run.system.coordinates:
-        raise ModelError(
-            f"{signal} is no coordinate; a response below needs one of {', '.join(run.system.coordinates)}"
-        )
-    panels = figure.subplots(1 + (branch is not None), 1, squeeze=False, sharex=True)[:, 0]
+    delays: tuple[JumpDelay, ...] = ()
+    if branch is not None and run.course.is_one_way:
+        delays = run.delays(branch, run.coordinate_of(signal))
+    write_answer(figure, title, [*run.sentences, *(each.words(run.system) for each in delays)])
+    heights = [1.0, *[0.95] * (branch is not None), *[0.85] * (orders > 0.0)]
+    panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0].tolist()
+    if len(panels) > 1:
+        write_letters(panels)
     draw_history_over_speed(run, panels[0], signal)
-    if branch is None:
-        return None
-    panels[0].set_xlabel("")
-    finish = draw_branches(branch, panels[1], f"half.{signal}", legend=False, labels=False)
-    speed, half = run.half(signal)
-    panels[1].set_autoscale_on(True)
-    panels[1].plot(speed, half, zorder=6, **dots(4.5, VERMILLION), label="run-up")
-    panels[1].autoscale_view()
-    panels[1].set_autoscale_on(False)
-    for delay in run.delays(branch, signal):
-        panels[1].axvspan(*sorted((delay.fold, delay.jump)), color=VERMILLION, alpha=0.12, linewidth=0)
-    run_up = ("run-up: each period", dots(4.5, VERMILLION))
-    write_legend(panels[1], [("response", stroke(BLACK, 1.4)), run_up], "inside")
+    finish = None if branch is None else _lay_over(run, panels[1], branch, run.coordinate_of(signal), delays)
+    if orders > 0.0:
+        _draw_orders(run, panels[-1], run.waterfall(signal, orders, window))
+    return finish
+
+
+def _draw_orders(run: RunUp, ax: Axes, found: Waterfall) -> None:
+    """Draw the waterfall below the other panels, over the same speeds or times."""
+    mesh = fill_waterfall(found, ax)
+    words = f"amplitude of {signal_words(found.signal, found.units)}"
+    ax.figure.colorbar(mesh, ax=ax, label=words, location="bottom", aspect=60, pad=0.03, extend="min")
+    along = run.speed if run.course.is_invertible else run.time
+    low, high, first = float(along.min()), float(along.max()), float(found.values[0])
+    sign = 1.0 if along[-1] > along[0] else -1.0  # the picture of a waterfall counts its speeds from the first one
+    ticks = [tick for tick in MaxNLocator(9).tick_values(low, high) if low <= tick <= high]
+    ax.set_xticks([sign * (tick - first) for tick in ticks], [f"{tick:g}" for tick in ticks])
+    ax.set_xlim(sign * (low - first), sign * (high - first))
+
+
+def _force(system: System) -> str:
+    return "torque" if system.units else "force"
+
+
+def _lay_over(run: RunUp, ax: Axes, branch: Branch, coordinate: str, delays: Sequence[JumpDelay]) -> Finish:
+    """Draw the response, half the range of each period of the run-up over it, and the delays of jumps shaded."""
+    finish = draw_branches(branch, ax, f"half.{coordinate}", legend=False, labels=False)
+    speed, half = run.half(coordinate)
+    ax.set_autoscale_on(True)
+    ax.plot(speed, half, zorder=6, **dots(4.5, VERMILLION))
+    ax.autoscale_view()
+    ax.set_autoscale_on(False)
+    late = [each for each in delays if np.isfinite(each.jump)]
+    for delay in late:
+        ax.axvspan(*sorted((delay.fold, delay.jump)), color=_DELAY, linewidth=0, zorder=0)
+    if run.course.is_invertible:
+        ax.set_xlim(run.speed.min(), run.speed.max())
+        ax.margins(x=0.01)
+    entries: list[tuple[str, Any]] = [("run-up, each period", dots(4.5, VERMILLION)), *line_entries([branch])]
+    entries += [("from the fold to the jump", _DELAY)] * bool(late)
+    write_legend(ax, entries, "above")
     return finish
 
 
 def draw_history_over_speed(run: RunUp, ax: Axes, signal: str) -> None:
     """Draw one signal over the speed, or over time where the speed does not change in one direction."""
     values, units = run.signal(signal), run.system.units
-    one_way = np.all(run.course.rates > 0.0) or np.all(run.course.rates < 0.0)
+    over_speed = run.course.is_invertible
     every = max(1, len(values) // _THIN)
-    x = run.speed if one_way else run.time
+    x = run.speed if over_speed else run.time
     ax.plot(x[::every], values[::every], **stroke(GREY, 0.5), zorder=2)
-    speed, low, high = run.envelope(signal)
-    if one_way:
+    entries = [("motion", stroke(GREY, 0.8))]
+    if over_speed:
+        speed, low, high = run.envelope(signal)
         for side in (low, high):
             ax.plot(speed, side, **stroke(BLUE, 1.3), zorder=4)
-        for peak in run.peaks:
-            if peak.force:
-                ax.axvline(peak.speed, **stroke(VERMILLION, 0.8, (0, (4, 3))), zorder=1)
-    ax.set_xlabel(parameter_words(run.system.structure.pace, units) if one_way else "time" + " [s]" * bool(units))
+        entries += [("extremes of each period", stroke(BLUE, 1.3))]
+    peaks = [peak for peak in run.peaks if peak.force]
+    for peak in peaks:
+        ax.axvline(peak.speed if over_speed else peak.time, **stroke(VERMILLION, 0.8, (0, (4, 3))), zorder=1)
+    entries += [(f"largest contact {_force(run.system)}", stroke(VERMILLION, 0.8, (0, (4, 3))))] * bool(peaks)
+    ax.set_xlabel(parameter_words(run.system.structure.pace, units) if over_speed else "time" + " [s]" * bool(units))
     ax.set_ylabel(signal_words(signal, units))
     ax.margins(x=0.01)
-    if one_way:
-        entries = [("motion", stroke(GREY, 0.8)), ("extremes of each period", stroke(BLUE, 1.3))]
-        entries += [("largest contact force", stroke(VERMILLION, 0.8, (0, (4, 3))))] * any(p.force for p in run.peaks)
-        write_legend(ax, entries, "above")
+    if over_speed:
+        ax.set_xlim(run.speed.min(), run.speed.max())
+    write_legend(ax, entries, "above")
 
 
 @draws(RunUps, panels=True, size=(8.0, 6.6))
-def draw_run_ups(found: RunUps, figure: AnyFigure, contact: str | None = None) -> None:
+def draw_run_ups(
+    found: RunUps,
+    figure: AnyFigure,
+    contact: str | None = None,
+    *,
+    branch: Branch | None = None,
+    title: str = "",
+) -> None:
     """Draw the largest force of a contact over the rate, and its envelope over the speed below.
 
     Parameters
@@ -92,12 +159,18 @@ def draw_run_ups(found: RunUps, figure: AnyFigure, contact: str | None = None) -
         The run-ups and the figure.
     contact
         Name of the contact; by default the one with the largest force.
+    branch
+        A response over the speed, of the same system: the largest force along it is drawn below.
+    title
+        Title above the picture, to which the largest forces are added.
     """
     if not found.contacts:
         raise ModelError("these run-ups have no contact, so there is no force to draw")
     units, pace = found.system.units, found.system.structure.pace
     contact = contact or max(found.contacts, key=lambda name: float(np.nanmax(found.peaks(name), initial=0.0)))
+    write_answer(figure, title, found.sentences)
     upper, lower = figure.subplots(2, 1)
+    write_letters((upper, lower))
     rates, (low, middle, high) = found.quantiles(contact)
     upper.plot(found.rates, found.peaks(contact), **dots(2.5, GREY), zorder=2)
     several = len(found.courses) > 2 * len(rates) and len(rates) > 1
@@ -106,18 +179,18 @@ def draw_run_ups(found: RunUps, figure: AnyFigure, contact: str | None = None) -
         upper.plot(rates, middle, **stroke(BLUE, 1.6), zorder=4)
     speed_unit = units.parameter(pace) if units else ""
     upper.set_xlabel(f"rate of {pace}" + (f" [{speed_unit}/s]" if units else ""))
-    force = f"force of {contact}" + " [N m]" * bool(units)
+    force = f"{_force(found.system)} of {contact}" + " [N m]" * bool(units)
     upper.set_ylabel(f"largest {force}")
     entries = [("a run-up", dots(2.5, GREY))]
     if several:
         entries += [("half of them are below", stroke(BLUE, 1.6)), ("5 % to 95 %", stroke(BLUE, 6.0, alpha=0.3))]
     write_legend(upper, entries, "above")
-    draw_envelopes(found, lower, contact)
+    draw_envelopes(found, lower, contact, branch)
     lower.set_ylabel(force)
 
 
-def draw_envelopes(found: RunUps, ax: Axes, contact: str) -> None:
-    """Draw quantiles, over all run-ups, of the largest force of a contact near each speed."""
+def draw_envelopes(found: RunUps, ax: Axes, contact: str, branch: Branch | None = None) -> None:
+    """Draw quantiles, over all run-ups, of the largest force of a contact near each speed, and that of a response."""
     forces = found.forces[:, :, found.contacts.index(contact)].ravel()
     speeds, good = found.speeds.ravel(), np.isfinite(found.forces[:, :, found.contacts.index(contact)].ravel())
     edges = np.linspace(speeds.min(), speeds.max(), min(found.bins, 100) + 1)
@@ -132,4 +205,23 @@ def draw_envelopes(found: RunUps, ax: Axes, contact: str) -> None:
     ax.set_xlabel(parameter_words(found.system.structure.pace, found.system.units))
     ax.margins(x=0.01)
     entries = [("half of them are below", stroke(BLUE, 1.6)), ("95 %", stroke(BLUE, 1.2, (0, (4, 2))))]
-    write_legend(ax, [*entries, ("largest of all", stroke(VERMILLION, 1.2))], "above")
+    entries.append(("largest of all", stroke(VERMILLION, 1.2)))
+    if branch is not None:
+        entries += [(f"{name} response", options) for name, options in _draw_slow_force(ax, branch, contact)]
+    write_legend(ax, entries, "above")
+
+
+def _draw_slow_force(ax: Axes, branch: Branch, contact: str) -> list[tuple[str, dict[str, Any]]]:
+    """Draw the largest force along a response, stable and unstable; return the lines of the legend."""
+    speeds = branch.values
+    forces = np.array([peak_force(point.orbit, contact) for point in branch.points])
+    is_stable = np.array([point.stable for point in branch.points])
+    lines = {"stable": stroke(BLACK, 1.2, zorder=5), "unstable": stroke(BLACK, 0.8, (0, (3, 2)), zorder=5)}
+    drawn = []
+    for (name, options), own in zip(lines.items(), (is_stable, ~is_stable), strict=True):
+        joined = own.copy()
+        joined[1:] |= own[:-1]  # up to the first point of the other kind, so that no gap is left
+        if own.any():
+            ax.plot(speeds, np.where(joined, forces, np.nan), **options)
+            drawn.append((name, options))
+    return drawn

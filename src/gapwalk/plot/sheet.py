@@ -85,6 +85,11 @@ def write_heading(figure: AnyFigure, title: str) -> None:
         figure.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
 
 
+def write_answer(figure: AnyFigure, title: str, sentences: Sequence[str]) -> None:
+    """Write a title above a whole picture, and the answer that the picture shows below the title."""
+    write_heading(figure, "\n".join(filter(None, (title, *(each.replace("$", r"\$") for each in sentences)))))
+
+
 def write_letters(panels: Sequence[Axes]) -> None:
     """Write a, b, c into the corners of panels."""
     for letter, panel in zip("abcdef", panels, strict=False):

@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
+from math import inf
 from typing import Any, Literal
 
 import matplotlib as mpl
@@ -65,6 +66,7 @@ CARD = Size(115.0, 8.0 / 9.5, 1.05)
 
 _INCH = 25.4  # mm
 _ROOMY = 160.0  # mm at the letter size of a screen; labels on wider sheets need not be broken
+_LETTER = 5.2  # mean width of a letter of a label, in points
 _now: ContextVar[Size] = ContextVar("gapwalk_size", default=SIZES["screen"])
 
 
@@ -97,10 +99,14 @@ def points(length: float) -> float:
     return length * _now.get().scale
 
 
-def broken(label: str) -> str:
-    """Break the label of a vertical axis into two lines, at a comma or bracket, if the sheet is small."""
+def broken(label: str, room: float = inf) -> str:
+    """Break the label of a vertical axis into two lines, at a comma or bracket, if the sheet or its room is small.
+
+    The room is the height of the axes before their layout, in points.
+    """
     size = _now.get()
-    if size.width is None or size.width / size.scale > _ROOMY:
+    is_roomy = size.width is None or size.width / size.scale > _ROOMY
+    if is_roomy and points(_LETTER) * len(label) < room:
         return label
     places = [at for mark in (" (", ", ") if (at := label.find(mark, 8)) > 0]
     return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"

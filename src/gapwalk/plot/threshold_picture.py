@@ -10,11 +10,26 @@ from gapwalk.answers.threshold import Threshold
 from gapwalk.model.words import parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import write_legend
+from gapwalk.plot.sheet import AnyFigure, write_answer, write_legend
 from gapwalk.plot.style import BLACK, GREY, stroke, symbols
 
 _QUIET = "#e4f0e2"
 _GOLD = "#f3c55b"
+
+
+@draws(Threshold, panels=True)
+def draw_threshold_with_answer(found: Threshold, figure: AnyFigure, *, title: str = "") -> Finish | None:
+    """Draw the loci, the quiet side and the limit below the answer in a sentence.
+
+    Parameters
+    ----------
+    found, figure
+        The threshold and the figure.
+    title
+        Title above the picture, to which the answer is added.
+    """
+    write_answer(figure, title, [found.sentence])
+    return draw_threshold(found, figure.subplots())
 
 
 @draws(Threshold)
@@ -32,8 +47,8 @@ def draw_threshold(found: Threshold, ax: Axes) -> Finish | None:
     if found.limit is not None:
         ax.axhspan(found.value, found.end, color=_QUIET, linewidth=0, zorder=0)
         ax.axhline(found.value, **stroke(GREY, 0.9, "-", zorder=2))
-        ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, BLACK, _GOLD))
-        entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, BLACK, _GOLD))]
+        ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, _GOLD, BLACK))
+        entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, _GOLD, BLACK))]
     write_legend(ax, entries)
     return None if found.limit is None else partial(_name, ax, found)
 
@@ -42,8 +57,10 @@ def _name(ax: Axes, found: Threshold) -> None:
     """Write both values beside the limit, on the quiet side."""
     below = found.end < found.begin
     is_lower = ax.yaxis_inverted() is below
+    units = found.system.units
+    limit, where = ((value, units and units.parameter(name)) for value, name in _limit(found))
     ax.annotate(
-        f"{found.value:.6g} at {found.at:.6g}",
+        " at ".join(f"{value:.6g}" + (f" {unit}" if unit else "") for value, unit in (limit, where)),
         (found.at, found.value),
         textcoords="offset points",
         xytext=(0, 9 if is_lower else -9),
@@ -51,3 +68,7 @@ def _name(ax: Axes, found: Threshold) -> None:
         va="bottom" if is_lower else "top",
         fontsize="small",
     )
+
+
+def _limit(found: Threshold) -> tuple[tuple[float, str], tuple[float, str]]:
+    return (found.value, found.parameter), (found.at, found.over)

@@ -16,8 +16,8 @@ from .locus_study import LocusStudyOptions as LocusStudyOptions
 from .map import Which as Which
 from .map_study import MapStudyOptions as MapStudyOptions
 from .options import BranchOptions as BranchOptions
+from .options import ParameterRange as ParameterRange
 from .options import RangeStudy as RangeStudy
-from .options import SecondParameter as SecondParameter
 from .reduced import ReducedFrom as ReducedFrom
 from .regime_study import Carry as Carry
 from .regime_study import RegimeStudy as RegimeStudy

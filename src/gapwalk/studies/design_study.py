@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from gapwalk.answers.design import Design, proved
-from gapwalk.answers.design_goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance
+from gapwalk.answers.design_goals import AnyGoal, NoPoint, PeakBelow, Quiet, Resonance, peak_signal
 from gapwalk.answers.least_change import Change, DesignProblem, LeastChangeOptions, Route
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
@@ -28,10 +28,9 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, check_integers
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
-from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -63,7 +62,7 @@ class DesignOptions:
 
 @dataclass(frozen=True, slots=True)
 class ChangeTable:
-    """Table of a parameter that may change; fields as those of `gapwalk.goals.Change`."""
+    """Table of a parameter that may change; fields as those of `gapwalk.ask.Change`."""
 
     parameter: Annotated[
         str,
@@ -92,13 +91,13 @@ class GoalTable:
     quiet
         A gap that may not rattle in the band.
     peak
-        A contact whose peak force or torque is to stay below `below` in the band.
+        A contact, shaft or gear whose peak force or torque is to stay below `below` in the band; or another signal.
     resonance
         Number of a natural frequency, which `order` is to meet below `below` or above `above`.
     begin, end
         The band; by default the whole range of the study.
-    below, above, order
-        The limits, and the order of the excitation.
+    below, above, order, at
+        The limits, the order of the excitation, and the linearisation: ``rest``, ``closed`` or ``open``.
     """
 
     no: str | None = None
@@ -110,6 +109,7 @@ class GoalTable:
     below: Any = None
     above: Any = None
     order: float = 1.0
+    at: str = "rest"
 
     def __post_init__(self) -> None:
         named = [name for name in ("no", "quiet", "peak", "resonance") if getattr(self, name) is not None]
@@ -131,7 +131,7 @@ class GoalTable:
         if self.resonance is not None:
             pace = system.structure.pace
             below, above = (None if each is None else _number(system, pace, each) for each in (self.below, self.above))
-            return Resonance(self.resonance, below, above, self.order)
+            return Resonance(self.resonance, below, above, self.order, self.at)
         low = ends[0] if self.begin is None else _number(system, parameter, self.begin)
         high = ends[1] if self.end is None else _number(system, parameter, self.end)
         if self.no is not None:
@@ -142,7 +142,7 @@ class GoalTable:
         if self.below is None:
             unit = '"40 N m"' if system.units else "2.0"
             raise ModelError(f"the goal for the peak of {self.peak} has no limit; write below = {unit}")
-        return PeakBelow(self.peak, _force(system, self.below), (low, high))
+        return PeakBelow(self.peak, _size(system, self.peak, self.below), (low, high))
 
 
 def _number(system: System, parameter: str, value: object) -> float:
@@ -155,14 +155,21 @@ def _number(system: System, parameter: str, value: object) -> float:
     return _plain(value, parameter)
 
 
-def _force(system: System, value: object) -> float:
-    """Return a force or torque, in N m where there are units."""
+def _size(system: System, signal: str, value: object) -> float:
+    """Return the limit of a signal in its unit."""
     if system.units is None:
-        return _plain(value, "force")
+        return _plain(value, signal)
+    unit = system.units.signal(peak_signal(system, signal))[1]
+    if unit != "N m":
+        number = str(value).removesuffix(unit).strip()
+        try:
+            return float(number)
+        except ValueError:
+            raise ModelError(f'the limit of {signal} in a goal is {value!r}; write "10 {unit}", say') from None
     try:
         quantity = read_quantity(value, QuantityKind.TORQUE)
     except ValueError as error:
-        raise ModelError(f"the limit of a torque in a goal {error}") from None
+        raise ModelError(f"the limit of {signal} in a goal {error}") from None
     return float(quantity.number * quantity.factor)
 
 
@@ -200,7 +207,7 @@ class DesignStudy(DesignOptions, RangeStudy):
     period, start
         Period and start of the motion at the beginning of the range, as in `gapwalk.find_orbit`.
     finding, search_values, search
-        Options, as `gapwalk.goals.DesignOptions`. In a table, the keys of `finding` are among the others.
+        Options, as `gapwalk.ask.DesignOptions`. In a table, the keys of `finding` are among the others.
     """
 
     kind: ClassVar[str] = "design"
@@ -229,18 +236,23 @@ class DesignStudy(DesignOptions, RangeStudy):
         found = with_search(values)
         begin = found.get("begin", system[found["parameter"]])
         ends = min(begin, found["end"]), max(begin, found["end"])
-        goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
-        for goal in goals:
-            goal.check(system, ends)
+        for change in found["changes"]:
+            if change.parameter == found["parameter"]:
+                raise ModelError(f"changes names {change.parameter}, over which the response is walked; choose others")
+        try:
+            goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
+            for goal in goals:
+                goal.check(system, ends)
+        except ModelError as error:
+            raise ModelError(f"goals has one that is not possible: {error}") from None
         return super().of_table({**found, "goals": goals}, system)
 
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return (
-            f"design over {self.range_words}: least change of {len(self.changes)} parameters "
-            f"for {len(self.goals)} goals"
-        )
+        named = ((self.changes, "parameter"), (self.goals, "goal"))
+        changes, goals = (f"{len(each)} {word}{'s' * (len(each) > 1)}" for each, word in named)
+        return f"design over {self.range_words}: least change of {changes} for {goals}"
 
     def work(self, system: System) -> DesignWork:
         """Return the work on the design."""
@@ -300,7 +312,7 @@ class DesignWork(Work):
         """Number of parts."""
         ways = 1
         for goal in self.asked.goals:
-            ways *= len(goal.ways)
+            ways *= len(goal.ways(self.system))
         return ways + min(ways, 2) * self.asked.finding.starts + 1
 
     @property
@@ -316,33 +328,11 @@ class DesignWork(Work):
 
 
 @dataclass(frozen=True)
-class DesignFinding(Finding):
+class DesignFinding(AnswerFinding[Design]):
     """Finding of a design, complete or not."""
 
-    found: Design | None
-    done: int
-    total: int
-
-    @property
-    def record(self) -> Design | None:
-        """The design; None before the first search is done."""
-        return self.found
-
-    @property
-    def stored(self) -> str:
-        """Describe how many parts are stored."""
-        return f"{self.done} of {self.total} parts are stored"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the answer, the changes, the goals and the proof; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: Design, points: bool) -> dict[str, Any]:
         """Return the changes, goals and searches as JSON values; with the responses if wanted."""
-        found = self.found
-        if found is None:
-            return {"parts": {"done": self.done, "total": self.total}}
         document: dict[str, Any] = {
             "answer": found.sentence,
             "reached": found.is_reached,
@@ -362,10 +352,6 @@ class DesignFinding(Finding):
             for name, branch in (("response", found.response), ("response_before", found.response_before)):
                 document[name] = {"values": branch.values.tolist(), "stable": [each.stable for each in branch.points]}
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
 
 
 def _plain_row(record: Any) -> dict[str, Any]:
@@ -430,8 +416,8 @@ def design(
 
     Examples
     --------
-    >>> goal = gw.goals.NoPoint("fold", (0.60, 0.66))
-    >>> found = gw.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
+    >>> goal = gw.ask.NoPoint("fold", (0.60, 0.66))
+    >>> found = gw.ask.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
     >>> print(found.summary())
     """
     check_system(system, "design")

@@ -17,7 +17,7 @@ from gapwalk.model.units import PACES
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_allowed, is_another
+from gapwalk.studies.options import ParameterRange, RangeStudy, is_allowed, is_another
 from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_inside, check_value
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
 
 
 @dataclass(frozen=True)
-class _SecondWithPlace(SecondParameter):
+class _SecondWithPlace(ParameterRange):
     """The second parameter of a locus, and the value at which the branch is walked: ``at = 0.25``."""
 
     at: Annotated[float | None, Field(validate_default=True), WITH_UNIT, AfterValidator(_where_the_branch_is)] = None
@@ -121,7 +121,7 @@ class LocusStudyOptions(MapStudyOptions):
         """Return the study of a table, with its keys ``of`` (the kind) and ``at`` (the second parameter)."""
         found = {name: value for name, value in values.items() if name != "of"}
         second = values["second"]
-        plain = SecondParameter(second.parameter, second.begin, second.end)
+        plain = ParameterRange(second.parameter, second.begin, second.end)
         at = system[second.parameter] if second.at is None else second.at
         return super().of_table({**found, "kinds": (values["of"],), "second": plain, "sections": (at,)}, system)
 

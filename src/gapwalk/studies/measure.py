@@ -26,10 +26,9 @@ from gapwalk.model.system import System
 from gapwalk.model.words import pace_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.studies.derived_schema import given_of, table_schema
-from gapwalk.studies.measure_points import SweptMeasurement, SweptModel, are_ranges, exist
+from gapwalk.studies.measure_points import Fitting, SweptMeasurement, SweptModel
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
-from gapwalk.studies.study_registry import Counted
-from gapwalk.studies.tables import Start, StartOrState, Surroundings
+from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import Described, SummaryParts, Table, remarks, summarizes
 
 _LINES = 12  # spectral lines that the summary lists
@@ -71,9 +70,9 @@ def _are_those_of_a_record(columns: Mapping[str, str]) -> Mapping[str, str]:
 Factor = Annotated[float, Gt(0)]
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """The table ``[measurement]``: properties of the records measured on the modelled system.
+@dataclass(frozen=True, kw_only=True)
+class Measurement(Fitting):
+    """The table ``[measurement]``: properties of the records measured on the modelled system; other keys as `Fitting`.
 
     Parameters
     ----------
@@ -83,10 +82,6 @@ class Measurement:
         As in `gapwalk.measure.read_measurement`.
     order
         Periods of the excitation in a turn of the shaft whose speed was measured.
-    period, start
-        The motion: its period in forcing periods, and the start of the search for it.
-    fit, bounds
-        Names of parameters to fit, and their lowest and highest values.
     """
 
     signal: Annotated[
@@ -97,13 +92,9 @@ class Measurement:
     scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
     speed_scale: Factor = 1.0
     order: Factor = 1.0
-    period: Counted = 1
-    start: StartOrState = Start.SETTLE
-    fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
-    bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeasuredModel(Measurement):
     """A model with the properties of its records; other parameters as `Measurement`.
 
@@ -117,9 +108,9 @@ class MeasuredModel(Measurement):
         A line for people; may be empty.
     """
 
-    system: System = field(kw_only=True)
-    frequency_given: bool = field(kw_only=True)
-    title: str = field(default="", kw_only=True)
+    system: System
+    frequency_given: bool
+    title: str = ""
 
     def read(self, path: str | os.PathLike[str]) -> Record:
         """Read a record in the units of the model; errors as `gapwalk.measure.read_measurement`."""

@@ -15,11 +15,11 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
-from gapwalk.studies.options import is_allowed, known_parameter
+from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.set_values import leaves_of
 from gapwalk.studies.study_kind import plain_numbers
 from gapwalk.studies.study_registry import Counted
-from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter
+from gapwalk.studies.tables import Start, StartOrState, Surroundings, check_parameter
 
 _SWEEP = 'write the range that was swept, as in sweep = { parameter = "frequency", from = 1.0, to = 0.5 }'
 _POINT = (
@@ -47,39 +47,6 @@ def are_ranges(bounds: object, info: ValidationInfo[Surroundings]) -> dict[str, 
             raise ValueError(f"gives {name} {given(value)}; it must be a list of two numbers, as in [0.5, 2.0]")
         found[name] = (float(numbers[0]), float(numbers[1]))
     return found
-
-
-def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
-    if info.data.get("begin") == end:
-        raise ValueError(f"is {end:g}, where the range begins; make it wider")
-    return end
-
-
-@dataclass(frozen=True, slots=True)
-class Sweep:
-    """The parameter that was swept slowly, and the range over which its branch is computed.
-
-    Parameters
-    ----------
-    parameter
-        Its name.
-    begin, end
-        The range; in a table they are called ``from`` and ``to``.
-    """
-
-    parameter: Annotated[
-        str, Field(description='write what was swept, as in parameter = "frequency"'), AfterValidator(known_parameter)
-    ]
-    begin: Annotated[
-        float, Field(alias="from", description="write where the range begins"), WITH_UNIT, AfterValidator(is_allowed)
-    ]
-    end: Annotated[
-        float,
-        Field(alias="to", description="write where the range ends"),
-        WITH_UNIT,
-        AfterValidator(is_allowed),
-        AfterValidator(_differs),
-    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +77,27 @@ def _are_points(points: Sequence[PointTable], info: ValidationInfo[Surroundings]
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class SweptMeasurement:
-    """The table ``[measurement]`` for special points that were measured in slow sweeps.
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """The keys of every table ``[measurement]``: the computed motion, and the parameters to fit.
+
+    Parameters
+    ----------
+    period, start
+        The motion: its period in forcing periods, and the start of the search for it.
+    fit, bounds
+        Names of parameters to fit, and their lowest and highest values.
+    """
+
+    period: Counted = 1
+    start: StartOrState = Start.SETTLE
+    fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
+    bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweptMeasurement(Fitting):
+    """The table ``[measurement]`` for special points that were measured in slow sweeps; other keys as `Fitting`.
 
     Parameters
     ----------
@@ -120,21 +105,13 @@ class SweptMeasurement:
         The parameter that was swept, and its range.
     point
         The measured points.
-    period, start
-        The branch: its period in forcing periods, and the start of the search for its first orbit.
-    fit, bounds
-        Names of parameters to fit, and their lowest and highest values.
     """
 
-    sweep: Annotated[Sweep, Field(description=_SWEEP)]
+    sweep: Annotated[ParameterRange, Field(description=_SWEEP)]
     point: Annotated[tuple[PointTable, ...], AfterValidator(_are_points), Field(description=_POINT)] = ()
-    period: Counted = 1
-    start: StartOrState = Start.SETTLE
-    fit: Annotated[tuple[str, ...], AfterValidator(exist)] = ()
-    bounds: Annotated[Any, AfterValidator(are_ranges)] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweptModel(SweptMeasurement):
     """A model with the special points that were measured on it; other parameters as `SweptMeasurement`.
 
@@ -146,8 +123,8 @@ class SweptModel(SweptMeasurement):
         A line for people; may be empty.
     """
 
-    system: System = field(kw_only=True)
-    title: str = field(default="", kw_only=True)
+    system: System
+    title: str = ""
 
 
 def measure_points(model: SweptModel, points: Sequence[MeasuredPoint] = ()) -> PointFit:

@@ -120,8 +120,8 @@ def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class SecondParameter:
-    """The second parameter of a plane, and its range.
+class ParameterRange:
+    """A parameter of the model, and its range.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class SecondParameter:
 
     parameter: Annotated[
         str,
-        Field(description='write the second parameter, as in parameter = "mean.q1"'),
+        Field(description='write its name, as in parameter = "mean.q1"'),
         AfterValidator(known_parameter),
     ]
     begin: Annotated[
@@ -169,7 +169,7 @@ def is_another(second: Any, info: ValidationInfo[Surroundings]) -> Any:
 
 
 Second = Annotated[
-    SecondParameter,
+    ParameterRange,
     Field(description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'),
     AfterValidator(is_another),
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
@@ -25,10 +25,9 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
 from gapwalk.studies.rattle_map_work import RattleMapWork
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
-from gapwalk.summary import SummaryParts, summarizes
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +93,7 @@ class RattleStudy(RattleOptions, RangeStudy):
     parameter, begin, end
         The parameter, and its range.
     sweep, search, starts, seed, reference, check, workers
-        Options; as `gapwalk.RattleOptions`. In a table, the keys of `sweep` are among the others.
+        Options; as `gapwalk.ask.RattleOptions`. In a table, the keys of `sweep` are among the others.
     gaps
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
@@ -272,33 +271,11 @@ def _sweep_one(system: System, asked: RattleStudy, gaps: tuple[str, ...], number
 
 
 @dataclass(frozen=True)
-class RattleFinding(Finding):
+class RattleFinding(AnswerFinding[RattleBands]):
     """Finding of a search for rattle, complete or not."""
 
-    found: RattleBands | None
-    done: int
-    total: int
-
-    @property
-    def record(self) -> RattleBands | None:
-        """The bands; None before the first sweep is done."""
-        return self.found
-
-    @property
-    def stored(self) -> str:
-        """Describe how many parts are stored."""
-        return f"{self.done} of {self.total} parts are stored"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the sentence, the bands and the severity; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: RattleBands, points: bool) -> dict[str, Any]:
         """Return the bands as JSON values; with the severity along them if wanted."""
-        found = self.found
-        if found is None:
-            return {"parts": {"done": self.done, "total": self.total}}
         document: dict[str, Any] = {
             "parameter": found.parameter,
             "within": list(found.within),
@@ -318,10 +295,6 @@ class RattleFinding(Finding):
         if points:
             document["severity"] = [plain_numbers_of(row) for row in found.severities]
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
 
 
 def _end_document(end: BandEnd) -> dict[str, Any]:
@@ -382,7 +355,7 @@ def rattle_bands(
 
     Examples
     --------
-    >>> print(gw.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
+    >>> print(gw.ask.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
     """
     check_system(system, "rattle_bands")
     low, high = to

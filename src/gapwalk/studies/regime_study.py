@@ -27,7 +27,7 @@ from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derived_schema import key_type
-from gapwalk.studies.options import RangeStudy, Second, SecondParameter
+from gapwalk.studies.options import ParameterRange, RangeStudy, Second
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, Counted, check_integers
@@ -408,7 +408,7 @@ def regimes(
         low,
         high,
         **values_of(options),
-        second=SecondParameter(other, *ends),
+        second=ParameterRange(other, *ends),
         resolution=check_resolution(resolution),
         start=state,
     )

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Le
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
 
 from gapwalk.answers.run_up import RunUp, run_up
-from gapwalk.answers.run_ups import LEVELS, RunUps, run_ups
+from gapwalk.answers.run_ups import RunUps, run_ups
 from gapwalk.answers.speed_course import SpeedCourse
+from gapwalk.bifurcation.follow import follow
+from gapwalk.continuation.walk import EndReason
 from gapwalk.ensemble.batch import BatchOptions
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.columns import parameter_headings
-from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.run_up_finding import RunUpFinding, SlowResponse
+from gapwalk.studies.study_kind import Found, StudyKind, Work
 from gapwalk.studies.study_registry import check_integers
 from gapwalk.studies.tables import Surroundings
-from gapwalk.summary import SummaryParts, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -127,6 +130,13 @@ class RunUpStudy(StudyKind):
         contact with the largest force.
     samples
         Samples per forcing period of a single run-up.
+    with_response
+        True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over
+        it, with the delay of each jump.
+    orders
+        Highest order of the spectra of `signal` along a single run-up, shown as a waterfall; 0: none.
+    window
+        Length of these spectra in forcing periods.
     bins
         Equal times into which each of many run-ups is divided.
     error
@@ -134,6 +144,7 @@ class RunUpStudy(StudyKind):
     """
 
     kind: ClassVar[str] = "run-up"
+    gives_frequency: ClassVar[bool] = True
     table_types: ClassVar[Mapping[str, Any]] = {
         "rate": Annotated[Any, PlainValidator(_rates)],
         "times": None,
@@ -151,6 +162,9 @@ class RunUpStudy(StudyKind):
     starts: int = 1
     signal: str = ""
     samples: int = 512
+    with_response: bool = False
+    orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
+    window: int = 8
     bins: int = 100
     error: float = 1e-4
 
@@ -159,6 +173,7 @@ class RunUpStudy(StudyKind):
         check_integers(self, starts=1, most=_MOST)
         check_integers(self, samples=16, most=65_536)
         check_integers(self, bins=2, most=10_000)
+        check_integers(self, window=1, most=10_000)
         BatchOptions(self.error)
         if self.times:
             SpeedCourse(np.array(self.times), np.array(self.speeds))
@@ -180,19 +195,41 @@ class RunUpStudy(StudyKind):
             values |= {"times": tuple(trace.time.tolist()), "speeds": tuple(trace.speed.tolist())}
         elif ramp:
             names = {"begin": "from", "end": "to", "rate": "rate"}
+            example = f'"100 {system.units.parameter(system.structure.pace)}/s"' if system.units else "0.01"
             missing = " and ".join(names[key] for key in ramp)
             raise ModelError(
-                f'{missing} {"is" if len(ramp) == 1 else "are"} missing: write from, to and rate = "100 rpm/s" for a '
+                f"{missing} {'is' if len(ramp) == 1 else 'are'} missing: write from, to and rate = {example} for a "
                 'ramp, or trace = "run-up.csv" for a measured trace'
             )
         asked = cls(**values)
         Ramped(system)  # refuses what cannot run up
         if asked.signal and (names := _signal_names(system)) and asked.signal not in names:
             raise ModelError(f"signal is {given(asked.signal)}; signals of a run-up are {', '.join(names)}")
+        if asked.orders:
+            asked._check_orders(system)
         for each in asked.courses[:1]:
             for end in (each.speed.min(), each.speed.max()):
                 system.at({system.structure.pace: float(end)})
         return asked
+
+    def _check_orders(self, system: System) -> None:
+        """Raise a ModelError if a run-up has no spectra of these orders."""
+        if self.count > 1:
+            raise ModelError(
+                f"orders needs a single run-up, but there are {self.count}; write one rate and leave starts and steps "
+                "out, or leave orders out"
+            )
+        highest = self.samples / 2.0 * float(system.turns or 1)
+        if self.orders > highest:
+            raise ModelError(
+                f"orders is {self.orders:g}; with samples = {self.samples} there are orders up to {highest:g}: write "
+                f"samples = {math.ceil(2.0 * self.orders / float(system.turns or 1))} or more"
+            )
+        periods = float(self.courses[0].turned[-1]) * system.structure.frequency / PERIOD
+        if periods < self.window:
+            raise ModelError(
+                f"window is {self.window}, but the run-up lasts only {periods:.3g} forcing periods; write a shorter one"
+            )
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -236,152 +273,46 @@ def _signal_names(system: System) -> list[str]:
     return RunUp(system, SpeedCourse.ramp(1.0, 2.0, 1.0), 16, blank, blank, blank, states, (), ()).signals
 
 
-@dataclass(frozen=True, eq=False)
-class RunUpFinding(Finding):
-    """Finding of run-ups: a single motion, or the largest forces of many."""
-
-    asked: RunUpStudy
-    found: RunUp | RunUps | None
-    done: int
-
-    @property
-    def record(self) -> RunUp | RunUps | None:
-        """The run-up, or the run-ups so far."""
-        return self.found
-
-    @property
-    def complete(self) -> bool:
-        """True if all run-ups are done."""
-        return self.done == self.asked.count
-
-    @property
-    def stored(self) -> str:
-        """Describe how many run-ups are stored."""
-        return f"{self.done} of {self.asked.count} run-ups are stored"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the largest forces, with their spread for many run-ups."""
-        if self.found is not None:
-            yield from self.found.summary()
-
-    def document(self, points: bool) -> dict[str, Any]:
-        """Return the largest forces; for a single run-up with the history of its signal if points are wanted."""
-        found = self.found
-        if found is None:
-            return {}
-        document: dict[str, Any] = {"run_ups": self.done, "sentences": list(found.sentences)}
-        if isinstance(found, RunUp):
-            document["peaks"] = [asdict_of(each) for each in found.peaks]
-            if points:
-                signal = self._signal(found)
-                document["history"] = {
-                    "signal": signal, "time": found.time.tolist(), "speed": found.speed.tolist(),
-                    "values": found.signal(signal).tolist(),
-                }  # fmt: skip
-            return document
-        document |= {"error": found.error, "worst": found.worst, "rates": found.rates.tolist()}
-        document["contacts"] = {
-            name: {"peaks": plain_numbers(found.peaks(name).tolist()), "speeds": found.places(name).tolist()}
-            for name in found.touching
-        }
-        return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the largest forces; and the history and events of one run-up, or quantiles over the rate of many."""
-        found = self.found
-        if found is None:
-            return {}
-        if isinstance(found, RunUp):
-            return {
-                "peaks": lambda: _peak_rows(found),
-                "history": lambda: self._history_rows(found),
-                "envelope": lambda: self._envelope_rows(found),
-            }
-        return {"peaks": lambda: _run_rows(found), "rates": lambda: _rate_rows(found)}
-
-    def _signal(self, found: RunUp) -> str:
-        return self.asked.signal or found.loudest
-
-    def _history_rows(self, found: RunUp) -> Iterator[list[object]]:
-        signal = self._signal(found)
-        yield ["time", *_pace_heading(found.system), "theta", signal]
-        columns = (found.time, found.speed, found.theta, found.signal(signal))
-        yield from map(list, np.stack(columns, axis=1).tolist())
-
-    def _envelope_rows(self, found: RunUp) -> Iterator[list[object]]:
-        signal = self._signal(found)
-        yield [*_pace_heading(found.system), f"min.{signal}", f"max.{signal}"]
-        yield from map(list, np.stack(found.envelope(signal), axis=1).tolist())
-
-
-def asdict_of(record: Any) -> dict[str, Any]:
-    """Return the fields of a named tuple."""
-    return record._asdict() if hasattr(record, "_asdict") else asdict(record)
-
-
-def _pace_heading(system: System) -> list[str]:
-    return [*parameter_headings([system.structure.pace], system.coordinates)]
-
-
-def _peak_rows(found: RunUp) -> Iterator[list[object]]:
-    yield ["contact", "force", *_pace_heading(found.system), "time", "theta", "impacts", "fastest"]
-    for each in found.peaks:
-        row: list[object] = [*each]
-        yield row
-
-
-def _run_rows(found: RunUps) -> Iterator[list[object]]:
-    names = found.touching
-    pace = found.system.structure.pace
-    yield ["rate", "phase", *(f"{what}.{name}" for name in names for what in ("peak", pace, "impacts"))]
-    columns = [found.rates, found.phases]
-    for name in names:
-        impacts = found.impacts[:, :, found.contacts.index(name)].sum(axis=(1, 2))
-        columns += [found.peaks(name), found.places(name), impacts]
-    yield from map(list, plain_numbers(np.stack(columns, axis=1).tolist()))
-
-
-def _rate_rows(found: RunUps) -> Iterator[list[object]]:
-    names = found.touching
-    yield ["rate", *(f"{name} {level:.0%}" for name in names for level in LEVELS)]
-    tables = [found.quantiles(name) for name in names]
-    if tables:
-        yield from map(list, np.vstack([tables[0][0], *(values for _, values in tables)]).T.tolist())
-
-
 RUN = Part("run", RunUp)
+RESPONSE = Part("response", SlowResponse)
 RUNS = Part("runs", RunUps, numbered=True)
 
 
 class RunUpWork(Work):
-    """The work on one run-up, or on many in chunks."""
+    """The work on one run-up, or on many in chunks, and on the response below."""
 
     def __init__(self, system: System, asked: RunUpStudy) -> None:
         self.system, self.asked = system, asked
         self._one: RunUp | None = None
         self._chunks: dict[int, RunUps] = {}
+        self._response: SlowResponse | None = None
 
     def take(self, known: Parts) -> None:
         """Read the run-ups of a file; raise a ValueError if they are not of this study."""
+        self._response = known.get(RESPONSE)
         if self.asked.count == 1:
             self._one = known.get(RUN)
             return
         for number, chunk in known.all(RUNS):
-            if not 0 <= number < self.total or len(chunk.courses) != len(self._lanes(number)):
+            if not 0 <= number < self.chunks or len(chunk.courses) != len(self._lanes(number)):
                 raise ValueError(f"chunk {number} does not belong to these run-ups")
             self._chunks[number] = chunk
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Compute the run-ups that are left, chunk by chunk."""
+        """Compute the run-ups that are left, chunk by chunk; then the response."""
         asked = self.asked
-        if asked.count == 1:
-            if self._one is None:
-                self._one = run_up(self.system, asked.courses[0], samples=asked.samples)
-                yield Found((RUN.entry(self._one),), ())
-            return
-        courses = asked.courses
-        for number in range(self.total):
+        if asked.count > 1:
+            yield from self._many()
+        elif self._one is None:
+            self._one = run_up(self.system, asked.courses[0], samples=asked.samples)
+            yield Found((RUN.entry(self._one),), ())
+        if asked.with_response and self._response is None:
+            self._response = _slow_response(self.system, asked.courses)
+            yield Found((RESPONSE.entry(self._response),), ())
+
+    def _many(self) -> Generator[Found]:
+        asked, courses = self.asked, self.asked.courses
+        for number in range(self.chunks):
             if number in self._chunks:
                 continue
             lanes = self._lanes(number)
@@ -405,12 +336,18 @@ class RunUpWork(Work):
 
     @property
     def done(self) -> int:
-        """Number of chunks that are done."""
-        return int(self._one is not None) if self.asked.count == 1 else len(self._chunks)
+        """Number of parts that are done: chunks, and the response."""
+        runs = int(self._one is not None) if self.asked.count == 1 else len(self._chunks)
+        return runs + (self._response is not None)
 
     @property
     def total(self) -> int:
-        """Number of all chunks."""
+        """Number of all parts."""
+        return self.chunks + self.asked.with_response
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks of run-ups."""
         return math.ceil(self.asked.count / CHUNK)
 
     @property
@@ -426,4 +363,18 @@ class RunUpWork(Work):
         found = self.record
         if found is None:
             return None
-        return RunUpFinding(self.asked, found, 1 if isinstance(found, RunUp) else len(found.courses))
+        return RunUpFinding(self.asked, found, 1 if isinstance(found, RunUp) else len(found.courses), self._response)
+
+
+def _slow_response(system: System, courses: list[SpeedCourse]) -> SlowResponse:
+    """Walk the response from the first speed of the run-ups to their most distant one."""
+    pace, first = system.structure.pace, float(courses[0].speed[0])
+    reached = np.concatenate([course.speed for course in courses])
+    last = float(max(reached.min(), reached.max(), key=lambda speed: abs(speed - first)))
+    try:
+        branch = follow(find_orbit(system.at({pace: first})), pace, to=last)
+    except NumericalError as error:
+        return SlowResponse(None, f"there is no response below the run-up: {error}")
+    end = branch.ends[-1]
+    reason = "" if end.reason is EndReason.RANGE else f"the response does not reach the last speed: {end}"
+    return SlowResponse(branch, reason)

@@ -337,7 +337,10 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
     table = study_tables(source)[at]
     walked = walked_parameters(table)
     kind = table.get("kind")
-    if isinstance(kind, str) and kind in kinds() and "parameter" not in study_schema(kind_of(kind)).model_fields:
+    known_kind = kind_of(kind) if isinstance(kind, str) and kind in kinds() else None
+    if known_kind is not None and known_kind.gives_frequency:
+        return
+    if known_kind is not None and "parameter" not in study_schema(known_kind).model_fields:
         yield source.problem("is missing; the study walks nothing, so give the frequency of the study", ("frequency",))
     known = [name for name in walked if system is None or name in system.structure.names]
     if known == walked and walked and not any(name in walked for name in PACES):

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from gapwalk.errors import Interrupted
 from gapwalk.model.system import System
@@ -47,6 +47,9 @@ class StudyKind:
     reports: ClassVar[str] = "parts"
     """What a run reports: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map, or parts
     of the work."""
+
+    gives_frequency: ClassVar[bool] = False
+    """True if the study gives the frequency itself, without a parameter, so that the model need not."""
 
     table_types: ClassVar[Mapping[str, Any]] = {}
     """What pydantic takes for the types of keys, where it does not follow from the fields; None for what is not a key.
@@ -217,6 +220,11 @@ class Finding(ABC):
         return self.record is not None
 
     @property
+    def drawn(self) -> Mapping[str, Any]:
+        """Options of the picture of the record that the study decided."""
+        return {}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Remarks, in sentences."""
         return getattr(self.record, "notes", ())
@@ -238,6 +246,72 @@ class Finding(ABC):
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """The tables by name, the most important one first."""
+
+
+class Answer(Protocol):
+    """Record that describes itself, and of which part may be missing."""
+
+    @property
+    def complete(self) -> bool:
+        """True if no work is left."""
+        ...
+
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return the record in words; with notes and failures or without."""
+        ...
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return its tables by name."""
+        ...
+
+
+A = TypeVar("A", bound=Answer)
+
+
+@dataclass(frozen=True)
+class AnswerFinding(Finding, Generic[A]):
+    """Finding of a study whose record describes itself, complete or not.
+
+    Attributes
+    ----------
+    found
+        The record; None before its first part is done.
+    done, total
+        Number of parts that are done, and of all.
+    """
+
+    found: A | None
+    done: int
+    total: int
+
+    @property
+    def record(self) -> A | None:
+        """The record; None before its first part is done."""
+        return self.found
+
+    @property
+    def stored(self) -> str:
+        """Describe how many parts are stored."""
+        return f"{self.done} of {self.total} parts are stored"
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the record in words; notes are apart."""
+        return () if self.found is None else self.found.summary(notes=False)
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Return the record as JSON values, or how many parts are done."""
+        if self.found is None:
+            return {"parts": {"done": self.done, "total": self.total}}
+        return self.document_of(self.found, points)
+
+    @abstractmethod
+    def document_of(self, found: A, points: bool) -> dict[str, Any]:
+        """Return the record as JSON values; with everything point by point if wanted."""
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of the record."""
+        return {} if self.found is None else self.found.tables()
 
 
 def plain_numbers(values: Any) -> Any:

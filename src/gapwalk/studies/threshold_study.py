@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
 
 from gapwalk.answers.gap_states import chosen_gaps
-from gapwalk.answers.threshold import Threshold, ThresholdOptions, find_threshold
+from gapwalk.answers.threshold import Threshold, ThresholdOptions
+from gapwalk.answers.threshold_search import Request, Round, ThresholdSearch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN
-from gapwalk.summary import SummaryParts, summarizes
 
 Over = Annotated[
-    SecondParameter,
+    ParameterRange,
     Field(
         description='write the range that is to be quiet, as in over = { parameter = "speed", from = 700, to = 1100 }'
     ),
@@ -45,7 +45,7 @@ class ThresholdStudy(RangeStudy):
         Names of contacts with a gap; one may be written without a list. By default all gaps, or, in a drive train,
         those of links that can part.
     options
-        Number of motions that are tried; as `gapwalk.ThresholdOptions`. In a table, its keys are among the others.
+        Number of motions that are tried; as `gapwalk.ask.ThresholdOptions`. In a table, its keys are among the others.
     """
 
     kind: ClassVar[str] = "threshold"
@@ -63,7 +63,10 @@ class ThresholdStudy(RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"threshold of {self.range_words} at which {', '.join(self.gaps)} cease to rattle over {self.over.words}"
+        verb = "ceases" if len(self.gaps) == 1 else "cease"
+        return (
+            f"threshold of {self.range_words} at which {', '.join(self.gaps)} {verb} to rattle over {self.over.words}"
+        )
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value of both parameters."""
@@ -74,27 +77,34 @@ class ThresholdStudy(RangeStudy):
         return ThresholdWork(system, self)
 
 
+ROUND = Part("round", Round, numbered=True)
 THRESHOLD = Part("threshold", Threshold)
 
 
 class ThresholdWork(Work):
-    """The search for one threshold, which is one part."""
+    """The search for one threshold: its rounds, then the threshold."""
 
     def __init__(self, system: System, asked: ThresholdStudy) -> None:
-        self.system, self.asked = system, asked
-        self.gaps = chosen_gaps(system, asked.gaps)
+        over = asked.over
+        span = min(over.begin, over.end), max(over.begin, over.end)
+        gaps = chosen_gaps(system, asked.gaps)
+        to = asked.begin, asked.end
+        self._search = ThresholdSearch(Request(system, gaps, asked.parameter, to, over.parameter, span, asked.options))
         self._found: Threshold | None = None
 
     def take(self, known: Parts) -> None:
-        """Read the threshold of a file."""
+        """Read the threshold of a file, or the rounds of the search if it is incomplete."""
         self._found = known.get(THRESHOLD)
+        if self._found is None:
+            self._search.rounds = [each for _, each in known.all(ROUND)]
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Find the threshold."""
-        asked, over = self.asked, self.asked.over
-        span = min(over.begin, over.end), max(over.begin, over.end)
-        to = asked.begin, asked.end
-        self._found = find_threshold(self.system, asked.parameter, to, over.parameter, span, self.gaps, asked.options)
+        """Do the remaining rounds; then give the threshold."""
+        search = self._search
+        while not search.is_over:
+            latest = search.advance()
+            yield Found.part(ROUND, latest, len(search.rounds) - 1)
+        self._found = search.found()
         yield Found.part(THRESHOLD, self._found)
 
     @property
@@ -103,46 +113,31 @@ class ThresholdWork(Work):
         return self._found is not None
 
     @property
+    def done(self) -> int:
+        """Number of parts that are done."""
+        return self.total if self.complete else len(self._search.rounds)
+
+    @property
+    def total(self) -> int:
+        """Number of parts: most searches need two rounds."""
+        return max(2, len(self._search.rounds) + (not self._search.is_over)) + 1
+
+    @property
     def record(self) -> Threshold | None:
         """The threshold; None before it is known."""
         return self._found
 
     def finding(self) -> ThresholdFinding:
         """Return the threshold as the finding of a study."""
-        return ThresholdFinding(self._found)
+        return ThresholdFinding(self._found, self.done, self.total)
 
 
 @dataclass(frozen=True)
-class ThresholdFinding(Finding):
+class ThresholdFinding(AnswerFinding[Threshold]):
     """Finding of the search for a threshold."""
 
-    found: Threshold | None
-
-    @property
-    def record(self) -> Threshold | None:
-        """The threshold; None before it is known."""
-        return self.found
-
-    @property
-    def complete(self) -> bool:
-        """True if it is known."""
-        return self.found is not None
-
-    @property
-    def stored(self) -> str:
-        """Say that nothing is stored before the threshold is known."""
-        return "nothing is stored yet"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the answer and its evidence; notes are apart."""
-        return () if self.found is None else self.found.summary(notes=False)
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: Threshold, points: bool) -> dict[str, Any]:
         """Return the threshold as JSON values; with the points of its loci if wanted."""
-        found = self.found
-        if found is None:
-            return {}
         limit, confirmed = found.limit, found.confirmation
         document: dict[str, Any] = {
             "answer": found.sentence,
@@ -156,10 +151,6 @@ class ThresholdFinding(Finding):
         if points:
             document["loci"] = [{"kind": str(locus.kind), "values": locus.values.tolist()} for locus in found.loci]
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()
 
 
 def threshold(
@@ -192,9 +183,9 @@ def threshold(
     options
         Number of motions that are tried.
     report
-        Called with the threshold once it is written to the file.
+        Called with each round of the search, and with the threshold, once it is written to the file.
     output
-        A file to write; `gapwalk.load` reads it.
+        A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
 
     Returns
     -------
@@ -205,10 +196,12 @@ def threshold(
     ------
     ModelError
         For unknown parameters or contacts, or an empty range.
+    Interrupted
+        After Ctrl-C.
 
     Examples
     --------
-    >>> found = gw.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
+    >>> found = gw.ask.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
     >>> found.value, found.at
     (-3.1652191..., 950.9335...)
     """
@@ -221,7 +214,7 @@ def threshold(
         parameter,
         float(to[0]),
         float(to[1]),
-        over=SecondParameter(over, float(span[0]), float(span[1])),
+        over=ParameterRange(over, float(span[0]), float(span[1])),
         gaps=chosen_gaps(system, gaps),
         options=options or ThresholdOptions(),
     )

@@ -116,8 +116,8 @@ class SpreadTable(Spread):
     Parameters
     ----------
     parameter, law, sd, low, high, mean
-        As in `gapwalk.Spread`. In percent, `sd` is that share of the value in the model, and `low`, `high` and `mean`
-        are that far from it.
+        As in `gapwalk.ask.Spread`. In percent, `sd` is that share of the value in the model, and `low`, `high` and
+        `mean` are that far from it.
     """
 
     parameter: Annotated[str, BeforeValidator(_known), Field(description='write parameter = "stage2.clearance"')]
@@ -161,7 +161,7 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
     parameter, begin, end
         The parameter of the response, and its range.
     samples, seed, check, period, walk, workers
-        Options; as `gapwalk.ToleranceOptions`.
+        Options; as `gapwalk.ask.ToleranceOptions`.
     spreads
         Distribution of the parameters. In a table they are tables ``[[study.spread]]``, with ``correlation`` between
         them; or ``parts`` names a CSV file of measured parts.
@@ -272,7 +272,7 @@ def tolerance(
     Examples
     --------
     >>> laws = gw.analysis.spread_in_percent(system, 2, ["stage2.clearance", "mean.q1"])
-    >>> print(gw.tolerance(system, "frequency", (1.9, 0.6), laws, band=(0.60, 0.66)).summary())
+    >>> print(gw.ask.tolerance(system, "frequency", (1.9, 0.6), laws, band=(0.60, 0.66)).summary())
     """
     check_system(system, "tolerance")
     options = options or ToleranceOptions()

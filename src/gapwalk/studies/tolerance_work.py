@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -45,8 +45,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers
-from gapwalk.summary import SummaryParts, summarizes
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 
 if TYPE_CHECKING:
     from gapwalk.studies.tolerance_study import ToleranceStudy
@@ -288,34 +287,12 @@ class ToleranceWork(Work):
 
 
 @dataclass(frozen=True)
-class ToleranceFinding(Finding):
+class ToleranceFinding(AnswerFinding[Tolerance]):
     """Finding of a study of tolerances, complete or not."""
 
-    found: Tolerance | None
-    done_chunks: int
-    all_chunks: int
-
-    @property
-    def record(self) -> Tolerance | None:
-        """The tolerances; None before the first samples."""
-        return self.found
-
-    @property
-    def stored(self) -> str:
-        """Describe how many chunks are stored."""
-        return f"{self.done_chunks} of {self.all_chunks} chunks of samples are stored"
-
-    @summarizes
-    def summary(self) -> SummaryParts:
-        """Return the distribution of each point."""
-        return () if self.found is None else self.found.summary()
-
-    def document(self, points: bool) -> dict[str, Any]:
+    def document_of(self, found: Tolerance, points: bool) -> dict[str, Any]:
         """Return the distributions as JSON values; with all samples if wanted."""
-        found = self.found
-        document: dict[str, Any] = {"chunks": {"done": self.done_chunks, "total": self.all_chunks}}
-        if found is None:
-            return document
+        document: dict[str, Any] = {"parts": {"done": self.done, "total": self.total}}
         tables = found.tables()
         for name in ("points", "indices", *(["samples"] if points else [])):
             heads, *rows = [list(row) for row in tables[name]()]
@@ -324,7 +301,3 @@ class ToleranceFinding(Finding):
             chance = found.chance(*found.band)
             document["band"] = {"from": found.band[0], "to": found.band[1], "jump": chance._asdict()}
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the record."""
-        return {} if self.found is None else self.found.tables()

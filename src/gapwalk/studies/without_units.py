@@ -7,7 +7,7 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
-from gapwalk.studies.options import SecondParameter
+from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.study_kind import StudyKind
 
@@ -40,10 +40,10 @@ def _options(options: StudyKind, form: NonDimensional) -> StudyKind:
             changed["near"] = form.value(name, given["near"])
         changed["search_values"] = _scaled(given.get("search_values"), name, form)
     second = given.get("second")
-    if isinstance(second, SecondParameter):
+    if isinstance(second, ParameterRange):
         name = second.parameter
         ends = (form.value(name, value) for value in (second.begin, second.end))
-        changed["second"] = SecondParameter(form.name(name), *ends)
+        changed["second"] = ParameterRange(form.name(name), *ends)
         changed["sections"] = _scaled(given.get("sections"), name, form)
     if isinstance(start := given.get("start"), tuple):
         changed["start"] = tuple(form.state(start).tolist())

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.loci.locus_equations import LocusEquation, MultiplierEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
-from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place, ShotPlane
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
@@ -353,7 +353,9 @@ def _slopes(plane, special: SpecialPoint) -> tuple[NDArray[np.float64], NDArray[
         # first derivatives suffice; at a fold those of the multiplier are multiplied by zero
         found = _solved(equation, unknowns, scales, plane.names)[-1]
         return found, _ROUNDING * np.abs(found)
-    tried = [_solved(replace(equation, step=step), unknowns, scales, plane.names)[-1] for step in _STEPS]
+    place = equation.place(unknowns, *(system[name] for name in plane.names[1:]))
+    found = [replace(equation, step=step).linearised_at(place) for step in _STEPS]
+    tried = [_solved_of(each, scales[: len(unknowns)])[-1] for each in found]
     changes = [np.abs(b - a) for a, b in pairwise(tried)]
     best = int(np.argmin([float(np.max(change)) for change in changes]))
     return tried[best + 1], changes[best]
@@ -363,9 +365,17 @@ def _solved(
     equation: LocusEquation, unknowns: NDArray[np.float64], scales: NDArray[np.float64], names: Sequence[str]
 ) -> NDArray[np.float64]:
     """Return the derivatives of all unknowns by the parameters after the first."""
-    system, size = equation.system, len(unknowns)
-    residual, by_all, _ = equation.linearised(unknowns, *(system[name] for name in names[1:]))
-    own = by_all[:, :size] * scales[:size]
+    others = (equation.system[name] for name in names[1:])
+    return _solved_of(equation.linearised(unknowns, *others), scales[: len(unknowns)])
+
+
+def _solved_of(
+    linearised: tuple[NDArray[np.float64], NDArray[np.float64], Place], scales: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the same from the linearised equations; `scales` are those of the unknowns."""
+    residual, by_all, _ = linearised
+    size = len(scales)
+    own = by_all[:, :size] * scales
     try:
         solved = np.linalg.solve(own, -np.column_stack((residual, by_all[:, size:])))
     except np.linalg.LinAlgError:
@@ -374,4 +384,4 @@ def _solved(
         raise ConvergenceError(
             f"the orbit is not at the special point: a step of {np.abs(solved[:, 0]).max():.1g} is left"
         )
-    return solved[:, 1:] * scales[:size, None]
+    return solved[:, 1:] * scales[:, None]

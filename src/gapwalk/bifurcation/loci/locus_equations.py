@@ -182,8 +182,11 @@ class MultiplierEquation(LocusEquation):
         self, unknowns: NDArray[np.float64], *others: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
         """See `LocusEquation.linearised`."""
-        size = len(unknowns) - 1
-        place = self.place(unknowns, *others)
+        return self.linearised_at(self.place(unknowns, *others))
+
+    def linearised_at(self, place: Place) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """Return the same where the equations of the orbit have been evaluated."""
+        size = len(place.unknowns)
         critical = self.criticality(place)
         by_all = self.plane.gradient(self.kind, critical, place, self.scales, self.step)
         # near a grazing contact g is so steep that rounding alone would exceed the tolerance; g over its slope is not

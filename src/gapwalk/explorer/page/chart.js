@@ -87,6 +87,7 @@ export function ticks(low, high, count) {
   return found;
 }
 
-function short(value) {
+export function short(value, range = Infinity) {
+  if (Math.abs(value) > 1000 * range) return String(value); // neighbours would have the same digits
   return value !== 0 && (Math.abs(value) >= 1e4 || Math.abs(value) < 1e-3) ? value.toExponential(0) : String(Number(value.toPrecision(4)));
 }

@@ -1,6 +1,7 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
 import { Lines } from "./lines.js";
+import { arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
@@ -24,6 +25,10 @@ export class Diagram {
     this.chosen = chosen; // called with { curve, index } after a click, or { settled }
     this.mark = null;
     this.names = { x: "", y: "" };
+    this.over = null; // what an answer adds, as `onAxes` in overlay.js returns it
+    this.arrows = []; // from a special point to where a changed parameter moves it
+    this.extra = () => ({ over: null, arrows: [] }); // returns both
+    this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.ready && this.later()).observe(place);
@@ -59,6 +64,7 @@ export class Diagram {
 
   draw() {
     const started = performance.now();
+    Object.assign(this, this.extra());
     const view = this.range ?? this.extent();
     const all = [...this.curves.all.values()];
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
@@ -78,19 +84,50 @@ export class Diagram {
     const { xaxis, yaxis } = this.place._fullLayout, view = { x: xaxis.range, y: yaxis.range };
     const all = [...this.curves.all.values()];
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
-    const labelled = this.marks(all, view).slice(0, -2);
-    window.Plotly.restyle(this.place, { text: labelled.map(({ text }) => text) }, labelled.map((_, i) => i));
+    const marks = this.marks(all, view), first = this.added(view).length, labelled = marks.slice(first, -2);
+    window.Plotly.restyle(this.place, { text: labelled.map(({ text }) => text) }, labelled.map((_, i) => first + i));
+    if (this.over || this.arrows.length) this.redecorate(view);
     this.paint();
   }
 
   paint(moving = false) {
+    this.lines.behind = this.over;
     this.lines.paint(this.place._fullLayout, color, moving);
+    this.painted(this.place._fullLayout);
+  }
+
+  /** Draw the arrows and the labels of an answer again; the rest of what Plotly draws stays. */
+  redecorate(view = null) {
+    if (!this.ready) return;
+    Object.assign(this, this.extra());
+    const { xaxis, yaxis } = this.place._fullLayout;
+    this.programmatic = true;
+    window.Plotly.relayout(this.place, this.decoration(view ?? { x: xaxis.range, y: yaxis.range }));
+    this.programmatic = false;
+  }
+
+  /** Arrows and labels, for a layout. */
+  decoration(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
+    const { shapes, labels } = arrowsOf(this.arrows, view, width - 68, height - 60, color);
+    return { shapes, annotations: [...(this.over ? labelsOf(this.over, view, width - 68, color) : []), ...labels] };
+  }
+
+  /** The traces that an answer adds. */
+  added(view) {
+    const placed = (place) => place && this.placeOf(place);
+    return this.over ? tracesOf(this.over, view, placed, color) : [];
+  }
+
+  /** Where a special point of the shown answer is: [x, y], or null. */
+  placeOf({ branch, special }) {
+    const found = this.curves.all.get(`${this.over?.key ?? ""}/${branch}`)?.special[special];
+    return found ? [found.x, found.y] : null;
   }
 
   marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
     const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, label: s.kind === "grazing" ? "" : s.label })));
     const found = legible(special, view, width, height);
-    return [...this.specialPoints(found), this.codim2Points(found), this.settledPoints(), this.markTrace()];
+    return [...this.added(view), ...this.specialPoints(found), this.codim2Points(found), this.settledPoints(), this.markTrace()];
   }
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
@@ -100,10 +137,11 @@ export class Diagram {
     });
     return {
       autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
-      margin: { l: 56, r: 12, t: 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      margin: { l: 56, r: 12, t: this.over?.lines.some(({ upright, text }) => upright && text) ? 24 : 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
-      xaxis: axis(this.names.x, view.x, width), yaxis: axis(this.names.y, view.y, height),
-      hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") } },
+      xaxis: axis(this.names.x, view.x, width - 68), yaxis: axis(this.names.y, view.y, height - 76),
+      hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") }, align: "left" },
+      ...this.decoration(view, width, height),
     };
   }
 
@@ -124,7 +162,8 @@ export class Diagram {
     }));
     const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
-    const figure = { data: [...traces, ...this.marks([...this.curves.all.values()], view, 1200, 720)], layout };
+    if (this.over) layout.shapes = [...shapesOf(this.over, color), ...layout.shapes];
+    const figure = { data: [...(this.over ? cellTraces(this.over, color) : []), ...traces, ...this.marks([...this.curves.all.values()], view, 1200, 720)], layout };
     const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
     const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
     const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
@@ -136,8 +175,13 @@ export class Diagram {
     const take = (x, y) => { a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
     for (const curve of this.curves.subject()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
     if (!this.curves.hasLoci) for (const { place } of this.curves.settled.values()) take(...place);
+    for (const { x, y } of this.over?.layers ?? []) x.forEach((v, i) => { if (v !== null && y[i] !== null) take(v, y[i]); });
+    const { x: across, y: up } = this.over?.within ?? {};
+    if (across) [a, b] = [Math.min(a, ...across), Math.max(b, ...across)];
+    if (up) [c, d] = [Math.min(c, ...up), Math.max(d, ...up)];
     if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
-    const pad = (low, high) => { const p = (this.curves.hasLoci ? 0.15 : 0.04) * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
+    if (!(c <= d)) [c, d] = [0, 1];
+    const pad = (low, high) => { const p = (this.curves.hasLoci && !across ? 0.15 : 0.04) * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
     return { x: pad(a, b), y: pad(c, d) };
   }
 
@@ -215,7 +259,7 @@ export class Diagram {
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
       this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.refine(), 120);
+      this.timer = setTimeout(() => (this.over?.clouds.length ? this.draw() : this.refine()), 120); // clouds have a height in pixels
     });
   }
 }

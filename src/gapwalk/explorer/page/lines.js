@@ -1,6 +1,7 @@
 // The lines of the branches, on a canvas under Plotly's axes: they follow a drag frame by frame, however many they are.
 
 import { LINES, thinned } from "./curves.js";
+import { paintBehind } from "./overlay.js";
 
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds
@@ -10,6 +11,7 @@ export class Lines {
   constructor(canvas) {
     this.canvas = canvas;
     this.last = { picture: document.createElement("canvas"), time: -Infinity };
+    this.behind = null; // what an answer has behind the lines
     this.kinds = []; // for each kind those of an earlier model, then again for each kind the others
   }
 
@@ -62,6 +64,7 @@ export class Lines {
     draw.beginPath();
     draw.rect(left, top, right - left, bottom - top);
     draw.clip();
+    if (this.behind) paintBehind(draw, this.behind, (v) => left + (v - x0) * kx, (v) => bottom - (v - y0) * ky, [left, top, right, bottom], color);
     draw.strokeStyle = color("--grid");
     draw.lineWidth = 1;
     draw.beginPath();

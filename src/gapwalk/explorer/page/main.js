@@ -1,18 +1,21 @@
 // The page: the chosen file, axes and point; the server holds everything else.
 
+import { Answer } from "./answer.js";
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
-import { Curves, showLegend, takeLoci } from "./curves.js";
+import { Curves, takeLoci } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
+import { Extras } from "./extras.js";
 import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
+import { Movers } from "./movers.js";
 import { Parameters } from "./parameters.js";
 import { isEarlier, showResults } from "./results.js";
 
 const $ = (id) => document.getElementById(id);
 
-const page = { about: null, results: [], chosen: null };
+const page = { about: null, results: [], chosen: null, wanted: null }; // wanted: the result to show at its end
 const curves = new Curves();
 const diagram = new Diagram($("diagram"), curves, (found) => choice.choose(found));
 const motion = new MotionView(tell);
@@ -20,7 +23,10 @@ const parameters = new Parameters($("parameters"), $("filter"));
 const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(found), {
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
-const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showValues });
+const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
+const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
+const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
+const extras = new Extras($("legend"), curves, diagram, answer, movers);
 
 begin().catch(tell);
 
@@ -65,6 +71,8 @@ async function open(file) {
   showLocusRange();
   diagram.range = null;
   await show(about.results);
+  const last = about.results.at(-1);
+  if (last?.answer && last.state === "done" && page.about === about) await showResult(last);
 }
 
 /** Read the file again after an edit or a restart of the server; what is shown and chosen stays. */
@@ -92,6 +100,7 @@ function showProblem() {
 }
 
 function forget() {
+  answer.clear();
   curves.clear();
   choice.clear();
 }
@@ -122,14 +131,27 @@ async function show(results) {
     page.updating = false;
   }
   enable();
+  await showAnswers().catch(tell);
+}
+
+/** Show the answer that was asked for once it is there, and the shown one again if it has changed. */
+async function showAnswers() {
+  if (!page.about) return;
+  const over = page.results.filter((r) => r.answer && ["done", "stopped"].includes(r.state));
+  const wanted = over.find(({ key }) => key === page.wanted);
+  const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
+  if (wanted) page.wanted = null;
+  if (wanted ?? shown) await showResult(wanted ?? shown);
+  else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
 }
 
 /** Mark the curves that belong to an earlier model; return true if a mark has changed. */
 function markEarlier() {
   const { model } = page.about, earlier = new Set(page.results.filter((r) => isEarlier(r, model)).map(({ key }) => key));
-  const turned = [...curves.all.values()].filter((curve) => Boolean(curve.earlier) !== earlier.has(curve.result));
+  const before = new Set(page.results.flatMap((r) => r.branches.flatMap((branch, number) => (branch.earlier ? [`${r.key}/${number}`] : []))));
+  const all = [...curves.all.values()], turned = all.filter((curve) => Boolean(curve.earlier) !== (earlier.has(curve.result) || before.has(curve.key)));
   for (const curve of turned) curve.earlier = !curve.earlier;
-  $("legend").querySelector(".of-earlier").hidden = ![...curves.all.values()].some((curve) => curve.earlier);
+  extras.showPale(before);
   return turned.length > 0;
 }
 
@@ -137,13 +159,13 @@ function drawDiagram() {
   const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   diagram.draw();
-  showLegend($("legend"), curves.all.values());
+  extras.showLegend();
   document.body.dataset.branches = curves.all.size;
 }
 
 /** Explain an empty diagram. */
 function showEmpty() {
-  $("empty").hidden = curves.all.size + curves.settled.size > 0;
+  $("empty").hidden = curves.all.size + curves.settled.size > 0 || Boolean(answer.content);
   if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
 }
 
@@ -165,8 +187,29 @@ function showChosen() {
     $("chosen").textContent = chosen.title;
     if (chosen.special?.has_locus) $("locus-part").open = true;
     parameters.edited.clear();
+    answer.makeRoom();
   }
+  movers.expect(chosen);
   enable();
+}
+
+/** The motion of the chosen point is there: show the values of its parameters, and what moves the point. */
+function showMotion(shown) {
+  const { chosen } = page;
+  showValues(shown);
+  movers.ask(page.about.file, chosen, () => page.chosen === chosen);
+}
+
+/** Write the turned value of a parameter into its field. */
+function turnKnob(name, value) {
+  $("values-part").open = true;
+  parameters.turn(name, value);
+}
+
+/** Choose a special point of the answer. */
+async function chooseEnd(end, key) {
+  if (!end.place && !curves.all.has(`${key}/${end.branch}`)) await showResult(page.results.find((each) => each.key === key));
+  extras.chooseEnd(end, key, choice);
 }
 
 /** Show the values of the parameters of a chosen motion; what was written meanwhile stays. */
@@ -194,6 +237,7 @@ async function act(action) {
   try {
     hideError();
     const { key } = await post("/api/act", { file: page.about.file, ...action });
+    page.wanted = key;
     return key;
   } catch (error) {
     tell(error);
@@ -315,8 +359,21 @@ function hideError() {
 /** Show a result over its own axes: the plane of its locus, or its parameter and the measure of the file. */
 async function showResult(result) {
   if (result.settled) return choice.choose({ settled: result.key });
+  if (result.answer) return await showAnswer(result);
   const locus = result.branches.find(({ second }) => second), shown = locus ?? result.branches[0];
   await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
+}
+
+/** Show an answer over its own axes. */
+async function showAnswer(result) {
+  const { about } = page, content = await answer.show(about.file, result);
+  if (!content || page.about !== about) return;
+  const [x, y] = content.axes ?? [$("x").value, $("y").value];
+  for (const [id, name] of [["x", x], ["y", y]]) if (![...$(id).options].some(({ value }) => value === name)) $(id).append(new Option(name));
+  await showAxes(x, y);
+  diagram.range = null;
+  drawDiagram();
+  showEmpty();
 }
 
 async function showAxes(x, y) {
@@ -363,4 +420,4 @@ for (const format of ["svg", "png"]) {
 $("error").querySelector("button").addEventListener("click", hideError);
 $("help-open").addEventListener("click", () => $("help").showModal());
 
-window.gapwalk = { page, curves, diagram, motion }; // for the curious, and for the tests
+window.gapwalk = { page, curves, diagram, motion, answer, movers }; // for the curious, and for the tests

@@ -26,6 +26,13 @@ export class Parameters {
     }
   }
 
+  /** Write another value into the field of a parameter, as if it was typed. */
+  turn(name, value) {
+    if (!this.rows.has(name)) return;
+    this.set(name, value);
+    this.edited.add(name);
+  }
+
   /** Show the values of the file. */
   showFile() {
     for (const name of this.rows.keys()) this.set(name, this.file.get(name));

@@ -55,7 +55,7 @@ function item(result, act, model) {
   if (["running", "paused", "queued"].includes(result.state)) add("stop", "Stop", "Stop it; what it has found is stored");
   if (result.can_resume && result.state === "stopped") add("resume", "Resume", "Continue where it was stopped");
   if (["done", "stopped"].includes(result.state)) {
-    if (result.settled || result.branches.length) add("show", "Show", result.settled ? "Show the settled motion" : "Show the diagram, or the plane, of this result");
+    if (result.settled || result.answer || result.branches.length) add("show", "Show", result.settled ? "Show the settled motion" : result.answer ? "Show the answer, with its picture" : "Show the diagram, or the plane, of this result");
     for (const [word, ...labels] of SAVES) if (result.saves.includes(word)) add(word, ...labels);
   }
   li.append(buttons);

@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array
 
 from gapwalk.model.drivetrain.train_form import Step, TrainForm
 from gapwalk.model.structure import NameBlock, ParameterNames, Structure
@@ -43,6 +43,10 @@ from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
 _CONSISTENT = 1e-9  # relative error of the ratios around a loop
+_LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
+
+Matrix = csr_array | NDArray[Any]
+"""A matrix: sparse for a long train."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +115,12 @@ class TrainAssembly:
         """
         numbers = self.numbers(values)
         bodies, flexed, inverse = numbers.flexed
-        deflections = csr_array(numbers.deflections)
         stiffness, damping = (
-            (inverse @ (diags_array(each) @ deflections)).toarray() for each in (numbers.stiffness, numbers.damping)
+            inverse @ (each[:, None] * numbers.deflections) for each in (numbers.stiffness, numbers.damping)
         )
         if self.form.slips:
             stiffness, damping = stiffness + damping * numbers.leaks, damping + np.diag(numbers.leaks)
-        by_links = inverse.toarray()
+        by_links = _filled(inverse)
         contacts = by_links[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
@@ -152,7 +155,7 @@ class TrainAssembly:
     def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """List the errors of closed loops, once only: the ratios on them are not parameters."""
         form, numbers = self.form, TrainNumbers(self.form, values)
-        ratios, speeds, body = numbers.ratios, numbers.speeds, numbers.bodies.indices
+        ratios, speeds, body = numbers.ratios, numbers.speeds, numbers.bodies[0]
         for number in form.tree.chords:
             link, (first, second) = form.links[number], form.links[number].ends
             if number not in form.tree.looped:
@@ -282,8 +285,11 @@ class TrainNumbers:
         return found
 
     @cached_property
-    def bodies(self) -> csr_array:
-        """The angles of the inertias by those of the bodies that rigid gears make of them, shape (inertias, bodies)."""
+    def bodies(self) -> tuple[NDArray[np.intp], NDArray[Any], int]:
+        """The body of each inertia, its angle by that of the body, and the number of bodies.
+
+        Rigid gears make one body of several inertias.
+        """
         count = len(self.form.inertias)
         body, turn = np.zeros(count + 1, dtype=np.intp), np.ones(count + 1, dtype=self.ratios.dtype)
         known = 1 if self.form.is_free else 0
@@ -292,27 +298,43 @@ class TrainNumbers:
                 body[step.child], turn[step.child] = body[step.parent], turn[step.parent] * factor
             else:
                 body[step.child], known = known, known + 1
-        return coo_array((turn[:-1], (np.arange(count), body[:-1])), shape=(count, known)).tocsr()
+        return body[:count], turn[:count], known
 
     @cached_property
-    def flexed(self) -> tuple[csr_array, csr_array, csr_array]:
-        """Bodies, deflections of the coordinates by them over their inertias, and accelerations by forces of links."""
-        form, bodies = self.form, self.bodies
+    def flexed(self) -> tuple[Matrix, Matrix, Matrix]:
+        """Angles of the inertias by those of the bodies, of shape (inertias, bodies), and what follows from them.
+
+        That is deflections of the coordinates by the bodies over their inertias, and accelerations by forces of links.
+        """
+        form, (body, turn, known) = self.form, self.bodies
+        count, links = len(body), len(form.links)
+        turned = self._matrix(turn, np.arange(count), body, (count, known))
         # deflections of the links by the angles of the inertias, then of the bodies
-        numbers, ends = np.arange(len(form.links)), np.array([link.ends for link in form.links]).T.ravel()
-        weights, moving = np.concatenate((np.ones(len(numbers)), -self.ratios)), ends != form.ground
-        places = (np.tile(numbers, 2)[moving], ends[moving])
-        by_inertias = coo_array((weights[moving], places), shape=(len(numbers), len(form.inertias))).tocsr()
-        pulls = csr_array(by_inertias @ bodies)
-        flexed = pulls[list(form.springs)] @ diags_array(1.0 / ((bodies * bodies).T @ self.inertia))
-        return bodies, csr_array(flexed), csr_array(flexed @ pulls.T)
+        ends = form.ends
+        weights, moving = np.concatenate((np.ones(links), -self.ratios)), ends != form.ground
+        places = np.tile(np.arange(links), 2)[moving]
+        pulls = self._matrix(weights[moving], places, ends[moving], (links, count)) @ turned
+        each = np.arange(known)
+        inverse = self._matrix(1.0 / ((turned * turned).T @ self.inertia), each, each, (known, known))
+        flexed = pulls[list(form.springs)] @ inverse
+        return turned, flexed, flexed @ pulls.T
+
+    def _matrix(
+        self, entries: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tuple[int, int]
+    ) -> Matrix:
+        """Return the matrix of these entries."""
+        if len(self.form.links) > _LONG:
+            return csr_array((entries, (rows, columns)), shape=shape)
+        found = np.zeros(shape, dtype=entries.dtype)
+        found[rows, columns] = entries
+        return found
 
     @cached_property
     def leaks(self) -> NDArray[Any]:
         """The leaks g of the coordinates, shape (n,): 0 for deflections."""
         form, found = self.form, np.zeros(len(self.form.springs), dtype=self.values.dtype)
         if form.slips:
-            inverse = self.flexed[2].toarray()
+            inverse = _filled(self.flexed[2])
             for place in form.slips:
                 column = self.deflections[:, place]
                 drag = column @ (self.damping * column)  # with that of other drags in parallel
@@ -352,6 +374,10 @@ class TrainNumbers:
         """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
         # a reaction leaves rounding errors at most
         return self.turning[:, 0] if self.form.reaction is None else np.zeros(len(self.form.inertias))
+
+
+def _filled(matrix: Matrix) -> NDArray[Any]:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
 def of_angles(

@@ -272,6 +272,11 @@ class TrainForm:
         return self.tree.root != self.ground
 
     @cached_property
+    def ends(self) -> NDArray[np.intp]:
+        """The inertias at the first end of each link, then those at the second, shape (2 links,)."""
+        return np.array([link.ends for link in self.links]).T.ravel()
+
+    @cached_property
     def springs(self) -> tuple[int, ...]:
         """The links whose deflections are the coordinates, in the order of the links."""
         return tuple(sorted(step.link for step in self.tree.steps if not self.links[step.link].rigid))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -100,6 +101,20 @@ class Stages:
     def total(self, terms: Iterable[Any]) -> Any:
         """Return the sum of some terms."""
         return self._add(list(terms))
+
+    def kept(self, side: int) -> Stages:
+        """Return the stages as they are if the innermost one on a side is always closed, and those on the other open.
+
+        The modes are still of the kind of the backend: numbers, arrays or expressions.
+        """
+        found = copy(self)
+        found._stages = tuple(
+            replace(each, closed=0.0 * each.closed + float(each.sign == side))
+            if each.sign != side or each.innermost
+            else each
+            for each in self._stages
+        )
+        return found
 
 
 class Term(NamedTuple):

@@ -1,0 +1,27 @@
+"""Public names of `gapwalk.ask`; see `gapwalk.lazy_names`."""
+
+from .answers.design import Design as Design
+from .answers.design_goals import Need as Need
+from .answers.design_goals import NoPoint as NoPoint
+from .answers.design_goals import PeakBelow as PeakBelow
+from .answers.design_goals import Quiet as Quiet
+from .answers.design_goals import Resonance as Resonance
+from .answers.least_change import Change as Change
+from .answers.least_change import LeastChangeOptions as LeastChangeOptions
+from .answers.rattle_bands import RattleBands as RattleBands
+from .answers.run_up import RunUp as RunUp
+from .answers.run_up import run_up as run_up
+from .answers.run_ups import RunUps as RunUps
+from .answers.run_ups import run_ups as run_ups
+from .answers.speed_course import SpeedCourse as SpeedCourse
+from .answers.spread import Spread as Spread
+from .answers.threshold import Threshold as Threshold
+from .answers.threshold import ThresholdOptions as ThresholdOptions
+from .answers.tolerance import Tolerance as Tolerance
+from .studies.design_study import DesignOptions as DesignOptions
+from .studies.design_study import design as design
+from .studies.rattle_study import RattleOptions as RattleOptions
+from .studies.rattle_study import rattle_bands as rattle_bands
+from .studies.threshold_study import threshold as threshold
+from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
+from .studies.tolerance_study import tolerance as tolerance

@@ -1,0 +1,137 @@
+// An answer: its sentence above the diagram, panels below it, and its numbers beside it.
+
+import { get } from "./api.js";
+import { element } from "./chart.js";
+import { onAxes } from "./overlay.js";
+import { drawPanel } from "./panels.js";
+
+const LONG = 24; // letters of a cell from which it takes several lines
+const $ = (id) => document.getElementById(id);
+
+export class Answer {
+  /** `changed` is called when the diagram must be drawn again; `chosen` with an end, when it is clicked. */
+  constructor({ changed, chosen }) {
+    Object.assign(this, { changed, chosen, key: null, content: null, version: -1 });
+    $("answer-contact").addEventListener("change", () => { this.drawDetails(); this.changed(); });
+    $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
+    $("answer-details").addEventListener("toggle", () => this.drawCharts());
+    new ResizeObserver(() => this.drawCharts()).observe($("answer-numbers"));
+  }
+
+  /** Show the answer of a result; return it. */
+  async show(file, { key, version }) {
+    [this.key, this.version] = [key, version];
+    const content = await get("/api/answer", { file, result: key });
+    if (this.key !== key) return null;
+    Object.assign(this, { content, hadRoom: false });
+    $("answer-details").open = true;
+    $("answer").hidden = $("answer-details").hidden = false;
+    $("answer-text").replaceChildren(...content.sentences.map((text) => Object.assign(document.createElement("span"), { textContent: `${text}${content.complete ? "" : " (incomplete)"}` })));
+    $("answer-contact").replaceChildren(...content.contacts.map((name) => new Option(name)));
+    $("answer-contact").parentElement.hidden = content.contacts.length < 2;
+    this.drawDetails();
+    return content;
+  }
+
+  clear() {
+    Object.assign(this, { key: null, content: null });
+    $("answer").hidden = $("answer-details").hidden = true;
+    $("below").replaceChildren();
+  }
+
+  get contact() {
+    return $("answer-contact").value;
+  }
+
+  /** Entries of a list of the answer that belong to the chosen contact. */
+  own(list) {
+    return (this.content?.[list] ?? []).filter(({ of }) => !of || of === this.contact);
+  }
+
+  /** What the diagram shows of it over two axes. */
+  over(x, y) {
+    return this.content ? onAxes(this, x, y) : null;
+  }
+
+  /** The panels below the diagram: with its range across, where it is over the same parameter. */
+  follow({ xaxis }, x) {
+    const panels = this.own("below").filter(({ over }) => over === x);
+    while ($("below").children.length > panels.length) $("below").lastChild.remove();
+    while ($("below").children.length < panels.length) $("below").append(document.createElement("div"));
+    if (!panels.length) return;
+    const same = (list) => this.own(list).filter(({ over }) => over === x), width = $("below").clientWidth;
+    const right = width - xaxis._offset - xaxis._length;
+    panels.forEach((panel, k) => drawPanel($("below").children[k], panel, {
+      range: xaxis.range, left: xaxis._offset, right, named: false, height: panels.length > 2 ? 84 : 104, shades: same("shades"), lines: same("lines"),
+    }));
+  }
+
+  /** Draw buttons of its special points, bars, charts, tables and notes. */
+  drawDetails() {
+    const { content } = this;
+    if (!content) return;
+    const place = $("answer-numbers");
+    place.replaceChildren();
+    $("answer-ends").replaceChildren(...this.own("ends").map((end) => this.end(end)));
+    if (content.bars) place.append(bars(content.bars));
+    for (const chart of this.own("charts")) place.append(Object.assign(document.createElement("div"), { className: "free", chart }));
+    for (const part of content.parts) place.append(typeof part === "string" ? text("p", "line", part) : table(part));
+    for (const note of content.notes) place.append(text("p", "hint", `Note: ${note}`));
+    this.drawCharts();
+  }
+
+  drawCharts() {
+    for (const place of $("answer-numbers").querySelectorAll(".free")) if (place.clientWidth) drawPanel(place, place.chart, { height: 170 });
+  }
+
+  /** A button that chooses a special point of the answer. */
+  end(end) {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: `${end.kind} ${end.text}` });
+    button.title = `What moves it: ${end.most ?? "choose it"}`;
+    button.addEventListener("click", () => this.chosen(end, this.key));
+    const line = document.createElement("li");
+    line.append(button);
+    return line;
+  }
+
+  /** The numbers make room for the motion at a point, unless the user has opened them again. */
+  makeRoom() {
+    if (this.hadRoom || !this.content) return;
+    this.hadRoom = true;
+    $("answer-details").open = false;
+  }
+}
+
+function text(name, kind, content) {
+  return Object.assign(document.createElement(name), { className: kind, textContent: content });
+}
+
+/** A table of texts; a gap follows the rows of each group. */
+function table({ head, rows, groups, left_out: more }) {
+  const frame = text("div", "frame", ""), made = document.createElement("table"), last = new Set(groups);
+  const line = made.createTHead().insertRow(), body = made.createTBody();
+  for (const [words, right] of head) line.append(text("th", right ? "right" : "", words));
+  rows.forEach((row, number) => {
+    const cells = body.insertRow();
+    cells.className = last.has(number) && number < rows.length - 1 ? "last" : "";
+    row.forEach((cell, k) => cells.append(text("td", head[k][1] ? "right" : cell.length > LONG ? "long" : "", cell)));
+  });
+  frame.tabIndex = 0;
+  frame.append(made);
+  if (more) frame.append(text("p", "hint", `and ${more} more rows, in the table to save`));
+  return frame;
+}
+
+/** The changes of a design in percent, as bars over what the limits allow. */
+function bars(changes) {
+  const made = element("svg", { viewBox: `0 0 360 ${34 * changes.length}`, class: "chart bars", role: "img", "aria-label": changes.map(({ name, text: words }) => `${name}: ${words}`).join("; ") });
+  const reach = Math.max(1e-9, ...changes.flatMap(({ low, high, moved }) => [low, high, moved].map(Math.abs))), px = (v) => 180 + (v / reach) * 174;
+  changes.forEach(({ name, low, high, moved, text: words }, k) => {
+    const top = 34 * k;
+    made.append(element("text", { class: "title", x: 4, y: top + 12 }, name), element("text", { x: 356, y: top + 12, "text-anchor": "end" }, words));
+    made.append(element("rect", { class: "limits", x: px(low), width: px(high) - px(low), y: top + 17, height: 12 }));
+    made.append(element("rect", { class: "moved", x: Math.min(px(0), px(moved)), width: Math.max(1, Math.abs(px(moved) - px(0))), y: top + 19, height: 8 }));
+    made.append(element("line", { class: "zero", x1: px(0), x2: px(0), y1: top + 15, y2: top + 31 }));
+  });
+  return made;
+}
