@@ -9,10 +9,13 @@ import pytest
 from scipy import stats
 
 import gapwalk as gw
+from gapwalk.answers.point_forms import Form, Met, Patterns
+from gapwalk.answers.point_tracking import Fit
 from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
 from gapwalk.answers.tolerance import chance_of
 from gapwalk.answers.tolerance_tracking import HowFound, Tracker
 from gapwalk.errors import Interrupted, ModelError
+from gapwalk.flow.flow import Flow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.plot.picture import picture_of
 from gapwalk.studies.tolerance_study import ToleranceOptions, ToleranceStudy, tolerance
@@ -65,7 +68,8 @@ def test_grazing_points_of_all_samples_are_those_of_the_closed_form(found):
     low, high = touches(*found.samples.T)
     kinds = [special.kind.value for special in found.points]
     first, last = (k for k, kind in enumerate(kinds) if kind == "grazing")
-    assert np.all(found.how == HowFound.TRACKED)
+    assert np.sum(found.how == HowFound.WALKED) == 15  # one of eight; no other one needs it
+    assert np.sum(found.how == HowFound.TRACKED) == 105
     # tracked points are corrected until 5e-6 of the scaled parameter are left at most
     assert found.values[:, first] == pytest.approx(low, abs=5e-6)
     assert found.values[:, last] == pytest.approx(high, abs=5e-6)
@@ -122,31 +126,53 @@ def clutch():
     return work, gw.follow(gw.find_orbit(work.system), "frequency", 0.6)
 
 
-def test_points_of_clutches_are_those_of_full_walks():
+def test_a_walk_finds_the_counterparts_of_nominal_points_in_other_forms():
     samples, walked = campaign()
     work, branch = clutch()
     assert work.design.values[:400] == pytest.approx(samples, rel=1e-10)
-    chunk = Tracker(work._tracking(branch)).chunk(0, 0, samples[:5], keeps=True)
-    assert chunk.how.tolist() == [HowFound.TRACKED] * 5
-    assert chunk.values == pytest.approx(walked[:5], rel=1e-6)
-
-
-def test_a_lost_fold_is_walked_again_and_its_new_place_is_found_from_there():
-    samples, walked = campaign()
-    work, branch = clutch()
     tracker = Tracker(work._tracking(branch))
     # in sample 7 the first fold of the walk lies beyond another grazing contact, which the nominal one does not have
-    chunk = tracker.chunk(0, 6, samples[6:7], keeps=True)
-    assert chunk.how.tolist() == [HowFound.LOST]
-    row = chunk.values[0].copy()
-    way, further, origins = tracker.recover(samples[6], row)
-    assert way is HowFound.WALKED
-    assert row == pytest.approx(walked[6], rel=1e-6)
-    assert {each.kind for each in further} >= {"neimark-sacker"}
-    assert tracker.add(origins[0])
-    again = chunk.values[0].copy()
-    assert tracker.recover(samples[6], again)[0] is HowFound.TRACKED
-    assert again == pytest.approx(walked[6], rel=1e-6)
+    (found,) = tracker.walks(0, 6, samples[6:7]).walked
+    values = {met.index: met.value for met in found.met if met.index >= 0}
+    assert [values[j] for j in range(10)] == pytest.approx(walked[6], rel=1e-6)
+    fold = next(met for met in found.met if met.index == 8)
+    assert fold.key != tracker.mine[8].key
+    assert fold.closings != tracker.mine[8].closings
+    assert {met.kind for met in found.met if met.index < 0} >= {"neimark-sacker"}
+
+
+def test_a_predicted_inverse_replaces_derivatives_of_multipliers():
+    samples, _ = campaign()
+    work, branch = clutch()
+    point = Tracker(work._tracking(branch)).nominal[9]
+    near = point.origin + 0.02 * (samples[0] - point.origin)
+    nothing = np.zeros((0, 0))
+    fitted = replace(point, fit=Fit(point.origin, np.ones(8), 1, nothing, nothing, curvature=20.0, mismatch=0.1))
+    plane, guess = point.plane_at(near), point.unknowns + point.slopes @ (near - point.origin)
+    before = Flow.calls
+    found = fitted.fitted_at(plane, guess, point.inverse_at(point.solved(point.origin, point.unknowns)))
+    chords = Flow.calls - before
+    exact = point.found_at(near)
+    assert str(point.special.kind) == "fold"
+    assert found.value == pytest.approx(exact.value, abs=5e-6)
+    assert abs(found.value - guess[-1]) > 0.0
+    # the inverse itself took three; an iteration of Newton's method takes two
+    assert chords - 3 < Flow.calls - before - chords
+
+
+def test_forms_on_other_branches_are_known_by_what_walks_met():
+    met = Met(-1, "fold", "", "", 1.0, "()", "(0, 0, 0)", 0, 1, np.zeros(0), np.zeros((0, 0)))
+    forms = [Form(-1, name, float(k), -1, met, None) for k, name in enumerate("abcd")]  # pyright: ignore
+    # the walks always meet a and d; what lies between belongs together
+    walks = [((0, 3), "ad"), ((0, 1, 2, 3), "abcd"), ((0, 2, 3), "ad"), ((0, 2, 3), "ad")]
+    known = Patterns.of(forms, walks)
+    assert known.on_branch((0, 3)) == (0, 3)
+    assert known.on_branch((0, 1, 2, 3)) == (0, 1, 2, 3)
+    assert known.on_branch((0, 2, 3)) == (0, 3)  # c alone lies elsewhere
+    assert known.on_branch((0, 1, 3)) is None  # no walk has shown it
+    assert known.on_branch((1, 2, 3)) is None  # a is missing
+    unclear = Patterns.of(forms, [*walks, ((0, 2, 3), "acd")])
+    assert unclear.on_branch((0, 2, 3)) is None
 
 
 @pytest.mark.slow

@@ -4,7 +4,10 @@ A special point solves the equation of its locus (`gapwalk.bifurcation.loci.locu
 values of its parameters, the implicit function theorem predicts its unknowns (orbit and parameter), and few steps of
 Newton's method correct them. A result counts only if its contacts and its other multipliers are those of the original
 point. Otherwise the point is followed along the straight path between the two systems, in steps that may shrink: then
-it is the same point by continuity, or it is lost and the branch must be walked again.
+it is the same point by continuity, or it is lost.
+
+Where solutions in some hundred systems are known, polynomials fitted to them predict the point and the inverse of its
+equation's derivatives (`Fit`). One evaluation of the equation is then often enough, without derivatives of multipliers.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,15 +37,19 @@ Array = NDArray[np.float64]
 
 _STEPS = 8  # of Newton's method at one system
 _EXACT = 1e-6  # scaled step after which the error is about the square of it, of any point
+_SEEN = 1e-4  # scaled step from which on the next one shows the curvature, and not rounding
 _ENOUGH = 5e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
 _LONGEST, _FITTED = 0.5, 0.05  # scaled steps that leave the neighbourhood of a prediction by the gradient, or closer
 _SHRINKS = 0.5  # by which steps must shrink after the second
 _PATH, _SHORTEST = 0.25, 1.0 / 16.0  # first and smallest step along the path between two systems
 _TOUCH = 0.05  # radians around a grazing angle within which crossings of the breakpoint are the touch itself
 _FEATURES = 2.0  # samples needed for each coefficient of a fitted predictor
-_DEGREES = (3, 2)  # of fitted predictors
-_ASIDE = 0.02  # scaled distance from a fitted prediction beyond which a point is followed along its path
-_FAR = 0.1  # the same, from a prediction by the gradient
+_DEGREES = (3, 2, 1)  # of fitted predictors
+_CLOUD = 3.0  # a bound, as a multiple of what most solutions showed
+_CHORDS = 3  # steps with a predicted inverse
+_HELD = 5  # one of so many solutions judges a fit to the others
+_ASIDE = 0.02  # scaled distance from a prediction beyond which a point is followed along its path
+_FAR = 0.1  # the same, from the first prediction by a gradient; from one by a fit, beyond which it is another point
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +92,8 @@ class TrackedPoint:
         Equation of its locus, in the plane of the parameter of its branch alone.
     unknowns, scales
         Unknowns of the point and their scales.
-    slopes : shape (unknowns, parameters)
-        Derivatives of the unknowns by the parameters.
+    fit
+        Predictor of the point from solutions in other systems.
     """
 
     special: SpecialPoint
@@ -93,7 +101,6 @@ class TrackedPoint:
     equation: LocusEquation
     unknowns: Array
     scales: Array
-    slopes: Array
     fit: Fit | None = field(default=None, repr=False)
 
     @classmethod
@@ -115,7 +122,12 @@ class TrackedPoint:
         system, parameter = special.orbit.system, special.parameter
         plane = replace(plane_of(way, special.orbit, (parameter, names[0])), names=(parameter,))
         equation, unknowns, scales = equation_of(plane, special, [abs(system[parameter]) or 1.0])
-        return cls(special, tuple(names), equation, unknowns, scales, shifts(special, names))
+        return cls(special, tuple(names), equation, unknowns, scales)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivatives of the unknowns by the parameters, shape (unknowns, parameters)."""
+        return shifts(self.special, self.names)
 
     @property
     def value(self) -> float:
@@ -127,10 +139,19 @@ class TrackedPoint:
         """Values of the parameters at the point itself."""
         return np.array([self.special.orbit.system[name] for name in self.names])
 
+    @property
+    def inverse(self) -> Array:
+        """Inverse of the derivatives of its equation, shape (unknowns, unknowns)."""
+        return self.inverse_at(Corrected(self.unknowns, self._place, self.equation))
+
+    @cached_property
+    def _place(self) -> Place:
+        return self.equation.place(self.unknowns)
+
     @cached_property
     def signature(self) -> tuple[object, ...]:
         """Contacts of the orbit, and its unstable multipliers besides the critical ones."""
-        return self._signature(Corrected(self.unknowns, self.equation.place(self.unknowns), self.equation))
+        return self._signature(Corrected(self.unknowns, self._place, self.equation))
 
     def found_at(self, values: Array, guess: Array | None = None) -> Corrected | None:
         """Return the point in the system with other values of the parameters; None if it is lost.
@@ -140,7 +161,7 @@ class TrackedPoint:
         values
             The values, in the order of `names`; the system must allow them.
         guess
-            Unknowns predicted by a fit (`predicted`); otherwise the gradient predicts them.
+            Predicted unknowns; by default the gradient predicts them.
         """
         start = self.unknowns + self.slopes @ (values - self.origin) if guess is None else guess
         found = self._corrected(self._posed(values), start, _LONGEST if guess is None else _FITTED)
@@ -149,6 +170,45 @@ class TrackedPoint:
             if distance <= (_FAR if guess is None else _ASIDE):
                 return found
         return self._along(values)
+
+    def solved(self, values: Array, unknowns: Array) -> Corrected:
+        """Return a known solution in the system with other values of the parameters."""
+        equation = self._posed(values)
+        return Corrected(unknowns, equation.place(unknowns), equation)
+
+    def plane_at(self, values: Array) -> ShotPlane:
+        """Return the plane of the system with other values of the parameters; all points of a branch can share it."""
+        system = self.special.orbit.system
+        data = system.values.copy()
+        data[self._places] = values
+        plane = self.equation.plane
+        assert isinstance(plane, ShotPlane)
+        return plane.with_system(System.from_values(system.structure, data))
+
+    def fitted_at(self, plane: ShotPlane, guess: Array, inverse: Array | None) -> Corrected | None:
+        """Return the point near a fitted prediction; None if it is not there.
+
+        Parameters
+        ----------
+        plane
+            The plane of the system (`plane_at`).
+        guess, inverse
+            Predicted unknowns, and the predicted inverse of the derivatives; see `Fit.predicted`.
+        """
+        equation = replace(self.equation, plane=plane)
+        found = None if inverse is None else self._by_chords(equation, guess, inverse)
+        if found is None:
+            found = self._corrected(equation, guess, _FAR)
+        if found is None or float(np.abs((found.unknowns - guess) / self.scales).max()) > _FAR:
+            return None
+        return found if self._is_like(found) else None
+
+    def inverse_at(self, found: Corrected) -> Array:
+        """Return the inverse of the derivatives at a solution, nan if there is none: shape (unknowns, unknowns)."""
+        try:
+            return found.equation.inverse(found.unknowns)
+        except (NumericalError, np.linalg.LinAlgError):
+            return np.full((len(found.unknowns),) * 2, np.nan)
 
     def slopes_at(self, found: Corrected) -> Array:
         """Return the derivatives of the unknowns by the parameters in another system, shape (unknowns, parameters)."""
@@ -161,17 +221,8 @@ class TrackedPoint:
         planes = wide_planes(self.equation.plane, self.names)
         return tuple(plane for plane in planes if isinstance(plane, ShotPlane))
 
-    def predicted(self, values: Array) -> list[Array | None]:
-        """Return the unknowns that a fit predicts at some samples, shape (samples, parameters); None without a fit."""
-        return [None] * len(values) if self.fit is None else list(self.fit.predicted(values))
-
     def _posed(self, values: Array) -> LocusEquation:
-        system = self.special.orbit.system
-        data = system.values.copy()
-        data[self._places] = values
-        plane = self.equation.plane
-        assert isinstance(plane, ShotPlane)
-        return replace(self.equation, plane=plane.with_system(System.from_values(system.structure, data)))
+        return replace(self.equation, plane=self.plane_at(values))
 
     @cached_property
     def _places(self) -> list[int]:
@@ -191,11 +242,32 @@ class TrackedPoint:
             length = float(np.abs(step).max())
             if not length <= longest or (count > 1 and length > max(_SHRINKS * before, _EXACT)):
                 return None
-            if count and before > _EXACT:
+            if count and before > _SEEN:
                 curvature = max(curvature, abs(float(step[-1])) / before**2)
             unknowns, before = unknowns + step * self.scales, length
             if length <= _EXACT or known * length**2 <= _ENOUGH:
                 return Corrected(unknowns, place, equation, curvature)
+        return None
+
+    def _by_chords(self, equation: LocusEquation, guess: Array, inverse: Array) -> Corrected | None:
+        """Correct a guess by steps with a predicted inverse; None if they shrink too slowly."""
+        assert self.fit is not None
+        unknowns, before = guess, np.inf
+        for count in range(_CHORDS):
+            try:
+                residual, place = equation.residual(unknowns)
+            except NumericalError:
+                return None
+            step = -inverse @ residual
+            length = float(np.abs(step / self.scales).max())
+            if not length <= _FITTED or (count and length > _SHRINKS * before):
+                return None
+            unknowns = unknowns + step
+            # what the inverse leaves of a step; after the second step it is seen
+            rest = self.fit.mismatch + self.fit.curvature * length if not count else length / before
+            if rest * length <= _ENOUGH:
+                return Corrected(unknowns, place, equation)
+            before = length
         return None
 
     def _is_like(self, found: Corrected) -> bool:
@@ -253,40 +325,114 @@ class TrackedPoint:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Polynomial in the parameters that predicts the unknowns of a special point.
+    """Polynomials in the parameters that predict the unknowns of a special point, and how to correct them.
 
     Parameters
     ----------
     origin, widths
         Values of the parameters at zero, and their units.
     degree
-        Degree of the polynomial.
+        Degree of the polynomials.
     coefficients : shape (terms, unknowns)
-        Its coefficients.
+        Coefficients of the unknowns.
+    inverses : shape (terms, unknowns squared), or empty
+        Coefficients of the inverse of the equation's derivatives.
     curvature
         Ratio of the parameter's part of a step of Newton's method to the square of the step before, that hardly any
         solution exceeded.
+    mismatch
+        Share of a step that the predicted inverse leaves in the parameter, that hardly any solution exceeded.
     """
 
     origin: Array
     widths: Array
     degree: int
     coefficients: Array
-    curvature: float
+    inverses: Array
+    curvature: float = np.inf
+    mismatch: float = np.inf
 
     @classmethod
-    def to(cls, origin: Array, widths: Array, values: Array, unknowns: Array, curvature: float) -> Fit | None:
-        """Fit a polynomial to solutions, shape (samples, unknowns); None if there are too few of them."""
-        for degree in _DEGREES:
-            terms = polynomial((values - origin) / widths, degree)
-            if terms.shape[0] >= _FEATURES * terms.shape[1]:
-                solved = np.asarray(np.linalg.lstsq(terms, unknowns)[0], dtype=float)
-                return cls(origin, widths, degree, solved, curvature)
-        return None
+    def to(
+        cls,
+        scaled: tuple[Array, Array],
+        values: Array,
+        unknowns: Array,
+        scales: Array,
+        *,
+        slopes: Array | None = None,
+        inverses: Array | None = None,
+        curvatures: Array | None = None,
+    ) -> Fit | None:
+        """Fit polynomials to solutions; None if there are too few of them.
 
-    def predicted(self, values: Array) -> Array:
-        """Return the unknowns at some samples, shape (samples, unknowns)."""
-        return polynomial((values - self.origin) / self.widths, self.degree) @ self.coefficients
+        Parameters
+        ----------
+        scaled
+            Values of the parameters at zero, and their units.
+        values : shape (samples, parameters)
+            Values of the parameters of the solutions.
+        unknowns : shape (samples, unknowns)
+            The solutions.
+        scales
+            Scales of the unknowns.
+        slopes
+            Derivatives of the unknowns by the parameters, which serve where there are few solutions.
+        inverses : shape (samples, unknowns, unknowns)
+            Inverses of the equation's derivatives at the solutions; nan where they are not known.
+        curvatures
+            Curvatures seen by Newton's method; nan where they are not known.
+        """
+        origin, widths = scaled
+        x, size = (values - origin) / widths, unknowns.shape[1]
+        degree = next((d for d in _DEGREES if len(x) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
+        nothing = np.zeros((0, size * size))
+        if not degree:
+            if slopes is None or not len(x):
+                return None
+            slopes = slopes * widths
+            coefficients = np.vstack(((unknowns - x @ slopes.T).mean(axis=0), slopes.T))
+            return cls(origin, widths, 1, coefficients, nothing)
+        coefficients = _least_squares(x, unknowns, degree)
+        if inverses is None or curvatures is None:
+            return cls(origin, widths, degree, coefficients, nothing)
+        seen = ~np.isnan(inverses).any(axis=(1, 2))
+        own = next((d for d in _DEGREES if seen.sum() >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
+        if not own or np.isnan(curvatures).all():
+            return cls(origin, widths, degree, coefficients, nothing)
+        flat, judged = inverses[seen].reshape(-1, size * size), np.arange(seen.sum()) % _HELD == 0
+        tried = polynomial(x[seen][judged], own) @ _least_squares(x[seen][~judged], flat[~judged], own)
+        rest = tried.reshape(-1, size, size) @ np.linalg.inv(inverses[seen][judged]) - np.eye(size)
+        mismatch = np.abs(rest[:, -1] * scales / scales[-1]).sum(axis=1)
+        found = _least_squares(x[seen], flat, own)
+        padded = np.zeros((coefficients.shape[0], size * size))
+        if own > degree:
+            return cls(origin, widths, degree, coefficients, nothing)
+        padded[: len(found)] = found
+        return cls(
+            origin,
+            widths,
+            degree,
+            coefficients,
+            padded,
+            _CLOUD * float(np.nanquantile(curvatures, 0.99)),
+            _CLOUD * float(np.quantile(mismatch, 0.99)),
+        )
+
+    def predicted(self, values: Array) -> tuple[Array, Array | None]:
+        """Return unknowns, shape (samples, unknowns), and inverses, (samples, unknowns, unknowns), at some samples."""
+        terms, size = polynomial((values - self.origin) / self.widths, self.degree), self.coefficients.shape[1]
+        inverses = (terms @ self.inverses).reshape(-1, size, size) if len(self.inverses) else None
+        return terms @ self.coefficients, inverses
+
+
+def _least_squares(x: Array, y: Array, degree: int) -> Array:
+    return np.asarray(np.linalg.lstsq(polynomial(x, degree), y)[0], dtype=float)
+
+
+def count_of_terms(parameters: int, degree: int) -> int:
+    """Return the number of terms of a polynomial."""
+    return comb(parameters + degree, degree)
 
 
 def polynomial(values: Array, degree: int) -> Array:

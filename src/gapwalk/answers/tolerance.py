@@ -96,24 +96,21 @@ class Influences:
 
 @dataclass(frozen=True)
 class ToleranceCheck:
-    """Accuracy of tracked points.
+    """Comparison of tracked samples with walks of their branches.
 
     Attributes
     ----------
     checked
         Random tracked samples whose branches were walked.
     largest
-        Largest difference of a tracked point from the walk.
+        Largest difference of a tracked point from that of the walk.
     different
-        A sentence for each sample in which a tracked point was not on the branch, or the walk failed.
-    with_further
-        Samples of them in which the walk found points that the nominal branch does not have.
+        A sentence for each sample in which the walk has other points, or failed.
     """
 
     checked: int = 0
     largest: float = 0.0
     different: tuple[str, ...] = ()
-    with_further: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +134,7 @@ class Tolerance(Shown):
     how : shape (samples,)
         How the points of a sample were found; values of `HowFound`.
     further
-        Points of walked samples that have no nominal counterpart.
+        Points of samples that have no nominal counterpart.
     band
         A band of the branch's parameter in which no point should lie; None if none was asked for.
     check
@@ -209,8 +206,7 @@ class Tolerance(Shown):
     def chance(self, low: float, high: float, kind: str = "fold") -> Chance:
         """Return the probability that any point of a kind lies in a band; by default a fold, at which motions jump.
 
-        Points that only walked samples have are counted; those that tracked samples may have besides are not known:
-        see `check`.
+        Further points are counted too. A tracked sample may have one that was not noticed: see `check`.
         """
         columns = [j for j, special in enumerate(self.points) if special.kind.value == kind]
         inside = np.any((self.values[:, columns] >= low) & (self.values[:, columns] <= high), axis=1)
@@ -242,7 +238,7 @@ class Tolerance(Shown):
         counts = {way: int(np.sum(self.how == way)) for way in HowFound}
         yield (
             f"{len(self.samples):,} samples of {len(self.names)} parameters: {counts[HowFound.TRACKED]:,} tracked, "
-            f"{counts[HowFound.WALKED]:,} walked again, {counts[HowFound.REFUSED]:,} refused, "
+            f"{counts[HowFound.WALKED]:,} walked, {counts[HowFound.REFUSED]:,} refused, "
             f"{counts[HowFound.FAILED] + counts[HowFound.LOST]:,} failed"
         )
         if known:
@@ -291,22 +287,26 @@ class Tolerance(Shown):
         return [column[~np.isnan(column)] for column in values.T]
 
     def _doubts(self) -> SummaryParts:
-        check, walked = self.check, self.how == HowFound.WALKED
+        check = self.check
         if check.checked:
             wrong = chance_of(len(check.different), check.checked)
-            more = chance_of(check.with_further, check.checked)
             yield (
                 f"{check.checked} tracked samples were walked for comparison: {len(check.different)} differ (at most "
-                f"{100.0 * wrong.high:.2g} % of all), the others by {check.largest:.1g} at most; "
-                f"{check.with_further} have further points (at most {100.0 * more.high:.2g} % of all)"
+                f"{100.0 * wrong.high:.2g} % of all), the points of the others by {check.largest:.1g} at most"
             )
             yield from (f"  {text}" for text in check.different)
-        if walked.any() and self.further:
-            count = len({each.sample for each in self.further})
+        tracked = int(np.sum(self.how == HowFound.TRACKED))
+        if tracked > check.checked:
+            yield (
+                f"note: the other {tracked - check.checked:,} tracked samples were not walked. Each has points that a "
+                "walk has shown together; a point that no walk has shown is not noticed"
+            )
+        if self.further:
+            count = len({each.sample for each in self.further if self.known[each.sample]})
             kinds = sorted({each.kind for each in self.further})
             yield (
-                f"note: {count} of {int(walked.sum())} samples that were walked again have further special points "
-                f"({', '.join(kinds)}), which appear there"
+                f"note: {100.0 * count / max(1, int(self.known.sum())):.3g} % of the samples have further points "
+                f"({', '.join(kinds)})"
             )
         if np.any(doubtful := [each.unexplained > 1.0 - _EXPLAINED for each in self.influences]):
             names = ", ".join(f"{self.points[j].value:.6g}" for j in np.flatnonzero(doubtful))

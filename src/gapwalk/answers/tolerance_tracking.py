@@ -1,29 +1,38 @@
-"""Special points of many samples of a system: tracked from the nominal ones, and walked again where one is lost.
+"""Special points of many samples of a system: some branches are walked, and in the others the same points are tracked.
 
-The first samples are solved with predictions by gradients. Polynomials fitted to their solutions predict those of all
-others, so one step of Newton's method is often enough. Where a point is lost, the branch of that sample is walked
-again; the point found there becomes a second origin from which later samples may find it, such as a fold that lies
-beyond another grazing contact in a sixth of all parts.
+The walks show in which forms the points occur, also those that the nominal system does not have
+(`gapwalk.answers.point_forms`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to
+all these solutions predict those of the other samples, and where each form exists. A sample in which such forms are
+found together as no walk has met them is walked too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gapwalk.answers.point_tracking import Fit, TrackedPoint
+from gapwalk.answers.point_forms import (
+    Form,
+    Patterns,
+    Solutions,
+    Walked,
+    met_of,
+    offset_at,
+)
+from gapwalk.answers.point_tracking import Corrected, TrackedPoint, polynomial
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -32,44 +41,30 @@ Array = NDArray[np.float64]
 
 _SAME = 1e-6  # share of the range within which two values are one point
 _BEYOND = 0.02  # share of the range by which a walk goes on beyond the farthest tracked point
-_FURTHER = (0.0, 0.1)  # shares of the range by which a walk that did not meet all tracked points goes on
-_CLOUD = 3.0  # the curvature of a point, as a multiple of what most solutions showed
+_NEAR = 3e-3  # share of the range within which a walked point may always be the counterpart of a nominal one
+_ALIKE = 1e-5  # share of the range within which a point found and one of a walk are the same
+_FAR = 4.0  # the same, as a multiple of its spread over the samples: a form beyond a contact may be so far
+_UNLIKELY = -0.2  # score below which a form is not looked for
 
 
 class HowFound(IntEnum):
     """How the special points of one sample were found."""
 
     TRACKED = 0
-    """All by Newton's method from the nominal points."""
+    """By Newton's method, from predictions."""
     WALKED = 1
-    """By walking the branch of the sample: a point was lost."""
+    """By walking the branch of the sample."""
     REFUSED = 2
     """Not at all: the model does not allow these values."""
     FAILED = 3
-    """Not all: a point was lost, and the walk failed too."""
+    """Not all: the walk failed."""
     LOST = 4
-    """Not yet all: a point was lost, and the walk comes later."""
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """Another special point from which a nominal one may be found in samples far from the nominal system.
-
-    Attributes
-    ----------
-    index
-        Index of the nominal point.
-    special
-        The point in another sample.
-    """
-
-    index: int
-    special: SpecialPoint
+    """Not yet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Further:
-    """A special point of a walked sample that has no nominal counterpart.
+    """A special point of a sample that has no nominal counterpart.
 
     Attributes
     ----------
@@ -87,6 +82,22 @@ class Further:
 
 
 @dataclass(frozen=True, eq=False)
+class ToleranceWalks:
+    """Walked branches of some samples.
+
+    Attributes
+    ----------
+    number
+        Number of the chunk.
+    walked
+        The samples.
+    """
+
+    number: int
+    walked: tuple[Walked, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class ToleranceChunk:
     """Special points of some samples.
 
@@ -99,19 +110,13 @@ class ToleranceChunk:
     how : shape (samples,)
         Values of `HowFound`.
     further
-        Special points without nominal counterpart, of the samples that were walked.
-    solutions
-        Of each point the unknowns, shape (samples, unknowns), nan where it was lost; empty after the first chunks.
-    curvatures : shape (samples, points)
-        Curvatures seen by Newton's method; empty after the first chunks.
+        Special points without nominal counterpart.
     """
 
     number: int
     values: Array
     how: NDArray[np.intp]
     further: tuple[Further, ...] = ()
-    solutions: tuple[Array, ...] = ()
-    curvatures: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +137,14 @@ class Tracking:
         The branch.
     specials
         The nominal points that are tracked.
+    deviations
+        Standard deviations of the parameters.
     walk
         Options of the walks.
-    fits
-        Predictors of the points; empty for the first samples.
-    origins
-        Further points to track from.
+    forms
+        Forms of all points; empty for the walks.
+    patterns
+        Which of the forms found in a sample lie on its branch; None for the first solutions.
     """
 
     key: str
@@ -148,9 +155,10 @@ class Tracking:
     begin: float
     end: float
     specials: tuple[SpecialPoint, ...]
+    deviations: Array
     walk: WalkOptions
-    fits: tuple[Fit | None, ...] = ()
-    origins: tuple[Origin, ...] = ()
+    forms: tuple[Form, ...] = ()
+    patterns: Patterns | None = None
 
     @property
     def width(self) -> float:
@@ -190,168 +198,183 @@ class Tracker:
 
     def __init__(self, asked: Tracking) -> None:
         self.asked = asked
-        self.points = [TrackedPoint.of(special, asked.names) for special in asked.specials]
-        if asked.fits:
-            self.points = [replace(point, fit=fit) for point, fit in zip(self.points, asked.fits, strict=True)]
-        self.origins: list[tuple[int, TrackedPoint]] = []
-        for origin in asked.origins:
-            self.add(origin)
+        self.nominal = [TrackedPoint.of(special, asked.names) for special in asked.specials]
+        self.mine = [
+            met_of(special, asked.names, j, str(label_of(special)[2])) for j, special in enumerate(asked.specials)
+        ]
+        self.points = [form.point(asked.names) for form in asked.forms]
 
-    def add(self, origin: Origin) -> bool:
-        """Add a further point to track from; False if it does not satisfy its equation well enough."""
+    def walks(self, number: int, first: int, samples: Array) -> ToleranceWalks:
+        """Walk the branches of some samples, of which the first has the number `first`."""
+        known, found = {met.alike for met in self.mine}, []
+        for k, sample in enumerate(samples):
+            if not self._allows(sample):
+                found.append(Walked(first + k, HowFound.REFUSED))
+                continue
+            specials = self.walked(sample)
+            if specials is None:
+                found.append(Walked(first + k, HowFound.FAILED))
+                continue
+            indices, met = self.match(specials, sample), []
+            for special, index in zip(specials, indices, strict=True):
+                met.append(met_of(special, self.asked.names, index, str(label_of(special)[2])))
+            which = tuple(j for j, each in enumerate(met) if each.alike not in known)
+            found.append(Walked(first + k, HowFound.WALKED, tuple(met), which, tuple(specials[j] for j in which)))
+        return ToleranceWalks(number, tuple(found))
+
+    def solve(self, number: int, samples: Array) -> Solutions:
+        """Find all forms in some samples, and keep their solutions."""
+        sizes, count = [len(point.unknowns) for point in self.points], len(samples)
+        unknowns = [np.full((count, size), np.nan) for size in sizes]
+        inverses = [np.full((count, size, size), np.nan) for size in sizes]
+        curvatures = [np.full(count, np.nan) for _ in sizes]
+        every = []
+        for k, found in enumerate(self._found(samples)):
+            for f, each in found.items():
+                if isinstance(each, Corrected):
+                    unknowns[f][k], curvatures[f][k] = each.unknowns, each.curvature or np.nan
+                    inverses[f][k] = self.points[f].inverse_at(each)
+            every.append(tuple(sorted(found)))
+        return Solutions(number, tuple(every), tuple(unknowns), tuple(inverses), tuple(curvatures))
+
+    def chunk(self, number: int, first: int, samples: Array) -> ToleranceChunk:
+        """Find the points of some samples, of which the first has the number `first`."""
+        asked, count = self.asked, len(samples)
+        values, how = np.full((count, len(asked.specials)), np.nan), np.zeros(count, dtype=int)
+        further: list[Further] = []
+        assert asked.patterns is not None
+        for k, found in enumerate(self._found(samples)):
+            on = asked.patterns.on_branch(found)
+            if not self._allows(samples[k]):
+                how[k] = HowFound.REFUSED
+            elif on is None:
+                how[k], more = self.recover(samples[k], values[k])
+                further += [replace(each, sample=first + k) for each in more]
+            else:
+                for f in on:
+                    each = found[f]
+                    form, value = asked.forms[f], each.value if isinstance(each, Corrected) else each
+                    if form.index >= 0:
+                        values[k, form.index] = value
+                    else:
+                        further.append(Further(first + k, form.met.kind, value))
+        return ToleranceChunk(number, values, how, tuple(further))
+
+    def _allows(self, sample: Array) -> bool:
         try:
-            self.origins.append((origin.index, TrackedPoint.of(origin.special, self.asked.names)))
-        except (ModelError, ConvergenceError):
+            self.asked.at(sample)
+        except ModelError:
             return False
         return True
 
-    def chunk(self, number: int, first: int, samples: Array, *, keeps: bool) -> ToleranceChunk:
-        """Find the points of some samples, of which the first has the number `first`.
-
-        With `keeps`, the solutions are kept and lost points are left for later; otherwise their samples are walked.
-        """
-        asked, count = self.asked, len(samples)
-        how = np.zeros(count, dtype=int)
-        for k, values in enumerate(samples):
-            try:
-                asked.at(values)
-            except ModelError:
-                how[k] = HowFound.REFUSED
-        found = np.full((count, len(self.points)), np.nan)
-        solutions, curvatures = [], []
-        for j, point in enumerate(self.points):
-            unknowns, curved = np.full((count, len(point.unknowns)), np.nan), np.full(count, np.nan)
-            for k, guess in enumerate(point.predicted(samples)):
-                each = None if how[k] == HowFound.REFUSED else point.found_at(samples[k], guess)
-                if each is not None:
-                    found[k, j], unknowns[k], curved[k] = each.value, each.unknowns, each.curvature
-            solutions.append(unknowns)
-            curvatures.append(curved)
-        further: list[Further] = []
-        self._drop_doubles(found, solutions)
-        for k in np.flatnonzero(np.isnan(found).any(axis=1) & (how == HowFound.TRACKED)):
-            if keeps:
-                how[k] = HowFound.LOST
+    def recover(self, sample: Array, values: Array) -> tuple[HowFound, list[Further]]:
+        """Walk the branch of a sample, and write the values of its points into `values`; return the further ones."""
+        specials = self.walked(sample)
+        if specials is None:
+            return HowFound.FAILED, []
+        further = []
+        for special, index in zip(specials, self.match(specials, sample), strict=True):
+            if index >= 0:
+                values[index] = special.value
             else:
-                how[k], more, _ = self.recover(samples[k], found[k])
-                further += [replace(each, sample=first + int(k)) for each in more]
-        if not keeps:
-            return ToleranceChunk(number, found, how, tuple(further))
-        return ToleranceChunk(number, found, how, tuple(further), tuple(solutions), tuple(curvatures))
+                further.append(Further(0, special.kind.value, special.value))
+        return HowFound.WALKED, further
 
-    def recover(self, sample: Array, found: Array) -> tuple[HowFound, list[Further], list[Origin]]:
-        """Find the lost points of a sample, and write their values into `found`.
-
-        Returns
-        -------
-        how : HowFound
-            Tracked, walked or failed.
-        further : list of Further
-            Points of a walk without nominal counterpart.
-        origins : list of Origin
-            Points of a walk whose nominal counterparts were lost.
-        """
-        for index, point in self.origins:
-            if np.isnan(found[index]):
-                each = point.found_at(sample)
-                if each is not None and not self._is_known(found, index, each.value):
-                    found[index] = each.value
-        if not np.isnan(found).any():
-            return HowFound.TRACKED, [], []
-        walked = self.walked(sample, found)
-        if walked is None:
-            return HowFound.FAILED, [], []
-        return HowFound.WALKED, *self.match(walked, sample, found)
-
-    def walked(self, sample: Array, found: Array) -> tuple[SpecialPoint, ...] | None:
+    def walked(self, sample: Array) -> tuple[SpecialPoint, ...] | None:
         """Walk the branch of a sample; None if the walk fails."""
         asked = self.asked
         way = float(np.sign(asked.end - asked.begin))
-        known = found[~np.isnan(found)]
-        farthest = max([way * asked.end, *(way * value + _BEYOND * asked.width for value in known)])
-        special: tuple[SpecialPoint, ...] | None = None
-        for further in _FURTHER:
-            try:
-                start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
-                to = way * (farthest + further * asked.width)
-                branch = follow(start, asked.parameter, to, walk=asked.walk)
-            except (ModelError, NumericalError):
-                break
-            if branch.ends[-1].reason is not EndReason.RANGE:
-                break
-            special = branch.special_points
-            values = np.array([each.value for each in special])
-            # a branch may leave the range and come back: the points of that part are tracked, but not yet met
-            if all(np.any(np.abs(values - value) <= _SAME * asked.width) for value in known):
-                break
-        return special
+        expected = [self.predicted_value(j, sample) for j in range(len(self.nominal))]
+        farthest = max([way * asked.end, *(way * value + _BEYOND * asked.width for value in expected)])
+        try:
+            start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
+            branch = follow(start, asked.parameter, way * farthest, walk=asked.walk)
+        except (ModelError, NumericalError):
+            return None
+        return branch.special_points if branch.ends[-1].reason is EndReason.RANGE else None
 
-    def match(self, walked: Sequence[SpecialPoint], sample: Array, found: Array) -> tuple[list[Further], list[Origin]]:
-        """Write the values of a walk into `found`, each to the nominal point with which it fits."""
-        asked, lost = self.asked, np.isnan(found)
-        expected = np.where(lost, [self.predicted_value(j, sample) for j in range(len(found))], found)
-        labels, free, origins = asked.labels, set(range(len(walked))), []
-        mine = np.full(len(found), np.nan)
+    def match(self, walked: Sequence[SpecialPoint], sample: Array) -> list[int]:
+        """Return for each point of a walk the index of its nominal counterpart, or -1.
+
+        Counterparts share a label, and are near to where the gradient predicts them, compared with how the point is
+        spread over the samples.
+        """
+        labels, found = self.asked.labels, [-1] * len(walked)
         for label in dict.fromkeys(labels):
             rows = [j for j, each in enumerate(labels) if each == label]
             columns = [k for k, special in enumerate(walked) if label_of(special) == label]
             if not columns:
                 continue
-            cost = np.abs(expected[rows][:, None] - np.array([walked[k].value for k in columns])[None])
-            # a tracked point is known: its counterpart is at the same value, and no lost one may take it away
-            cost[~lost[rows]] *= 1e3
+            expected = np.array([self.predicted_value(j, sample) for j in rows])
+            cost = np.abs(expected[:, None] - np.array([walked[k].value for k in columns])[None])
+            limits = np.array([self.reaches[j] for j in rows])
+            far = cost > limits[:, None]
+            cost[far] += 1e3 * self.asked.width
             for row, column in zip(*linear_sum_assignment(cost), strict=True):
-                j, k = rows[row], columns[column]
-                if not lost[j] and abs(walked[k].value - found[j]) > _SAME * asked.width:
-                    continue
-                mine[j] = walked[k].value
-                free.discard(k)
-                if lost[j]:
-                    origins.append(Origin(j, walked[k]))
-        way = np.sign(asked.end - asked.begin)
-        outside = ~lost & ((way * (found - asked.end) > 0.0) | (way * (found - asked.begin) < 0.0))
-        found[:] = np.where(outside & np.isnan(mine), found, mine)
-        return [Further(0, walked[k].kind.value, walked[k].value) for k in sorted(free)], origins
+                if not far[row, column]:
+                    found[columns[column]] = rows[row]
+        return found
 
     def predicted_value(self, index: int, sample: Array) -> float:
-        """Return the value of the parameter at a point by its gradient."""
-        point = self.points[index]
+        """Return the value of the parameter at a nominal point by its gradient."""
+        point = self.nominal[index]
         return point.value + float(point.slopes[-1] @ (sample - point.origin))
 
-    def _is_known(self, found: Array, index: int, value: float) -> bool:
-        """Return True if another point of the same label is at a value already."""
-        labels = self.asked.labels
-        others = [j for j, label in enumerate(labels) if label == labels[index] and j != index]
-        return bool(np.any(np.abs(found[others] - value) <= _SAME * self.asked.width))
+    @cached_property
+    def reaches(self) -> list[float]:
+        """How far from the value by its gradient the counterpart of each nominal point may be."""
+        spreads = (float(np.linalg.norm(point.slopes[-1] * self.asked.deviations)) for point in self.nominal)
+        return [max(_FAR * each, _NEAR * self.asked.width) for each in spreads]
 
-    def _drop_doubles(self, found: Array, solutions: list[Array]) -> None:
-        """Remove points that came to the same solution as another one."""
-        labels = self.asked.labels
-        for j, label in enumerate(labels):
-            for other in range(j):
-                if labels[other][:2] != label[:2]:
+    def _scores(self, samples: Array) -> Array:
+        """Return a number for each sample and form: about 1 where the form exists, and 0 where it does not."""
+        found = np.ones((len(samples), len(self.points)))
+        x = (samples - self.nominal[0].origin) / self.asked.deviations
+        terms: dict[int, Array] = {}
+        for f, form in enumerate(self.asked.forms):
+            if len(form.scores):
+                if form.degree not in terms:
+                    terms[form.degree] = polynomial(x, form.degree)
+                found[:, f] = terms[form.degree] @ form.scores
+        return found
+
+    def _found(self, samples: Array) -> Iterator[dict[int, Corrected | float]]:
+        """Yield for each sample what was found of each form; of an attached one, its value."""
+        forms, x = self.asked.forms, (samples - self.nominal[0].origin) / self.asked.deviations
+        guesses = [None if point.fit is None else point.fit.predicted(samples) for point in self.points]
+        scores = self._scores(samples)
+        for k, sample in enumerate(samples):
+            found = dict[int, Corrected | float]()
+            if not self._allows(sample):
+                yield found
+                continue
+            plane = self.nominal[0].plane_at(sample)
+            for f in np.argsort(-scores[k], kind="stable").tolist():
+                guess = guesses[f]
+                if scores[k, f] < _UNLIKELY or forms[f].companion >= 0 or guess is None:
                     continue
-                scales = self.points[j].scales
-                near = np.abs((solutions[j] - solutions[other]) / scales).max(axis=1) < _SAME
-                found[near, j] = found[near, other] = np.nan
+                each = self.points[f].fitted_at(plane, guess[0][k], None if guess[1] is None else guess[1][k])
+                if each is not None and not self._is_double(f, each, found):
+                    found[f] = each
+            for f, form in enumerate(forms):
+                beside = found.get(form.companion)
+                if isinstance(beside, Corrected):
+                    found[f] = beside.value + offset_at(form, x[k])
+            yield found
+
+    def _is_double(self, f: int, each: Corrected, found: dict[int, Corrected | float]) -> bool:
+        """Return True if another form came to the same solution."""
+        kind, scales = self.asked.forms[f].met.kind, self.points[f].scales
+        return any(
+            isinstance(other, Corrected)
+            and self.asked.forms[g].met.kind == kind
+            and len(other.unknowns) == len(each.unknowns)
+            and float(np.abs((other.unknowns - each.unknowns) / scales).max()) < _SAME
+            for g, other in found.items()
+        )
 
 
-def fitted(tracker: Tracker, samples: Array, chunks: Sequence[ToleranceChunk], widths: Array) -> tuple[Fit | None, ...]:
-    """Fit predictors of all points to the solutions of the first samples."""
-    fits: list[Fit | None] = []
-    for j, point in enumerate(tracker.points):
-        unknowns = np.concatenate([chunk.solutions[j] for chunk in chunks])
-        curvatures = np.concatenate([chunk.curvatures[j] for chunk in chunks])
-        known = ~np.isnan(unknowns).any(axis=1)
-        if not known.any():
-            fits.append(None)
-            continue
-        curvature = _CLOUD * float(np.quantile(curvatures[known], 0.99))
-        fits.append(Fit.to(point.origin, widths, samples[known], unknowns[known], curvature))
-    return tuple(fits)
-
-
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=3)
 def _prepared(key: str) -> list[Tracker]:
     return []
 
@@ -364,32 +387,64 @@ def tracker_of(asked: Tracking) -> Tracker:
     return kept[0]
 
 
-def track_chunk(asked: Tracking, keeps: bool, piece: tuple[int, int, Array]) -> ToleranceChunk:
+def walk_chunk(asked: Tracking, piece: tuple[int, int, Array]) -> ToleranceWalks:
+    """Walk the branches of a chunk of samples; a piece of work for any process."""
+    return tracker_of(asked).walks(*piece)
+
+
+def solve_chunk(asked: Tracking, piece: tuple[int, Array]) -> Solutions:
+    """Find all forms in a chunk of samples; a piece of work for any process."""
+    return tracker_of(asked).solve(*piece)
+
+
+def track_chunk(asked: Tracking, piece: tuple[int, int, Array]) -> ToleranceChunk:
     """Find the special points of a chunk of samples; a piece of work for any process."""
-    number, first, samples = piece
-    return tracker_of(asked).chunk(number, first, samples, keeps=keeps)
+    return tracker_of(asked).chunk(*piece)
 
 
-def walk_sample(asked: Tracking, piece: tuple[Array, Array]) -> tuple[float, tuple[Further, ...]] | None:
-    """Walk the branch of a sample, and compare it with its tracked points; None if the walk fails.
+class Compared(NamedTuple):
+    """Comparison of the points found in a sample with those of a walk of its branch.
 
-    Returns
-    -------
-    largest : float
-        Largest difference of a tracked point, infinite if the walk has none there.
-    further : tuple of Further
-        Points without nominal counterpart.
+    Attributes
+    ----------
+    largest
+        Largest difference of a point that both have.
+    missed, invented
+        Points that only the walk has, and that it has not, as texts.
     """
-    sample, values = piece
-    tracker, mine = tracker_of(asked), values.copy()
-    walked = tracker.walked(sample, values)
+
+    largest: float
+    missed: tuple[str, ...]
+    invented: tuple[str, ...]
+
+
+def walk_sample(asked: Tracking, piece: tuple[Array, Array, tuple[tuple[str, float], ...]]) -> Compared | None:
+    """Walk the branch of a sample, and compare it with what was found otherwise; None if the walk fails.
+
+    Parameters
+    ----------
+    asked
+        The tracking.
+    piece
+        The sample, its values at the nominal points, and kinds and values of its further points.
+    """
+    sample, values, further = piece
+    walked = tracker_of(asked).walked(sample)
     if walked is None:
         return None
-    further, _ = tracker.match(walked, sample, mine)
-    way = np.sign(asked.end - asked.begin)
-    differences = [
-        min((abs(special.value - value) for special in walked if label_of(special)[:2] == label[:2]), default=np.inf)
-        for label, value in zip(asked.labels, values.tolist(), strict=True)
-        if way * (value - asked.begin) >= 0.0  # a walk does not meet those before its beginning
-    ]
-    return max(differences, default=0.0), tuple(further)
+    mine = [(s.kind.value, v) for s, v in zip(asked.specials, values.tolist(), strict=True) if not np.isnan(v)]
+    mine, theirs = [*mine, *further], [(special.kind.value, special.value) for special in walked]
+    cost = np.full((len(mine), len(theirs)), asked.width)
+    for row, (kind, value) in enumerate(mine):
+        for column, (other, there) in enumerate(theirs):
+            if kind == other:
+                cost[row, column] = abs(value - there)
+    rows, columns = linear_sum_assignment(np.minimum(cost, _ALIKE * asked.width))
+    near = [(r, c) for r, c in zip(rows.tolist(), columns.tolist(), strict=True) if cost[r, c] < _ALIKE * asked.width]
+    low, high = sorted((asked.begin, asked.end))
+
+    def only(every: list[tuple[str, float]], met: set[int]) -> tuple[str, ...]:
+        return tuple(f"a {k} at {v:.6g}" for n, (k, v) in enumerate(every) if n not in met and low <= v <= high)
+
+    largest = max((float(cost[pair]) for pair in near), default=0.0)
+    return Compared(largest, only(theirs, {c for _, c in near}), only(mine, {r for r, _ in near}))

@@ -1,28 +1,40 @@
-"""Work on tolerances: the nominal branch, then its special points in all samples, chunk by chunk."""
+"""Work on tolerances: the nominal branch, walks of some samples, then the special points of all others by chunks."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.point_tracking import Fit
+from gapwalk.answers.point_forms import (
+    Form,
+    Patterns,
+    Solutions,
+    Walked,
+    anchors_of,
+    forms_of,
+    names_of,
+    pools_of,
+    with_predictors,
+)
 from gapwalk.answers.tolerance import Tolerance, ToleranceCheck
 from gapwalk.answers.tolerance_tracking import (
     Further,
     HowFound,
-    Origin,
     ToleranceChunk,
+    ToleranceWalks,
     Tracker,
     Tracking,
-    fitted,
+    solve_chunk,
     track_chunk,
     trackable,
+    walk_chunk,
     walk_sample,
 )
 from gapwalk.bifurcation.branch import Branch
@@ -40,31 +52,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_PILOT, _FIRST = 400, 25  # samples that are solved with predictions by gradients, and how many of them in a chunk
+_WALKS, _SHARE = 150, 8  # most samples that are walked first, and one of so many samples
+_SOLVED = 500  # most samples that are solved for fits, walked ones among them
+_FEW, _SOME = 5, 25  # samples in a chunk of walks, and of solutions
 _CHUNK = 200  # samples in a later chunk
-_DIFFERENT = 1e-5  # share of the range by which a tracked point may differ from a walk
-
-
-@dataclass(frozen=True, eq=False)
-class Recovered:
-    """Results of the first samples: their lost points, predictors for the others, and further origins."""
-
-    samples: tuple[int, ...]
-    values: tuple[Array, ...]
-    how: tuple[int, ...]
-    further: tuple[Further, ...]
-    fits: tuple[Fit | None, ...]
-    origins: tuple[Origin, ...]
-
 
 NOMINAL = Part("nominal", Branch)
+WALKS = Part("walks", ToleranceWalks, numbered=True)
+SOLUTIONS = Part("solutions", Solutions, numbered=True)
+PATTERNS = Part("patterns", Solutions, numbered=True)
 CHUNK = Part("samples", ToleranceChunk, numbered=True)
-RECOVERED = Part("recovered", Recovered)
 TOLERANCE = Part("tolerance", Tolerance)
 
 
 class ToleranceWork(Work):
-    """The nominal branch, the first samples, what follows from them, all others, and a check by walks."""
+    """The nominal branch, walks of the first samples, some more samples, all others, and a check by walks."""
 
     def __init__(self, system: System, asked: ToleranceStudy) -> None:
         self.system, self.asked = system.at({asked.parameter: asked.begin}), asked
@@ -76,12 +78,17 @@ class ToleranceWork(Work):
         if len(set(places)) < len(places):
             raise ModelError("spread has two names of one parameter; write one law for each parameter")
         self.design = self.spreads.design(asked.samples, asked.seed)
-        pilot = min(_PILOT, asked.samples)
-        self._starts = [*range(0, pilot, _FIRST), *range(pilot, asked.samples, _CHUNK), asked.samples]
-        self._pilots = sum(start < pilot for start in self._starts[:-1])
+        self._walked = min(_WALKS, -(-asked.samples // _SHARE))
+        solved = min(_SOLVED, max(self._walked, asked.samples // 2))
+        self._walk_starts = [*range(0, self._walked, _FEW), self._walked]
+        self._solve_starts = [*range(0, solved, _SOME), solved]
+        self._set_starts = [*range(0, self._walked, _SOME), self._walked]
+        self._starts = [*range(self._walked, asked.samples, _CHUNK), asked.samples]
         self._branch: Branch | None = None
+        self._walks: dict[int, ToleranceWalks] = {}
+        self._solutions: dict[int, Solutions] = {}
+        self._sets: dict[int, Solutions] = {}
         self._chunks: dict[int, ToleranceChunk] = {}
-        self._recovered: Recovered | None = None
         self._whole: Tolerance | None = None
         self._key = uuid.uuid4().hex
         self._failures: tuple[str, ...] = ()
@@ -90,7 +97,8 @@ class ToleranceWork(Work):
         """Read the record of a file, or its parts if it is incomplete."""
         self._whole = known.get(TOLERANCE)
         if self._whole is None:
-            self._branch, self._recovered = known.get(NOMINAL), known.get(RECOVERED)
+            self._branch, self._walks = known.get(NOMINAL), dict(known.all(WALKS))
+            self._solutions, self._sets = dict(known.all(SOLUTIONS)), dict(known.all(PATTERNS))
             self._chunks = dict(known.all(CHUNK))
 
     def parts(self, workers: Workers) -> Generator[Found]:
@@ -105,14 +113,18 @@ class ToleranceWork(Work):
             raise NumericalError(
                 f"the branch over {asked.range_words} has no special points that can be tracked; choose another range"
             )
-        yield from self._track(workers, tracking, range(self._pilots), keeps=True)
-        if self._recovered is None:
-            self._recovered = self._recover(tracking)
-            yield Found.part(RECOVERED, self._recovered)
-        tracking = replace(
-            tracking, key=f"{self._key} fitted", fits=self._recovered.fits, origins=self._recovered.origins
-        )
-        yield from self._track(workers, tracking, range(self._pilots, len(self._starts) - 1), keeps=False)
+        values = self.design.values
+        pieces = [(k, a, values[a:b]) for k, (a, b) in enumerate(pairwise(self._walk_starts))]
+        yield from self._done(workers, partial(walk_chunk, tracking), pieces, self._walks, WALKS)
+        tracking = self._learned(tracking, "first")
+        pieces = [(k, values[a:b]) for k, (a, b) in enumerate(pairwise(self._solve_starts))]
+        yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._solutions, SOLUTIONS)
+        tracking = self._learned(tracking, "fitted")
+        pieces = [(k, values[a:b]) for k, (a, b) in enumerate(pairwise(self._set_starts))]
+        yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._sets, PATTERNS)
+        tracking = replace(tracking, key=f"{self._key} last", patterns=self._patterns(tracking))
+        pieces = [(k, a, values[a:b]) for k, (a, b) in enumerate(pairwise(self._starts))]
+        yield from self._done(workers, partial(track_chunk, tracking), pieces, self._chunks, CHUNK)
         check = self._checked(workers, tracking)
         self._whole = self._tolerance(complete=True, check=check)
         yield Found.part(TOLERANCE, self._whole)
@@ -129,17 +141,22 @@ class ToleranceWork(Work):
     @property
     def done(self) -> int:
         """Number of chunks of samples that are done."""
-        return self.total if self.complete else len(self._chunks)
+        return (
+            self.total
+            if self.complete
+            else len(self._walks) + len(self._solutions) + len(self._sets) + len(self._chunks)
+        )
 
     @property
     def total(self) -> int:
         """Number of chunks of samples."""
-        return len(self._starts) - 1
+        every = self._walk_starts, self._solve_starts, self._set_starts, self._starts
+        return sum(len(starts) - 1 for starts in every)
 
     @property
     def record(self) -> Tolerance | None:
         """The tolerances so far; None before the first samples."""
-        return self._whole or (self._tolerance(complete=False, check=ToleranceCheck()) if self._chunks else None)
+        return self._whole or (self._tolerance(complete=False, check=ToleranceCheck()) if self._walks else None)
 
     def finding(self) -> ToleranceFinding:
         """Return the tolerances as the finding of a study."""
@@ -157,68 +174,86 @@ class ToleranceWork(Work):
             asked.begin,
             asked.end,
             specials,
+            np.maximum(self.design.values.std(axis=0), 1e-300),
             asked.walk,
         )
 
-    def _track(self, workers: Workers, tracking: Tracking, numbers: Iterable[int], *, keeps: bool) -> Generator[Found]:
-        left = [number for number in numbers if number not in self._chunks]
-        pieces = [(number, self._starts[number], self._of_chunk(number)) for number in left]
-        for _, chunk in workers.each(partial(track_chunk, tracking, keeps), pieces, in_order=False):
-            self._chunks[chunk.number] = chunk
-            yield Found.part(CHUNK, chunk, chunk.number)
+    @property
+    def _ended(self) -> list[Walked]:
+        """Walks that came to their end."""
+        walks = [each for _, every in sorted(self._walks.items()) for each in every.walked]
+        return [each for each in walks if each.how == HowFound.WALKED]
 
-    def _of_chunk(self, number: int) -> Array:
-        return self.design.values[self._starts[number] : self._starts[number + 1]]
+    def _learned(self, tracking: Tracking, name: str) -> Tracking:
+        """Return the tracking with the forms of all points, and what walks and solutions so far say of them."""
+        walks, tracker = self._ended, Tracker(replace(tracking, forms=()))
+        anchors = anchors_of(walks, len(tracking.specials))
+        forms: tuple[Form, ...] = tracking.forms or forms_of(walks, tracking.specials, tracker.mine)
+        asked = replace(tracking, key=f"{self._key} {name}", forms=forms)
+        chunks = [(self._solve_starts[number], each) for number, each in sorted(self._solutions.items())]
+        if not tracking.forms:
+            chunks = []  # they are read from a file: these are still the predictions with which they were found
+        pools = pools_of(forms, [names_of(each, anchors) for each in walks], walks, chunks)
+        known = [first + k for first, each in chunks for k in range(len(each.found))] or [each.sample for each in walks]
+        scaled = tracker.nominal[0].origin, tracking.deviations
+        made = with_predictors(forms, Tracker(asked).points, pools, self.design.values, np.array(known), scaled)
+        return replace(asked, forms=made)
 
-    def _recover(self, tracking: Tracking) -> Recovered:
-        """Walk the first samples that lost a point, one after the other: each may be an origin for the next."""
-        chunks, tracker = [self._chunks[number] for number in range(self._pilots)], Tracker(tracking)
-        samples = self.design.values[: self._starts[self._pilots]]
-        fits = fitted(tracker, samples, chunks, np.maximum(self.design.values.std(axis=0), 1e-300))
-        values, how = np.concatenate([each.values for each in chunks]), np.concatenate([each.how for each in chunks])
-        lost = np.flatnonzero(how == HowFound.LOST).tolist()
-        found, ways, further, origins = [], [], [], []
-        for k in lost:
-            row = values[k].copy()
-            way, more, new = tracker.recover(samples[k], row)
-            found.append(row)
-            ways.append(int(way))
-            further += [replace(each, sample=k) for each in more]
-            origins += [origin for origin in new if tracker.add(origin)]
-        return Recovered(tuple(lost), tuple(found), tuple(ways), tuple(further), fits, tuple(origins))
+    def _patterns(self, tracking: Tracking) -> Patterns:
+        walks = self._ended
+        anchors = anchors_of(walks, len(tracking.specials))
+        names = [names_of(each, anchors) for each in walks]
+        found = [each for _, every in sorted(self._sets.items()) for each in every.found]
+        return Patterns.of(tracking.forms, [(found[each.sample], own) for each, own in zip(walks, names, strict=True)])
+
+    def _done(
+        self, workers: Workers, function: Callable[[Any], Any], pieces: list[Any], done: dict[int, Any], part: Part
+    ) -> Generator[Found]:
+        """Do the pieces that are not done yet; each begins with its number."""
+        left = [piece for piece in pieces if piece[0] not in done]
+        for _, each in workers.each(function, left, in_order=False):
+            done[each.number] = each
+            yield Found.part(part, each, each.number)
 
     def _checked(self, workers: Workers, tracking: Tracking) -> ToleranceCheck:
-        values, how, _ = self._arrays()
+        values, how, further = self._arrays()
         tracked = np.flatnonzero(how == HowFound.TRACKED)
-        chosen = np.sort(np.random.default_rng(self.asked.seed).permutation(tracked)[: self.asked.check])
-        pieces = [(self.design.values[k], values[k]) for k in chosen.tolist()]
-        largest, different, more = 0.0, [], 0
+        chosen = np.sort(np.random.default_rng(self.asked.seed).permutation(tracked)[: self.asked.check]).tolist()
+        more = {k: tuple((each.kind, each.value) for each in further if each.sample == k) for k in chosen}
+        pieces = [(self.design.values[k], values[k], more[k]) for k in chosen]
+        largest, different = 0.0, []
         for index, found in workers.each(partial(walk_sample, tracking), pieces):
             where = f"sample {chosen[index] + 1}"
             if found is None:
                 different.append(f"{where}: its branch could not be walked to its end")
-            elif found[0] > _DIFFERENT * tracking.width:
-                different.append(f"{where}: a tracked point is not on its branch (off by {found[0]:.2g})")
-            else:
-                largest = max(largest, found[0])
-            more += bool(found and found[1])
-        return ToleranceCheck(len(chosen), largest, tuple(different), more)
+                continue
+            largest = max(largest, found.largest)
+            texts = [f"the walk has {each}" for each in found.missed] + [
+                f"no walk has {each}" for each in found.invented
+            ]
+            if texts:
+                different.append(f"{where}: {', '.join(texts)}")
+        return ToleranceCheck(len(chosen), largest, tuple(different))
 
     def _arrays(self) -> tuple[Array, NDArray[np.intp], tuple[Further, ...]]:
         branch = self._branch
         assert branch is not None
-        count = len(next(iter(self._chunks.values())).values[0])
+        count = len(trackable(branch, self.spreads.varied)[0])
         values, how = np.full((self.asked.samples, count), np.nan), np.full(self.asked.samples, int(HowFound.LOST))
         further: list[Further] = []
-        for number, chunk in sorted(self._chunks.items()):
+        for walks in self._walks.values():
+            for each in walks.walked:
+                how[each.sample] = each.how
+                for met in each.met:
+                    if met.index >= 0:
+                        values[each.sample, met.index] = met.value
+                    else:
+                        further.append(Further(each.sample, met.kind, met.value))
+        for number, chunk in self._chunks.items():
             rows = slice(self._starts[number], self._starts[number + 1])
             values[rows], how[rows] = chunk.values, chunk.how
             further += chunk.further
-        if self._recovered is not None:
-            for k, row, way in zip(self._recovered.samples, self._recovered.values, self._recovered.how, strict=True):
-                values[k], how[k] = row, way
-            further += self._recovered.further
-        return values, how, tuple(sorted(further, key=lambda each: each.sample))
+        return values, how, tuple(sorted(further, key=lambda each: (each.sample, each.kind, each.value)))
 
     def _tolerance(self, *, complete: bool, check: ToleranceCheck) -> Tolerance:
         assert self._branch is not None

@@ -54,6 +54,24 @@ class LocusEquation:
         """Return residual, its derivatives by the unknowns and by the parameters after the first, and the place."""
         raise NotImplementedError
 
+    def residual(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], Place]:
+        """Return the residual of a point in the plane of one parameter, and the place.
+
+        The residual of a condition on multipliers is not divided by its slope, so it needs no derivatives.
+        """
+        residual, _, place = self.linearised(unknowns)
+        return residual, place
+
+    def inverse(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the inverse of the derivatives of `residual` at a point in the plane of one parameter.
+
+        Raises
+        ------
+        LinAlgError
+            If they have none.
+        """
+        return np.linalg.inv(self.linearised(unknowns)[1])
+
     def place(self, unknowns: NDArray[np.float64], *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
         return self.plane.place(unknowns[: -self.others], float(unknowns[-1]), *others)
@@ -175,6 +193,17 @@ class MultiplierEquation(LocusEquation):
         slope = max(1.0, float(np.linalg.norm(by_all[:size] * self.scales[:size])))
         jacobian = np.vstack((place.jacobian, by_all / slope))
         return np.append(place.residual, critical.value / slope), jacobian, place
+
+    def residual(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], Place]:
+        """See `LocusEquation.residual`."""
+        place = self.place(unknowns)
+        return np.append(place.residual, self.criticality(place).value), place
+
+    def inverse(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See `LocusEquation.inverse`."""
+        place = self.place(unknowns)
+        by_all = self.plane.gradient(self.kind, self.criticality(place), place, self.scales, self.step)
+        return np.linalg.inv(np.vstack((place.jacobian, by_all)))
 
     def criticality(self, place: Place) -> Criticality:
         """Return the criticality of an orbit with respect to this bifurcation."""

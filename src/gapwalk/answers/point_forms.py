@@ -1,0 +1,433 @@
+"""Forms of special points: the same point with other contacts, and points that only some systems have.
+
+A special point is tracked through systems as long as its contacts and its other multipliers stay (its *key*). Beyond
+a grazing contact it is the same point in another form; folds appear in pairs at a cusp. Some branches are therefore
+walked, and each key that is met there, at its place between the points that all systems have, is a form. Solutions in
+all systems where it was met predict it in others (`gapwalk.answers.point_tracking.Fit`).
+
+Newton's method finds a form wherever it exists, even on another branch. What walks met among the forms found tells
+which ones lie on the branch (`Patterns`).
+"""
+
+from __future__ import annotations
+
+from ast import literal_eval
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.point_tracking import Fit, TrackedPoint, count_of_terms, polynomial
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.orbit.floquet import Instability
+
+Array = NDArray[np.float64]
+
+_ATTACHED = 3e-5  # share of its value within which a point beside a grazing point is taken from it
+_SCORE_DEGREES = (2, 1)  # of the polynomials that tell where a form exists
+_FEATURES = 2.0  # samples for each of their coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """A special point that a walk met, reduced to what forms need.
+
+    Attributes
+    ----------
+    index
+        Index of its nominal counterpart, or -1.
+    kind, contact, turns
+        What it has in common with its counterpart; see `label_of`.
+    value
+        Value of the parameter of the branch.
+    closings
+        How often each stage and side closes in a period, without the touch of a grazing point itself, as text.
+    others
+        Its unstable multipliers without the critical ones, as text.
+    before, after
+        Number of unstable multipliers on either side.
+    unknowns
+        Solution of its equation; empty if it has none that can be tracked.
+    inverse
+        Inverse of the derivatives of the equation there.
+    """
+
+    index: int
+    kind: str
+    contact: str
+    turns: str
+    value: float
+    closings: str
+    others: str
+    before: int
+    after: int
+    unknowns: Array
+    inverse: Array
+
+    @property
+    def key(self) -> str:
+        """All that stays while a point is tracked."""
+        return " | ".join((self.kind, self.contact, self.turns, self.closings, self.others))
+
+    @property
+    def alike(self) -> tuple[str, str]:
+        """All that its equation depends on."""
+        return self.kind, self.contact
+
+    @property
+    def signature(self) -> tuple[object, ...]:
+        """Its contacts and unstable multipliers, as in `TrackedPoint.signature`."""
+        return literal_eval(self.closings), Instability(*literal_eval(self.others))
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """All special points of the branch of one sample, as a walk met them.
+
+    Attributes
+    ----------
+    sample
+        Number of the sample.
+    how
+        Value of `HowFound`: walked, refused or failed.
+    met
+        The points in the order of the walk.
+    which, specials
+        Places in `met` of points of which no nominal point has kind and contact, and these points.
+    """
+
+    sample: int
+    how: int
+    met: tuple[Met, ...] = ()
+    which: tuple[int, ...] = ()
+    specials: tuple[SpecialPoint, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A special point as some of the systems have it.
+
+    Attributes
+    ----------
+    index
+        Index of its nominal counterpart, or -1.
+    name
+        Its key, its place between the points that all walks met, and its number of several there.
+    position
+        Place along the branch; those of the nominal points are 0, 1, 2 and so on.
+    sample
+        Number of a sample that has it; -1 for the nominal system.
+    met
+        The point there.
+    special
+        A point of the same kind and contact, whose equation it has.
+    fit
+        Its predictor; None if the gradient predicts it.
+    companion
+        Number of the form of a grazing point to which it is attached; -1 if it is tracked by itself.
+    offset : shape (terms,)
+        Coefficients of its distance from the companion.
+    scores : shape (terms,)
+        Coefficients of a polynomial that is about 1 where the form exists, and 0 elsewhere; empty if it always does.
+    degree
+        Degree of these polynomials.
+    """
+
+    index: int
+    name: str
+    position: float
+    sample: int
+    met: Met
+    special: SpecialPoint
+    fit: Fit | None = None
+    companion: int = -1
+    offset: Array = field(default_factory=lambda: np.zeros(0))
+    scores: Array = field(default_factory=lambda: np.zeros(0))
+    degree: int = 0
+
+    def point(self, names: Sequence[str]) -> TrackedPoint:
+        """Return the point to track."""
+        point = replace(TrackedPoint.of(self.special, names), fit=self.fit)
+        point.__dict__["signature"] = self.met.signature  # in the place of that of its special point
+        return point
+
+
+def met_of(special: SpecialPoint, names: Sequence[str], index: int, turns: str) -> Met:
+    """Return what forms need of a special point."""
+    closings = others = ""
+    unknowns, inverse = np.zeros(0), np.zeros((0, 0))
+    try:
+        point = TrackedPoint.of(special, names)
+        signature, unknowns = point.signature, point.unknowns
+        closings, others = repr(signature[0]), repr(tuple(signature[1]))  # pyright: ignore[reportArgumentType]
+        inverse = point.inverse
+    except (ModelError, NumericalError):
+        pass  # it cannot be tracked: samples that have it are noticed where it breaks the chain
+    counts = special.before.total, special.after.total
+    kind = special.kind.value
+    return Met(index, kind, special.contact, turns, special.value, closings, others, *counts, unknowns, inverse)
+
+
+def names_of(walked: Walked, anchors: Iterable[int]) -> list[str]:
+    """Name the points of a walk by key, by the last of the points that all walks have, and by number."""
+    fixed, last, seen, names = set(anchors), -1, dict[str, int](), []
+    for met in walked.met:
+        if met.index in fixed:
+            last = met.index
+        name = f"{met.index} | {met.key}" if met.index >= 0 else f"after {last} | {met.key}"
+        seen[name] = seen.get(name, 0) + 1
+        names.append(name if seen[name] == 1 else f"{name} | {seen[name]}")
+    return names
+
+
+def positions_of(walked: Walked) -> list[float]:
+    """Return the places of the points of a walk between the nominal ones, which are at 0, 1, 2 and so on."""
+    own = [(place, met.index) for place, met in enumerate(walked.met) if met.index >= 0]
+    places = [-1, *(place for place, _ in own), len(walked.met)]
+    indices = [-1.0, *(float(index) for _, index in own)]
+    indices.append(max(indices) + 1.0)
+    return np.interp(np.arange(len(walked.met)), places, indices).tolist()
+
+
+def anchors_of(walks: Sequence[Walked], count: int) -> list[int]:
+    """Return the nominal points that all walks met."""
+    return [j for j in range(count) if all(any(met.index == j for met in each.met) for each in walks)]
+
+
+def forms_of(walks: Sequence[Walked], nominal: Sequence[SpecialPoint], mine: Sequence[Met]) -> tuple[Form, ...]:
+    """Return the forms that some walks met, without predictors, in their order along the branch.
+
+    Parameters
+    ----------
+    walks
+        The walks that came to their end.
+    nominal, mine
+        The nominal points.
+    """
+    anchors = anchors_of(walks, len(nominal))
+    places: dict[str, list[float]] = {}
+    first: dict[str, tuple[int, Met]] = {}
+    alike: dict[tuple[str, str], SpecialPoint] = {}
+    for special, met in zip(nominal, mine, strict=True):
+        name = f"{met.index} | {met.key}"
+        first[name], places[name], alike[met.alike] = (-1, met), [float(met.index)], special
+    for each in walks:
+        for k, special in zip(each.which, each.specials, strict=True):
+            alike.setdefault(each.met[k].alike, special)
+        every = zip(names_of(each, anchors), positions_of(each), each.met, strict=True)
+        for name, position, met in every:
+            places.setdefault(name, []).append(position)
+            if met.alike in alike and len(met.unknowns):
+                first.setdefault(name, (each.sample, met))
+    found = [
+        Form(met.index, name, float(np.mean(places[name])), sample, met, alike[met.alike])
+        for name, (sample, met) in first.items()
+    ]
+    return tuple(sorted(found, key=lambda form: (form.position, form.name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Solutions of one form in some samples.
+
+    Attributes
+    ----------
+    rows
+        Numbers of the samples.
+    unknowns, inverses, curvatures
+        As in `Fit.to`.
+    """
+
+    rows: NDArray[np.intp]
+    unknowns: Array
+    inverses: Array
+    curvatures: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """Solutions of all forms in some samples, on the branch or not.
+
+    Attributes
+    ----------
+    number
+        Number of the chunk.
+    found
+        Of each sample, the numbers of the forms that were found.
+    unknowns, inverses
+        Of each form its unknowns, shape (samples, unknowns), and the inverses of the derivatives, shape (samples,
+        unknowns, unknowns); nan where it was not found.
+    curvatures
+        Of each form the curvatures seen by Newton's method, shape (samples,).
+    """
+
+    number: int
+    found: tuple[tuple[int, ...], ...]
+    unknowns: tuple[Array, ...]
+    inverses: tuple[Array, ...]
+    curvatures: tuple[Array, ...]
+
+
+def pools_of(
+    forms: Sequence[Form],
+    names: Sequence[Sequence[str]],
+    walks: Sequence[Walked],
+    chunks: Sequence[tuple[int, Solutions]],
+) -> tuple[Pool, ...]:
+    """Return the solutions of all forms in walked samples, whose points have names, and in chunks."""
+    at: dict[str, list[tuple[int, Met]]] = {}
+    for each, own in zip(walks, names, strict=True):
+        for name, met in zip(own, each.met, strict=True):
+            if len(met.unknowns):
+                at.setdefault(name, []).append((each.sample, met))
+    found = []
+    for f, form in enumerate(forms):
+        solved = {
+            first + k for first, chunk in chunks for k in np.flatnonzero(~np.isnan(chunk.unknowns[f][:, 0])).tolist()
+        }
+        mine = [each for each in at.get(form.name, []) if each[0] not in solved]
+        size = len(form.met.unknowns)
+        rows = [np.array([row for row, _ in mine], dtype=int)]
+        unknowns = [np.array([met.unknowns for _, met in mine]).reshape(-1, size)]
+        inverses = [np.array([met.inverse for _, met in mine]).reshape(-1, size, size)]
+        curvatures = [np.full(len(mine), np.nan)]
+        for first, chunk in chunks:
+            has = np.flatnonzero(~np.isnan(chunk.unknowns[f]).any(axis=1))
+            rows.append(first + has)
+            unknowns.append(chunk.unknowns[f][has])
+            inverses.append(chunk.inverses[f][has])
+            curvatures.append(chunk.curvatures[f][has])
+        found.append(Pool(np.concatenate(rows), *(np.concatenate(each) for each in (unknowns, inverses, curvatures))))
+    return tuple(found)
+
+
+def with_predictors(
+    forms: Sequence[Form],
+    points: Sequence[TrackedPoint],
+    pools: Sequence[Pool],
+    samples: Array,
+    known: NDArray[np.intp],
+    scaled: tuple[Array, Array],
+) -> tuple[Form, ...]:
+    """Return forms with predictors from their solutions.
+
+    Parameters
+    ----------
+    forms, points, pools
+        The forms, their points, and their solutions.
+    samples
+        All samples.
+    known
+        Numbers of the samples of which all forms are known.
+    scaled
+        Values of the parameters at zero, and their units.
+    """
+    found = []
+    x = (samples - scaled[0]) / scaled[1]
+    for number, (form, point, pool) in enumerate(zip(forms, points, pools, strict=True)):
+        slopes = None
+        if len(pool.rows) < _FEATURES * count_of_terms(samples.shape[1], 1):
+            at = point.origin if form.sample < 0 else samples[form.sample]
+            slopes = point.slopes_at(point.solved(at, form.met.unknowns))
+        fit = Fit.to(
+            scaled,
+            samples[pool.rows],
+            pool.unknowns,
+            point.scales,
+            slopes=slopes,
+            inverses=pool.inverses,
+            curvatures=pool.curvatures,
+        )
+        made = replace(form, fit=fit)
+        lacks = np.setdiff1d(known, pool.rows)
+        if len(lacks):
+            degree = next((d for d in _SCORE_DEGREES if len(known) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
+            exists = np.isin(known, pool.rows).astype(float)
+            coefficients = np.linalg.lstsq(polynomial(x[known], degree), exists)[0]
+            made = replace(made, scores=np.asarray(coefficients, dtype=float), degree=degree)
+        found.append(_attached(made, number, forms, pools, x))
+    return tuple(found)
+
+
+def _attached(form: Form, number: int, forms: Sequence[Form], pools: Sequence[Pool], x: Array) -> Form:
+    """Return a form attached to a grazing point that is beside it in all samples, as a fold of a stiff stop is."""
+    own = pools[number]
+    if form.met.kind == "grazing" or not len(own.rows):
+        return form
+    for other, pool in enumerate(pools):
+        if forms[other].met.kind != "grazing" or abs(forms[other].met.value - form.met.value) > 0.01 * form.met.value:
+            continue
+        both, mine, theirs = np.intersect1d(own.rows, pool.rows, return_indices=True)
+        if len(both) < len(own.rows):
+            continue
+        apart = own.unknowns[mine, -1] - pool.unknowns[theirs, -1]
+        if np.abs(apart).max() <= _ATTACHED * np.abs(own.unknowns[:, -1]).min():
+            degree = next((d for d in _SCORE_DEGREES if len(both) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
+            offset = np.asarray(np.linalg.lstsq(polynomial(x[both], degree), apart)[0], dtype=float)
+            return replace(form, companion=other, offset=offset)
+    return form
+
+
+def offset_at(form: Form, x: Array) -> float:
+    """Return the distance of an attached form from its companion at scaled values of the parameters."""
+    degree = next(d for d in (2, 1, 0) if count_of_terms(len(x), d) == len(form.offset))
+    return float((polynomial(x[None], degree) @ form.offset)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """Which of the forms found in a sample lie on the branch, as walked samples show it.
+
+    A point found by Newton's method may lie on another branch, such as one that is closed and separate in some systems
+    and joined to the branch in others. So the forms found in a walked sample are compared with those that its walk
+    met. A sample in which the same forms are found has the same ones of them on its branch.
+
+    Attributes
+    ----------
+    stretch
+        Of each form the number of the stretch, between points that all walks met, to which it belongs.
+    found, met
+        Numbers of forms of one stretch that were found in a walked sample, and those that its walk met there.
+    """
+
+    stretch: tuple[int, ...]
+    found: tuple[tuple[int, ...], ...]
+    met: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of(cls, forms: Sequence[Form], sets: Iterable[tuple[Iterable[int], Iterable[str]]]) -> Patterns:
+        """Compare forms found in walked samples with the names of those that the walks met."""
+        sets, names = [(set(found), set(met)) for found, met in sets], {form.name: f for f, form in enumerate(forms)}
+        fixed = [f for f, form in enumerate(forms) if sets and all(form.name in met for _, met in sets)]
+        stretch = tuple(sum(g <= f for g in fixed) for f in range(len(forms)))
+        pairs: dict[tuple[int, tuple[int, ...]], tuple[int, ...] | None] = {}
+        for found, met in sets:
+            on = {names.get(name, -1) for name in met}
+            for number in range(len(fixed) + 1):
+                own = tuple(sorted(f for f in found if stretch[f] == number))
+                there = tuple(sorted(f for f in on if f >= 0 and stretch[f] == number))
+                known = pairs.setdefault((number, own), there)
+                if known != there or -1 in on:  # two answers are none, and a point without a form belongs anywhere
+                    pairs[number, own] = None
+        kept = [(own, there) for (_, own), there in pairs.items() if there is not None and (own or there)]
+        return cls(stretch, tuple(own for own, _ in kept), tuple(there for _, there in kept))
+
+    def on_branch(self, found: Iterable[int]) -> tuple[int, ...] | None:
+        """Return which of the forms found lie on the branch; None if no walk tells."""
+        parts: dict[int, list[int]] = {number: [] for number in range(max(self.stretch, default=0) + 1)}
+        for f in sorted(found):
+            parts[self.stretch[f]].append(f)
+        every: list[int] = []
+        for own in parts.values():
+            there = self._known.get(tuple(own), () if not own else None)
+            if there is None or not set(there) <= set(own):
+                return None
+            every += there
+        return tuple(every)
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, ...], tuple[int, ...]]:
+        return dict(zip(self.found, self.met, strict=True))
