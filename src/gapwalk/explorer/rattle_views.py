@@ -191,7 +191,11 @@ class RattleMapView(AnswerView):
         kinds = {pair: number for number, pair in enumerate(pairs)}
         states = list(GapState)
         entries = [
-            {"tint": _CELLS[states[code]] if code >= 0 else "none", "wild": code >= 0 and not periodic, "text": text}
+            {
+                "tint": _CELLS[states[code]] if code >= 0 else "none" if code == -1 else "undone",
+                "wild": code >= 0 and not periodic,
+                "text": text,
+            }
             for code, periodic in pairs
             for text in [cell_word(code, periodic)]
         ]
