@@ -24,7 +24,7 @@ from tests.explorer.browser import until as wait_until
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 EDGE = 6  # pixels round a panel
-EXAMPLES = ("clutch.toml", "den_hartog.toml", "diagram.toml", "drivetrain.toml", "settle.toml")
+EXAMPLES = ("clutch.toml", "den_hartog.toml", "diagram.toml", "drivetrain.toml", "idle.toml", "settle.toml")
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,22 @@ def follow(page: Page) -> None:
     page.wait_for_timeout(1500)  # for the curve
 
 
+def answer(page: Page) -> None:
+    """Show where the idling gearbox rattles."""
+    page.select_option("#study", "rattle")
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
+    page.wait_for_timeout(1500)  # for the curves
+
+
+def turn(page: Page) -> None:
+    """Show what moves the first end of the band of rattle."""
+    page.click("#answer-ends button")
+    until(page, "gapwalk.movers.found?.rows.length > 0 && gapwalk.diagram.arrows.length > 0")
+    page.fill("#movers-percent", "5")
+    rest(page)
+
+
 def search(page: Page) -> None:
     """Show a short search for motions connected to no known branch."""
     page.fill("#search-count", "6")
@@ -201,6 +217,8 @@ SCENES = (
         stick,
         (Shot("strip", "Time history"), Shot("hysteresis", "Hysteresis loop"), Shot("energy", "Energy")),
     ),
+    Scene("idle.toml", answer, (Shot("numbers", "The answer in numbers"),)),
+    Scene("idle.toml", turn, (Shot("answer"), Shot("movers", "What moves it most"))),
     Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
 )
 SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)

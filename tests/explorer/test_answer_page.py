@@ -288,7 +288,7 @@ def test_a_saved_page_has_the_answer(page, folder, tmp_path, name) -> None:
 
 def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(page, tmp_path) -> None:
     path, wrong = tmp_path / "stop.html", []
-    (folder := tmp_path / "stop.toml").write_text(STOP.replace("to = 0.9", "to = 1.2"), encoding="utf-8")
+    (folder := tmp_path / "stop.toml").write_text(STOP.replace("to = 0.9", "to = 1.4"), encoding="utf-8")
     branch = gw.run(gw.read_study(folder)).branches[0]
     gw.save_html(branch, path, motions=4, gradients=1)
     with pytest.raises(ModelError, match="gradients is -1"):
@@ -297,16 +297,16 @@ def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(pag
     kept.on("pageerror", lambda error: wrong.append(str(error)))
     kept.goto(path.as_uri())
     until(kept, "Number(document.body.dataset.branches) === 1")
-    kept.focus("#diagram")
-    kept.keyboard.press("Home")
-    kept.keyboard.press("s")
+    curve = "[...gapwalk.curves.all.values()][0]"
+    choose = f"((c) => gapwalk.page.choice.choose({{{{ curve: c, index: c.node.indexOf(-1 - {{}}) }}}}))({curve})"
+    kept.evaluate(choose.format(0))
     until(kept, "gapwalk.movers.found?.rows.length > 0")
     first = branch.special_points[0]
     assert kept.evaluate("gapwalk.movers.found.at") == first.value
     slopes = first.gradient()
     row = kept.evaluate("gapwalk.movers.found.rows[0]")
     assert row["slope"] == slopes[row["name"]]
-    kept.keyboard.press("s")  # the next one has its motion alone
+    kept.evaluate(choose.format(1))  # the next one has its motion alone
     until(kept, "document.getElementById('movers').hidden")
     assert wrong == []
     kept.context.close()

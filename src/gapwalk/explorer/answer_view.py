@@ -70,8 +70,9 @@ class AnswerView:
         return self.record.system
 
     def sentences(self) -> list[str]:
-        """Return the answer in sentences."""
-        return [part for part in self._parts()[:1] if isinstance(part, str)]
+        """Return the answer in sentences; of unfinished work without a record, how much is stored."""
+        first = [part for part in self._parts()[:1] if isinstance(part, str)]
+        return first or [self.finding.stored]
 
     def drawn(self) -> Json:
         """Return what is drawn.

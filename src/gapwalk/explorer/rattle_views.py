@@ -191,9 +191,8 @@ class RattleMapView(AnswerView):
         kinds = {pair: number for number, pair in enumerate(pairs)}
         states = list(GapState)
         entries = [
-            {"tint": _CELLS[states[code]] if code >= 0 else "none", "wild": code >= 0 and not periodic, "text": text}
+            {"tint": _tint(code, states), "wild": code >= 0 and not periodic, "text": cell_word(code, periodic)}
             for code, periodic in pairs
-            for text in [cell_word(code, periodic)]
         ]
         rows = [
             [kinds[pair] for pair in zip(line, periods, strict=True)]
@@ -206,6 +205,11 @@ class RattleMapView(AnswerView):
             "entries": entries,
             "of": gap,
         }
+
+
+def _tint(code: int, states: Sequence[GapState]) -> str:
+    """Return the tint of a cell: of a state, of a motion that has diverged, or of what is not known yet."""
+    return _CELLS[states[code]] if code >= 0 else "none" if code == -1 else "undone"
 
 
 def named_loci(loci: Sequence[Locus]) -> list[tuple[str, Branch | Locus]]:

@@ -1,7 +1,7 @@
 // What an answer adds to the diagram over two axes: shades and cells behind the lines, series and clouds above them.
 
 /** Tints of shades and cells, as variables of the style sheet. */
-const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop" };
+const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
   wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", other: "--pair",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
@@ -92,13 +92,17 @@ export function tracesOf(over, view, placed, color) {
   return [...layers, ...over.clouds.flatMap((cloud) => cloudTraces(cloud, view, placed, color))];
 }
 
+function escaped(text) {
+  return text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
+}
+
 /** One cloud: dots beside the nominal point, the middle 90 % as a bar, and the median. */
 function cloudTraces({ x: values, y: heights, upright, quantiles, title, lines, kind, place }, view, placed, color) {
   const at = placed(place);
   if (!at) return [];
   const axis = upright ? view.y : view.x, level = at[upright ? 1 : 0], spread = 0.035 * (axis[1] - axis[0]);
   const beside = heights ?? values.map((_, k) => level + spread * (((k * 0.6180339887) % 1) - 0.5)); // without chance: the same at each drawing
-  const shade = color(LOOKS[`kind-${kind}`] ?? "--cross"), words = [`<b>${title}</b>`, ...lines].join("<br>");
+  const shade = color(LOOKS[`kind-${kind}`] ?? "--cross"), words = [`<b>${escaped(title)}</b>`, ...lines.map(escaped)].join("<br>");
   const turn = (across, up) => (upright ? { x: across, y: up } : { x: up, y: across });
   const dots = { type: "scatter", mode: "markers", name: "cloud", hoverinfo: "skip", ...turn(values, beside), marker: { size: 3.4, color: shade, opacity: 0.35, line: { width: 0 } } };
   if (quantiles.length < 3) return [dots];
