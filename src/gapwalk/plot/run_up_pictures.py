@@ -85,10 +85,11 @@ def _draw_orders(run: RunUp, ax: Axes, found: Waterfall) -> None:
     mesh = fill_waterfall(found, ax)
     words = f"amplitude of {signal_words(found.signal, found.units)}"
     ax.figure.colorbar(mesh, ax=ax, label=words, location="bottom", aspect=60, pad=0.03, extend="min")
+    ax.set_ylabel("multiples of Ω" if found.turns is None else "order")  # the room is small
     along = run.speed if run.course.is_invertible else run.time
     low, high, first = float(along.min()), float(along.max()), float(found.values[0])
     sign = 1.0 if along[-1] > along[0] else -1.0  # the picture of a waterfall counts its speeds from the first one
-    ticks = [tick for tick in MaxNLocator(9).tick_values(low, high) if low <= tick <= high]
+    ticks = [tick for tick in MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high) if low <= tick <= high]
     ax.set_xticks([sign * (tick - first) for tick in ticks], [f"{tick:g}" for tick in ticks])
     ax.set_xlim(sign * (low - first), sign * (high - first))
 

@@ -56,7 +56,7 @@ def draw_threshold(found: Threshold, ax: Axes) -> Finish | None:
 def _name(ax: Axes, found: Threshold) -> None:
     """Write both values beside the limit, on the quiet side."""
     below = found.end < found.begin
-    is_lower = ax.yaxis_inverted() is below
+    is_lower = bool(ax.yaxis_inverted()) == below  # of matplotlib, it may be NumPy's
     units = found.system.units
     limit, where = ((value, units and units.parameter(name)) for value, name in _limit(found))
     ax.annotate(

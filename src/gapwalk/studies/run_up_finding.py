@@ -60,7 +60,10 @@ class RunUpFinding(Finding):
     @property
     def stored(self) -> str:
         """Describe how many run-ups are stored."""
-        return f"{self.done} of {self.asked.count} run-ups are stored" + ", and the response" * bool(self.response)
+        text = f"{self.done} of {self.asked.count} run-ups are stored"
+        if not self.asked.with_response:
+            return text
+        return f"{text}; their response is {'stored too' if self.response else 'not computed yet'}"
 
     @property
     def notes(self) -> tuple[str, ...]:

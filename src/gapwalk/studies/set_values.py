@@ -184,8 +184,9 @@ def walked_parameters(table: Mapping[str, object]) -> list[str]:
 def varied_parameters(table: Mapping[str, object]) -> list[str]:
     """Return the parameters that differ from member to member of a family; `over` may be a single range, too."""
     over = table.get("over")
-    is_family = isinstance(over, Mapping) and not isinstance(over.get("parameter"), str)
-    leaves = leaves_of(over, ()) if is_family else ()
+    if not isinstance(over, Mapping) or isinstance(over.get("parameter"), str):
+        return []
+    leaves = leaves_of(over, ())
     return [".".join(str(key) for key in leaf.path) for leaf in leaves]
 
 
