@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.flow import Flow
@@ -82,6 +84,26 @@ def test_the_diagram_of_the_clutch_with_friction_is_closed(stiffness: float | No
     diagram = gw.diagram(start.system, "frequency", (2.0, 0.15), start=start)
     for each in diagram.branches:
         assert EndReason.STEP not in [end.reason for end in each.ends], each
+
+
+def test_a_doubled_branch_ends_where_a_multiplier_of_its_parent_jumps_across_minus_one() -> None:
+    """The parent loses a stick there: its multiplier jumps from -1.017, and there is no flip.
+
+    Half the period apart, the doubled motions meet in proportion to the parameter, which two points of them tell.
+    """
+    start = gw.find_orbit(clutch(0.02), 2, frequency=1.286)
+    diagram = gw.diagram(start.system, "frequency", (1.2825, 1.286), start=start)
+    parent, child = diagram.branches
+    (corner,) = [each for each in parent.special_points if str(each.kind) == "grazing-sliding"]
+    assert (corner.before.below, corner.after.below) == (1, 0)
+    assert len(parent.special(gw.Kind.FLIP)) == 1
+    assert child.ends[-1].reason is EndReason.JOINED
+    assert child.ends[-1].value == corner.value
+    a, b = (float(np.abs(np.subtract(*point.orbit.strobes(3)[::2])).max()) for point in child.points[-8:-1:6])
+    first, last = (child.points[place].value for place in (-8, -2))
+    assert (a * last - b * first) / (a - b) == pytest.approx(corner.value, abs=0.2 * abs(last - corner.value) + 1e-8)
+    for each in (parent, child):
+        assert not unexplained_of(each)
 
 
 @pytest.mark.parametrize("amplitudes", [(0.05, 0.11), (0.11, 0.05)])

@@ -26,12 +26,13 @@ from gapwalk.flow.dry_derivatives import (
 )
 from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.lone_friction import BARELY, LATER, SETTLING, TURNS, UNSEEN, LoneFriction
+from gapwalk.flow.lone_friction import BARELY, LATER, SETTLING, UNSEEN, LoneFriction
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
 _ON = 1e-12  # share of a limit within which a force is at it
 _NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
+_PAUSE = 1e-3  # radians that the stick of a spring lasts at least which is no pause in its slip
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 
 Array = NDArray[np.float64]
@@ -47,6 +48,8 @@ class DrySwitches(LoneFriction):
 
     Attributes
     ----------
+    missed
+        True if a force came back within its bound that had never been beyond: slip was missed.
     keeps
         Number of a contact whose friction keeps its mode until the next start; None if there is none.
     """
@@ -55,6 +58,7 @@ class DrySwitches(LoneFriction):
         super().__init__(equations)
         self.keeps: int | None = None
         self._hosts = {self.layout.structure.host(friction) for friction in equations.dry} - {None}
+        self.missed, self._brief = False, list[bool]()
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
@@ -64,7 +68,8 @@ class DrySwitches(LoneFriction):
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
-        self.hold_log = [Hold(theta, ())]
+        self.hold_log, self._brief = [Hold(theta, ())], [False] * len(self.slots)
+        self.unseen, self.missed = UNSEEN, False
         self.begin(base, directions)
         if self.sign_of:
             self._move_within(theta, unit)
@@ -156,14 +161,6 @@ class DrySwitches(LoneFriction):
             return side * rate > 0.0
         change = self._leading(self.equations.dry[place], now, theta)
         return side * change > 0.0
-
-    def _soon(self, now: Readings, theta: float) -> Readings:
-        """Return the values a moment later, under the present modes."""
-        kept, step = self.state[: self.size].copy(), LATER * float(self.base[0])
-        self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
-        later = self.read(theta + LATER)
-        self.state[: self.size] = kept
-        return later
 
     def _leading(self, contact: int, now: Readings, theta: float) -> float:
         """Return the acceleration of a deflection; where it vanishes, the one a moment later.
@@ -385,7 +382,10 @@ class DrySwitches(LoneFriction):
             if not self._slips_on(place, side, theta, now):
                 self.slips[place], self.sticks[place] = 0, True
                 self.apply()
-                return  # where slip has just ended, the force is at its limit, and leaves it
+                # where slip has just ended, the force is at its limit, and leaves it; later it was beyond
+                late = theta - self._begun[place] > _PAUSE
+                self.missed = self.missed or (late and direction > 0 and self._brief[place])
+                return
             self._reset_extension(place, side, theta, now.friction[place][1])
             self._begun[place] = theta - 1.0
         elif self.slips[place] and not second and direction in (0, -self.slips[place]):
@@ -395,27 +395,13 @@ class DrySwitches(LoneFriction):
             if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
                 return
             self._stick(place, theta)
+            self._brief[place] = not steady or -turning < self._slow(now.accelerations)
             if not self.columns:
                 self.kink(now, theta)
         else:
             return
         self.apply()
         self._report(modes, theta)
-
-    def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
-        """Return True if friction whose slip rate vanishes would slip on before rounding shows that it sticks.
-
-        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
-        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
-        """
-        if not -TURNS * largest(now.accelerations) < turning < 0.0:
-            return False
-        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + LATER)
-        bend = (later - turning) / (LATER * float(self.base[0]))
-        if self.memory_of[place] is None:
-            return bend > 0.0 and 0.5 * turning**2 < UNSEEN * self.speed() * bend
-        away = 2.0 / 3.0 * abs(turning) ** 3
-        return bend > 0.0 and self.stiffness(place) * away < UNSEEN * now.friction[place][1] * bend**2
 
     def holds(self, switch: int) -> bool:
         """Return True if the stop of a switch is held."""
@@ -474,7 +460,9 @@ class DrySwitches(LoneFriction):
         add_delay(self, before, theta, shifts, speed, self._forgotten)
 
     def are_right(self, theta: float) -> bool:
-        """Return True if the modes are those of the present state, unless it is where they change."""
+        """Return True if the modes are those of the present state, unless they change there, and no slip was missed."""
+        if self.missed:
+            return False
         if not any(self.sticks) and not self._springs:
             least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
             return least >= 0.0 or least >= -_NEAR * self.speed()

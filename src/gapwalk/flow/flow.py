@@ -40,7 +40,7 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TOLERANCE = 1e-15
-_LONGEST_STEPS = (math.inf, PERIOD / 128, PERIOD / 2048)  # tried in turn where an event is missed
+_TRIES = ((math.inf, 1e-13), (PERIOD / 128, 1e-11), (PERIOD / 2048, 1e-9))  # longest step, and `DrySwitches.unseen`
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
 _MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
@@ -295,9 +295,9 @@ class _Integrator:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
     def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
-        for longest_step in _LONGEST_STEPS:
+        for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, direction)
-            self._switchboard.dry.keeps = keeps
+            self._switchboard.dry.keeps, self._switchboard.dry.unseen = keeps, unseen
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps)
@@ -352,14 +352,14 @@ class _Integrator:
 
     def survey(self, coefficients, state, thetas):
         start, stop = float(thetas[0]), float(thetas[-1])
-        for longest_step in _LONGEST_STEPS:
+        for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, None)
+            self._switchboard.dry.unseen = unseen
             rows = self._sampled(np.asarray(thetas, dtype=float), longest_step)
             if self._switchboard.is_right():
-                units = np.array([[self._unit], [self._unit**2]])
-                states, integrals = rows[:, : self.size] * self._unit, rows[-1, self.size :].reshape(2, -1) * units
+                states, units = rows[:, : self.size] * self._unit, np.array([[self._unit], [self._unit**2]])
                 found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)
-                return integrals, self._turns.found(), found
+                return rows[-1, self.size :].reshape(2, -1) * units, self._turns.found(), found
         self._refuse_missed(state, start, stop)
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:

@@ -20,7 +20,7 @@ SETTLING = 1e-7
 BARELY = 1e-6
 """Share of its bound by which a force may differ from it for a stick or slip to be too brief."""
 TURNS = 1e-3
-"""Share of the accelerations below which one may turn at once, so that slip only pauses."""
+"""Share of the accelerations below which one may turn at once, so that slip only pauses; see `_slow`."""
 LATER = 1e-4
 """Radians after which an acceleration decides that vanishes now."""
 UNSEEN = 1e-13
@@ -65,6 +65,8 @@ class LoneFriction(DryState):
 
     Attributes
     ----------
+    unseen
+        Share of its limit by which the force of a spring in series may be off where its slip only pauses.
     log
         The slip events since the start, which begin with the modes at the start.
     kinks
@@ -73,6 +75,7 @@ class LoneFriction(DryState):
 
     def __init__(self, equations: Equations) -> None:
         super().__init__(equations)
+        self.unseen = UNSEEN
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
         self._begun = [0.0] * len(self.slots)
@@ -111,7 +114,7 @@ class LoneFriction(DryState):
         acceleration = push.vector.dot(accelerations).item()
         if push.sways:
             acceleration += self._swaying(self.equations.dry[place], theta)
-        if -side * acceleration <= TURNS * largest(accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
+        if -side * acceleration <= self._slow(accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
@@ -135,6 +138,36 @@ class LoneFriction(DryState):
             self.state[self.n : 2 * self.n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
+
+    def _slow(self, accelerations: Array) -> float:
+        """Return the acceleration below which slip may turn round at once, by what the velocities need in a period.
+
+        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity.
+        """
+        return TURNS * max(largest(accelerations), self.speed() / float(self.base[0]))
+
+    def _soon(self, now: Readings, theta: float) -> Readings:
+        """Return the values a moment later, under the present modes."""
+        kept, step = self.state[: self.size].copy(), LATER * float(self.base[0])
+        self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
+        later = self.read(theta + LATER)
+        self.state[: self.size] = kept
+        return later
+
+    def _only_pauses(self, place: int, turning: float, theta: float, now: Readings) -> bool:
+        """Return True if friction whose slip rate vanishes would slip on before rounding shows that it sticks.
+
+        `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
+        grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
+        """
+        if not -self._slow(now.accelerations) < turning < 0.0:
+            return False
+        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + LATER)
+        bend = (later - turning) / (LATER * float(self.base[0]))
+        if self.memory_of[place] is None:
+            return bend > 0.0 and 0.5 * turning**2 < UNSEEN * self.speed() * bend
+        away = 2.0 / 3.0 * abs(turning) ** 3
+        return bend > 0.0 and self.stiffness(place) * away < self.unseen * now.friction[place][1] * bend**2
 
     def _only_twitches(self, place: int, theta: float) -> bool:
         """Return True if friction whose force reaches its bound would stick again before rounding shows that it slips.
