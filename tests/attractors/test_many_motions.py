@@ -43,5 +43,5 @@ def test_the_exact_flow_serves_where_the_mass_flow_gives_up(monkeypatch):
     def refuse(*_, **__):
         raise FlowError("too stiff")
 
-    monkeypatch.setattr("gapwalk.ensemble.batch_flow.BatchFlow.run", refuse)
+    monkeypatch.setattr("gapwalk.ensemble.batch_flow.BatchFlow.steps_for", refuse)
     assert isinstance(motions_of(SYSTEM, STATES), ExactMotions)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.flow.dry_motion import DryModes
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.flow.lone_friction import LoneFriction
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Coulomb, Hysteretic, Jenkins
 from gapwalk.model.loads import Harmonic
@@ -206,6 +208,29 @@ def test_changes_before_a_stop_that_is_held_move_dampers_on_their_way_to_it() ->
     once = [2.0 * slope(h / 4.0) - slope(h) for h in (1e-6, 2.5e-7)]
     assert found.transition[:, 0] == pytest.approx((4.0 * once[1] - once[0]) / 3.0, abs=1e-6)
     assert np.abs(found.transition[:, 0]).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ["belt", "two that stick", "along another direction", "stages", "normal"])
+def test_a_gauge_reads_the_same_from_compiled_values_as_from_formulas(name: str) -> None:
+    """Slip rate and reserve with their derivatives, with and without the flow's readings."""
+    system = SYSTEMS[name][0]
+    layout, coefficients, flow = layout_of(system.structure), coefficients_of(system), flow_of(system)
+    assert flow.readings is not None
+    states = np.random.default_rng(2).uniform(-1.0, 1.0, (4, system.state_size))
+    reactions, count = len(system.structure.reactions), len(system.structure.friction)
+    modes = DryModes(np.resize([0, 1], count).astype(np.int8), np.resize([True, False], reactions))
+    gauges = [FrictionGauge(layout, system.structure.friction[0], known) for known in (flow.readings, None)]
+    for theta, y in enumerate(states):
+        quick, exact = (
+            [
+                *each.bound_and_force(coefficients, float(theta), y, modes),
+                *each.motion(coefficients, float(theta), y, modes),
+                *each.course(each.rate, coefficients, float(theta), y, modes, 1),
+                *each.course(each.reserve, coefficients, float(theta), y, modes, -1)[:2],
+            ]
+            for each in gauges
+        )
+        assert np.array(quick, dtype=float) == pytest.approx(np.array(exact, dtype=float), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["slip", "stick", "static", "belt", "two that stick", "along another direction"])

@@ -106,3 +106,19 @@ def test_a_mass_at_rest_on_a_stop_is_pressed_on_it_again_when_friction_gives_way
         np.testing.assert_allclose(arc.state, [0.2, 0.0], atol=1e-15)
         arc = flow.integrate(coefficients, np.array([0.2, 0.0]), start, math.pi)
         np.testing.assert_allclose(arc.state, free.y[:, -1], atol=1e-10)
+
+
+def test_a_stop_that_friction_lets_go_opens_in_the_log() -> None:
+    """Static friction 1 presses a on its stop until it slips, at 1.5 cos(angle - 0.927) = 1; sliding, it is 0.5."""
+    contacts = [
+        friction("drag", {"b": 1.0, "a": -1.0}, 0.5, static=2.0),
+        Contact("stop", {"a": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.3),
+    ]
+    load = gw.Harmonic(1.5, {"b": 1.0}, phase=-0.927)
+    rest, damping = np.zeros((2, 2)), 0.1 * np.eye(2)
+    system = gw.System(["a", "b"], rest, damping, contacts=contacts, mean={"a": -0.75}, harmonics=[load])
+    arc = flow_of(system).integrate(coefficients_of(system), np.array([1.0, 0.0, 0.0, 0.0]), 0.0, 1.0)
+    (opens,) = arc.contacts
+    assert not opens.enters
+    assert opens.theta == pytest.approx(0.927 - math.acos(2.0 / 3.0), abs=1e-12)
+    assert arc.state[0] == pytest.approx(1.0 - 2.5 * (1.0 - opens.theta) + 25.0 * -math.expm1(0.1 * opens.theta - 0.1))

@@ -31,7 +31,9 @@ REGIMES = HEAD + (
     'second = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.5 }\nresolution = [4, 9]\ncarry = "up"\n'
     "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
 )
-RUN_UP = HEAD + 'kind = "run-up"\nfrom = 0.4\nto = 0.6\nrate = [0.002, 0.004]\nstarts = 3\nbins = 10\nresponse = true\n'
+RUN_UP = (
+    HEAD + 'kind = "run-up"\nfrom = 0.4\nto = 0.6\nrate = [0.002, 0.004]\nstarts = 3\nbins = 10\nwith_response = true\n'
+)
 GEAR = """
 title = "A mass between two stops"
 coordinates = ["x"]

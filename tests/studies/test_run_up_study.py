@@ -36,7 +36,7 @@ def found(more: str):
 
 @pytest.fixture(scope="module")
 def laid_over():
-    return found("rate = 0.0016\nresponse = true\norders = 4\nsamples = 64\n")
+    return found("rate = 0.0016\nwith_response = true\norders = 4\nsamples = 64\n")
 
 
 def test_a_jump_is_later_the_faster_the_run_up(laid_over):
@@ -77,7 +77,7 @@ def test_a_run_up_that_never_reached_the_fold_has_no_delay(laid_over):
         ("rate = 0.01\norders = 9\nsamples = 16\n", "samples = 18"),
         ("rate = 0.4\norders = 4\n", "window"),
         ("rate = 0.01\norders = -1\n", "orders"),
-        ("rate = 0.01\nresponse = 3\n", "response"),
+        ("rate = 0.01\nwith_response = 3\n", "with_response"),
     ],
 )
 def test_what_has_no_orders_is_refused(more, word):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage, friction
@@ -14,6 +15,7 @@ from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.verification import Check, confirm
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_dop853 import DryRound, carry
+from gapwalk.verification.guard_samples import brackets
 
 LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
 
@@ -117,6 +119,59 @@ def test_a_touch_that_is_much_shorter_than_a_step_is_seen(depth: float) -> None:
     assert sum(change.kind == "contact" and change.mode == 1 for change in around.changes) == 2
     assert around.closure < Check.CLOSURE.bound
     assert around.astray < 1e-9
+
+
+@pytest.mark.parametrize("speed", [1e-5, 1e-7])
+def test_an_impact_less_deep_than_the_error_has_its_multipliers(speed: float) -> None:
+    """The motion between impacts is linear: Phi (h, -r u - p) = (h, u - p), from 1 - h = x and p = x' of the forced."""
+    restitution, flow = 0.8, np.array([[0.0, 1.0], [-1.0, -0.1]])
+    around = expm(2.0 * np.pi * flow)
+    h, minus_p = np.linalg.solve(around - np.eye(2), [0.0, speed] + restitution * speed * around[:, 1])
+    forced = np.array([1.0 - h, -minus_p])  # 10 A sin(t), 10 A cos(t)
+    angle = np.arctan2(*forced)
+    turning = 0.1 * np.hypot(*forced) * np.cos(angle) - 1.0 - 0.1 * np.array([speed, -restitution * speed])
+    state = expm(-angle * flow) @ [h, speed + minus_p] + [0.0, np.hypot(*forced)]
+    reset = [[-restitution, 0.0], [(turning[1] + restitution * turning[0]) / speed, -restitution]]
+    expected = expm((2.0 * np.pi - angle) * flow) @ reset @ expm(angle * flow)
+    load = [gw.loads.Harmonic(0.1 * float(np.hypot(*forced)), {"x": 1.0})]
+    orbit = gw.find_orbit(oscillator([stop(restitution)], damping=0.1, load=load), start=state)
+    (found,) = carry([orbit])
+    assert isinstance(found, DryRound)
+    np.testing.assert_allclose(found.transition, expected, rtol=3e-3)
+    assert np.trace(found.transition) == pytest.approx(orbit.multipliers.sum().real, rel=1e-4)
+
+
+@pytest.mark.parametrize("strikes", [True, False])
+def test_an_impact_at_the_section_comes_where_the_stored_motion_has_it(strikes: bool) -> None:
+    orbit, _ = found("impact")
+    impact, end = max(orbit.events, key=lambda each: each.theta), 2.0 * np.pi
+    shifted = orbit.system.at(**{"harmonic1.phase": impact.theta})
+    rate = -0.8 * impact.velocity if strikes else impact.velocity
+    others = [each._replace(theta=each.theta - impact.theta + end) for each in orbit.events if each is not impact]
+    begun = impact._replace(theta=end - 1e-12 if strikes else 1e-12)
+    moved = replace(orbit, system=shifted, state=np.array([1.0, rate]), events=(begun, *others))
+    assert carry([moved])[0].closure < 1e-9
+    assert carry([replace(moved, state=np.array([1.0, -rate]))])[0].closure > 0.1
+
+
+def test_a_dip_that_the_interpolation_hides_is_found() -> None:
+    def exact(shares: np.ndarray, key: str) -> np.ndarray:
+        return (shares - 0.43) ** 2 - (1e-8 if key == "passes" else -1e-8)
+
+    def sample(shares: np.ndarray) -> dict[str, np.ndarray]:
+        return {key: exact(shares, key) + 1e-5 for key in ("passes", "stays")}
+
+    (before, after), *_ = brackets(sample, exact).values()
+    assert 0.4298 < before <= 0.4299 < after[0] < 0.4301
+    assert [*brackets(sample, exact)] == ["passes"]
+
+
+def test_friction_that_keeps_all_at_rest_is_verified() -> None:
+    brakes = [friction("j", {"x": 1.0}, 0.3, stiffness=2.0), friction("f", {"x": 1.0}, 1.2)]
+    (around,) = carry([gw.find_orbit(oscillator(brakes, damping=0.1))])
+    assert around.closure < Check.CLOSURE.bound
+    assert around.astray == 0.0
+    assert not around.extremes.any()
 
 
 def test_two_events_at_one_angle_are_compared_in_their_order() -> None:

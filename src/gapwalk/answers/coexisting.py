@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gapwalk.answers.gap_states import contact_place
-from gapwalk.answers.rattle_map import judge_gaps
+from gapwalk.answers.gap_states import judge_gaps
 from gapwalk.answers.settled_sweep import Direction, Sample, SettledSweep, SlowSweepOptions, Stretch, stable_stretch
-from gapwalk.attractors.many_motions import finite_rows, motions_of
+from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.errors import FlowError, NumericalError
@@ -97,9 +96,7 @@ def _settled(
     Motions without period, or of a long one, are left to the samples of the sweeps.
     """
     states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
-    scales = np.tile(system.state_scales(), (len(states), 1))
-    places = [contact_place(system, gap) for gap in gaps]
-    found = judge_gaps(motions_of(system, states), states, scales, places, options.patience)
+    found = judge_gaps(system, states, None, gaps, options.patience)
     known: list[tuple[int, tuple[int, ...], np.ndarray]] = []
     is_short = (found.periods > 0) & (found.periods <= options.longest)
     for index in np.flatnonzero(finite_rows(found.states) & is_short).tolist():

@@ -2,6 +2,7 @@
 
 A gap is a contact with a clearance. It is quiet where it never opens and where it never touches; it rattles where it
 does both by turns. Only the innermost stage of each side counts: further stages stiffen a contact that is closed.
+Many motions are judged by the batch integrator once they have settled.
 
 A motion in which a gap is quiet is also a motion of the system whose gap keeps that state for ever: its force on that
 side goes on beyond the breakpoint as the same formula, as if the parts were glued, or it is always zero. That system
@@ -13,11 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.many_motions import motions_of
+from gapwalk.attractors.regime_judge import wait
+from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.motion import Motion
@@ -28,6 +32,10 @@ from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
+WATCHED = 16
+"""Forcing periods over which the gaps of many motions are watched; a multiple of most periods."""
+_TRANSIENT = 16  # forcing periods after which fewer steps may do: random starts close gaps at great velocities
+_LONGEST = 8  # longest period that is distinguished from motions without period
 _RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
 
 
@@ -144,6 +152,82 @@ def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> N
     quiet = np.where(is_loaded, GapState.CLOSED.code, GapState.OPEN.code)
     codes = np.choose(hits, [quiet, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code])
     return np.where(np.isnan(impacts).any(axis=1), -1, codes)
+
+
+def watched(system: System, state: NDArray[np.float64], gaps: Sequence[str]) -> list[GapState]:
+    """Return the state of each gap over some forcing periods from a state at theta = 0, by the exact flow.
+
+    Raises
+    ------
+    FlowError
+        If the motion diverges.
+    """
+    arc = Strobe(system).arc(state, WATCHED)
+    motion = Motion.of(system, np.zeros(1), state[None], arc.contacts)
+    return [gap_state(motion, gap) for gap in gaps]
+
+
+class GapVerdicts(NamedTuple):
+    """States of gaps in many settled motions.
+
+    Attributes
+    ----------
+    codes : shape (count, gaps)
+        `GapState.code` of each gap; -1 for motions that have diverged.
+    periods : shape (count,)
+        Periods of the motions in forcing periods; 0 if they did not become periodic.
+    peaks : shape (count, gaps)
+        Largest magnitude of each contact force.
+    states : shape (count, state_size)
+        Last states of the motions.
+    error
+        Error of the integrator over a forcing period of settled motions, relative to their size.
+    waited
+        The most forcing periods over which any of them was followed before it was watched.
+    """
+
+    codes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    peaks: NDArray[np.float64]
+    states: NDArray[np.float64]
+    error: float
+    waited: int
+
+
+def judge_gaps(
+    system: System,
+    states: NDArray[np.float64],
+    values: Mapping[str, NDArray[np.float64]] | None,
+    gaps: Sequence[str],
+    patience: int,
+) -> GapVerdicts:
+    """Follow motions until they are periodic or patience ends, and return what their gaps do then.
+
+    Parameters
+    ----------
+    system
+        The system.
+    states : shape (count, state_size)
+        States at theta = 0.
+    values
+        Parameter values by name, each of shape (count,), one for each motion; None if they are those of the system.
+    gaps
+        Names of the contacts.
+    patience
+        The most forcing periods in which a motion may become periodic.
+    """
+    pace, places = system.structure.pace, [contact_place(system, gap) for gap in gaps]
+    paces = (values or {}).get(pace, np.full(len(states), system[pace]))
+    scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
+    motions = motions_of(system, states, values)
+    states = motions.advance(states, _TRANSIENT)
+    motions = motions.eased(states)
+    waited = wait(motions, states, scales, patience, _LONGEST)
+    found = motions.contacts(waited.states, WATCHED)
+    codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
+    periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
+    peaks = found.peaks[:, places]
+    return GapVerdicts(np.stack(codes, axis=1), periods, peaks, found.states, motions.error, length)
 
 
 def contact_place(system: System, gap: str) -> int:

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_spans import BandEnd, GapSpan, RattleBand, bands_of_spans, spans_of, state_of
-from gapwalk.answers.gap_states import GapState, contact_place, gap_state
+from gapwalk.answers.gap_states import GapState, contact_place, gap_state, judge_gaps
 from gapwalk.answers.settled_sweep import Sample, SettledSweep
-from gapwalk.attractors.many_motions import motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -34,7 +33,7 @@ _APART = 1 / 40  # of the range: the least distance of two motions of a stretch 
 _WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
 _QUIET = 5.0  # factor on that distance where nothing rattles
 _NEXT = 2  # motions on either side of the worst one that are examined too
-_TRANSIENT = 200  # forcing periods after which the motions of many starts are compared
+_TRANSIENT = 200  # the most forcing periods in which the motions of many starts may become periodic
 _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
 _SHOWN = 3  # movers of an end in the summary
 _LISTED = 12  # rows of severity in the summary
@@ -410,6 +409,5 @@ def worst_of(
 def settled_peaks(system: System, gap: str, starts: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the peak forces of a gap in the settled motions of many starts, and the last states of these motions."""
     states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
-    motions = motions_of(system, states)
-    found = motions.contacts(motions.advance(states, _TRANSIENT), _WATCHED)
-    return found.peaks[:, contact_place(system, gap)], found.states
+    found = judge_gaps(system, states, None, [gap], _TRANSIENT)
+    return found.peaks[:, 0], found.states

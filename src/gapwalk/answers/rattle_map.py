@@ -9,90 +9,30 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import GapState, contact_place, gap_state, innermost, state_codes
+from gapwalk.answers.gap_states import GapState, gap_state, innermost, watched
 from gapwalk.answers.settled_sweep import SlowSweepOptions
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.many_motions import ManyMotions
-from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.attractors.settling_judge import judge_returns
 from gapwalk.bifurcation.follow import walk
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci import Locus, follow_locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import FlowError, ModelError, NumericalError
-from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
 
-_FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
-_LONGEST = 8  # longest period that is distinguished from motions without period
-_WATCHED = 16  # forcing periods over which gaps are watched; a multiple of most periods
 _BEYOND = 60  # points of a walk after the first change of all gaps
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
-
-
-class GapVerdicts(NamedTuple):
-    """States of gaps in many motions.
-
-    Attributes
-    ----------
-    codes : shape (count, gaps)
-        `GapState.code` of each gap; -1 for motions that have diverged.
-    periods : shape (count,)
-        Periods of the motions in forcing periods; 0 if they did not become periodic.
-    peaks : shape (count, gaps)
-        Largest magnitude of each contact force.
-    states : shape (count, state_size)
-        Last states of the motions.
-    """
-
-    codes: NDArray[np.int_]
-    periods: NDArray[np.int_]
-    peaks: NDArray[np.float64]
-    states: NDArray[np.float64]
-
-
-def judge_gaps(
-    motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], places: Sequence[int], patience: int
-) -> GapVerdicts:
-    """Follow motions until they are periodic or patience ends, and return what their gaps do then.
-
-    Parameters
-    ----------
-    motions
-        The flow of the motions.
-    states, scales : shape (count, state_size)
-        States at theta = 0, and the scales of their entries (`System.state_scales`).
-    places
-        Numbers of the contacts that are the gaps.
-    patience
-        The most forcing periods in which a motion may become periodic.
-    """
-    states, periods, total = states.copy(), np.zeros(len(states), dtype=int), 0
-    rest = np.arange(len(states))
-    while len(rest) and total < patience:
-        step = min(max(_FIRST, total // 2), patience - total)
-        track = motions.part(rest).strobes(states[rest], 3 * _LONGEST + 1, step)
-        states[rest] = track[-1]
-        is_bounded = np.isfinite(track).all(axis=(0, 2))
-        rest, track = rest[is_bounded], track[:, is_bounded] / scales[rest[is_bounded]]
-        sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
-        periods[rest] = judge_returns(track / sizes[:, None], _LONGEST).periods
-        rest, total = rest[periods[rest] == 0], total + step + 3 * _LONGEST + 1
-    found = motions.contacts(states, _WATCHED)
-    codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
-    return GapVerdicts(np.stack(codes, axis=1), periods, found.peaks[:, list(places)], found.states)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,18 +256,11 @@ def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
 def differs(system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int]) -> str:
     """Return what gaps do by the exact flow where that is not what their codes say; empty if it is."""
     try:
-        arc = Strobe(system).arc(state, _WATCHED)
+        found = watched(system, state, gaps)
     except FlowError as error:
         return str(error)
-    motion = Motion.of(system, np.zeros(1), state[None], arc.contacts)
     words = []
-    for gap, code in zip(gaps, codes, strict=True):
-        exact = gap_state(motion, gap)
+    for gap, code, exact in zip(gaps, codes, found, strict=True):
         if exact.code != code:
             words.append(f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow")
     return "; ".join(words)
-
-
-def gap_places(system: System, gaps: Sequence[str]) -> list[int]:
-    """Return the numbers of the contacts that are gaps."""
-    return [contact_place(system, gap) for gap in gaps]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
 from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
-from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, batch_flow_of, judge
+from gapwalk.ensemble.batch_flow import LIMIT, BatchFlow, BlockPlan, Blocks, Trial, batch_flow_of, judge
 from gapwalk.ensemble.kernel_source import Form, Source
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
@@ -25,8 +25,9 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
-_PILOT = 256  # motions for which the steps are chosen
+_PILOT = 256  # motions among which those are for which the steps are chosen
 _PILOT_PERIODS = 64
+_EASED = 16  # the same for motions whose transients have ended
 _LOOKS = 2  # motions per call that are compared with the exact flow
 _SEED = 1995
 
@@ -56,6 +57,10 @@ class ManyMotions(Protocol):
 
     def part(self, which: NDArray[np.intp]) -> ManyMotions:
         """Return the flow of some of the motions."""
+        ...
+
+    def eased(self, states: NDArray[np.float64]) -> ManyMotions:
+        """Return the flow of the same motions from states after their transients, which may need fewer steps."""
         ...
 
 
@@ -102,14 +107,16 @@ def motions_of(
     """
     batch = batch_of(system, states, values or {})
     pilot = batch.some(np.unique(np.linspace(0, batch.count - 1, _PILOT).astype(int)))
-    parameters = {name: np.array([pilot.system(lane)[name] for lane in range(pilot.count)]) for name in values or {}}
     try:
-        flow = batch_flow_of(system, BatchOptions(error=error, threads=1))
-        steps = flow.run(pilot.states, _PILOT_PERIODS, parameters=parameters).steps
+        steps = _flow_of(system, error).steps_for(pilot, _PILOT_PERIODS)
     except (FlowError, UnfitError):  # too stiff; or friction that sticks rigidly, and other laws without a kernel
         return ExactMotions(system, values)
     block_plan = BlockPlan(batch.linear, batch.pattern, steps)
-    return BatchMotions(batch, block_plan, None if block_plan.shared else np.arange(batch.count), [])
+    return BatchMotions(batch, block_plan, None if block_plan.shared else np.arange(batch.count), [], error)
+
+
+def _flow_of(system: System, error: float) -> BatchFlow:
+    return batch_flow_of(system, BatchOptions(error=error, threads=1))
 
 
 def has_kernel(system: System) -> bool:
@@ -177,6 +184,10 @@ class ExactMotions:
         """See `ManyMotions.part`."""
         return ExactMotions(self.system, {name: values[which] for name, values in self.values.items()})
 
+    def eased(self, states: NDArray[np.float64]) -> ExactMotions:
+        """See `ManyMotions.eased`."""
+        return self
+
     def _system(self, index: int) -> System:
         if not self.values:
             return self.system
@@ -201,12 +212,20 @@ class BatchMotions:
         Index of the system of each motion; None if one system serves all.
     trials
         Comparisons with the exact flow, each with its system; shared by all parts of this object.
+    allowed
+        The allowed error, as in `BatchOptions`.
     """
 
     def __init__(
-        self, batch: Batch, block_plan: BlockPlan, lanes: NDArray[np.intp] | None, trials: list[tuple[Trial, System]]
+        self,
+        batch: Batch,
+        block_plan: BlockPlan,
+        lanes: NDArray[np.intp] | None,
+        trials: list[tuple[Trial, System]],
+        allowed: float,
     ) -> None:
         self._batch, self._block_plan, self._lanes, self._trials = batch, block_plan, lanes, trials
+        self._allowed = allowed
         self._random = np.random.default_rng(_SEED)
 
     @property
@@ -249,7 +268,25 @@ class BatchMotions:
     def part(self, which: NDArray[np.intp]) -> BatchMotions:
         """See `ManyMotions.part`."""
         lanes = None if self._lanes is None else self._lanes[which]
-        return BatchMotions(self._batch, self._block_plan, lanes, self._trials)
+        return BatchMotions(self._batch, self._block_plan, lanes, self._trials, self._allowed)
+
+    def eased(self, states: NDArray[np.float64]) -> BatchMotions:
+        """See `ManyMotions.eased`; its error is that of the motions from these states alone."""
+        which = np.flatnonzero(finite_rows(states))
+        if not len(which):
+            return self
+        which = which[np.unique(np.linspace(0, len(which) - 1, _PILOT).astype(int))]
+        lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
+        pilot = Batch(states[which], self._batch.systems, self._batch.places[lanes])
+        try:
+            # a motion that still closes contacts may not be among those compared
+            steps = _flow_of(self._batch.systems[0], self._allowed).steps_for(pilot, _EASED, may_be_few=False)
+        except FlowError:
+            return self
+        block_plan = self._block_plan
+        if steps < block_plan.steps:
+            block_plan = BlockPlan(block_plan.linear, block_plan.pattern, steps)
+        return BatchMotions(self._batch, block_plan, self._lanes, [], self._allowed)
 
     def _run(
         self, states: NDArray[np.float64], periods: int, survey: bool = False

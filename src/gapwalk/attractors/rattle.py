@@ -217,8 +217,7 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     system, period = motion.system, motion.period
     along = quadrature(system, motion.state, period or periods)
     if period:  # two periods, so that an impact across the end is complete
-        twice = impacts(system, quadrature(system, motion.state, 2 * period))
-        found = tuple(impact for impact in twice if impact.theta < PERIOD * period)  # each once
+        found = impacts(system, quadrature(system, motion.state, 2 * period), before=PERIOD * period)  # each once
     else:
         found = impacts(system, along)
     length, found = period or periods, _in_units(system, found)
@@ -227,8 +226,8 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     )
 
 
-def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
-    """Return the impacts that begin and end within a motion, in the order of their closing.
+def impacts(system: System, along: Quadrature, before: float = math.inf) -> tuple[Impact, ...]:
+    """Return the impacts that begin before an angle and end within a motion, in the order of their closing.
 
     To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
     """
@@ -238,9 +237,11 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
     for contact, side, switch in innermost_switches(system):
         place = names.index(contact)
         if system.structure.contacts[place].law.rebounds:
-            found += _strikes(system, along, (contact, side, switch))
+            found += (each for each in _strikes(system, along, (contact, side, switch)) if each.theta < before)
             continue
         for closes, opens in _closures(along.motion.events, switch):
+            if closes.theta >= before:
+                continue
             inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
             duration = (opens.theta - closes.theta) / system.frequency
             peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]))

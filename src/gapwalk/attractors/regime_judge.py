@@ -95,6 +95,65 @@ class Verdicts(NamedTuple):
         return Verdicts(regimes, periods, *(part.copy() for part in self[2:]))
 
 
+class Waited(NamedTuple):
+    """Many motions that were followed until they are periodic.
+
+    Attributes
+    ----------
+    states : shape (count, state_size)
+        Their last states.
+    periods : shape (count,)
+        Their periods in forcing periods; 0 for those that did not become periodic, -1 for those that diverged.
+    longest
+        The most forcing periods over which any of them was followed.
+    """
+
+    states: NDArray[np.float64]
+    periods: NDArray[np.int_]
+    longest: int
+
+
+def wait(
+    motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], patience: int, max_period: int
+) -> Waited:
+    """Follow motions until they are periodic, or until patience ends; each no longer than it needs.
+
+    Parameters
+    ----------
+    motions
+        Their flow.
+    states, scales : shape (count, state_size)
+        States at theta = 0, and the scales of their entries (`System.state_scales`).
+    patience
+        The most forcing periods in which a motion may become periodic.
+    max_period
+        The longest period, in forcing periods, that is recognised.
+    """
+    states, periods, total = states.copy(), np.zeros(len(states), dtype=int), 0
+    rest = np.arange(len(states))
+    while len(rest) and total < patience:
+        step = min(max(_FIRST, total // 2), patience - total)
+        found = _returns(motions.part(rest), states[rest], scales[rest], max_period, step)
+        states[rest], periods[rest] = found
+        rest, total = rest[found[1] == 0], total + step + 3 * max_period + 1
+    return Waited(states, periods, total)
+
+
+def _returns(
+    motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], longest: int, after: int
+) -> tuple[NDArray[np.float64], NDArray[np.int_]]:
+    """Follow motions for some forcing periods and a look at their returns; return the last states and the periods.
+
+    A period is 0 if a motion does not return within `longest` forcing periods, and -1 if it has diverged.
+    """
+    track = motions.strobes(states, 3 * longest + 1, after)
+    periods, is_bounded = np.full(len(states), -1), np.isfinite(track).all(axis=(0, 2))
+    last, track = track[-1], track[:, is_bounded] / scales[is_bounded]
+    sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+    periods[is_bounded] = judge_returns(track / sizes[:, None], longest).periods
+    return last, periods
+
+
 def judge(
     motions: ManyMotions, states: NDArray[np.float64], scales: NDArray[np.float64], options: RegimeOptions
 ) -> Verdicts:
@@ -124,11 +183,10 @@ class _RegimeJudge:
 
     def wait_for_returns(self) -> None:
         """Follow each motion until it is periodic, or up to the allowed number of forcing periods."""
-        rest, total = np.arange(len(self.found.states)), 0
-        while len(rest) and total < self.options.longest:
-            step = min(max(_FIRST, total // 2), self.options.longest - total)
-            rest = self._find_returns(rest, self.options.max_period, step)
-            total += step + 3 * self.options.max_period + 1
+        states, scales = self.found.states, 1.0 / self.weights
+        waited = wait(self.motions, states, scales, self.options.longest, self.options.max_period)
+        states[:] = waited.states
+        self._note(np.arange(len(states)), waited.periods)
 
     def measure_growth(self) -> None:
         """Classify the motions that are not periodic by their largest exponent."""
@@ -163,17 +221,16 @@ class _RegimeJudge:
         """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
         if not len(which):
             return which
-        track = self.motions.part(which).strobes(self.found.states[which], 3 * longest + 1, after)
-        self.found.states[which] = track[-1]
-        is_lost = ~np.isfinite(track).all(axis=(0, 2))
-        self.found.regimes[which[is_lost]] = Regime.RUNAWAY
-        which = which[~is_lost]
-        track = track[:, ~is_lost] * self.weights[which]
-        sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
-        periods = judge_returns(track / sizes[:, None], longest).periods
+        states, scales = self.found.states[which], 1.0 / self.weights[which]
+        self.found.states[which], periods = _returns(self.motions.part(which), states, scales, longest, after)
+        self._note(which, periods)
+        return which[periods == 0]
+
+    def _note(self, which: NDArray[np.intp], periods: NDArray[np.int_]) -> None:
+        """Enter the motions that are periodic, and those that have diverged."""
+        self.found.regimes[which[periods < 0]] = Regime.RUNAWAY
         returned = which[periods > 0]
         self.found.periods[returned], self.found.regimes[returned] = periods[periods > 0], Regime.PERIODIC
-        return which[periods == 0]
 
     def _exponents(self, which: NDArray[np.intp], periods: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the largest exponent of motions per forcing period, and its standard error."""

@@ -237,10 +237,16 @@ def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float 
     return float(hermite(first, last, before / (before + after))[-1]) * scale
 
 
-def value_ahead(before: BranchPoint, last: BranchPoint) -> float:
+def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float:
     """Return the parameter at which the halves will coincide, just beyond two points.
 
-    The branch turns back there: the difference of the halves is linear in arclength, and the parameter quadratic in it.
+    The difference of the halves is linear in arclength. The parameter is quadratic in it at a flip, where the branch
+    turns back, and linear where the motion of the parent changes its sequence; the tangent tells how it goes on.
     """
-    a, b = (float(np.linalg.norm(halves_apart(point))) ** 2 for point in (before, last))
-    return last.value if a <= b else (a * last.value - b * before.value) / (a - b)
+    a, b = (float(np.linalg.norm(halves_apart(point))) for point in (before, last))
+    step = last.arclength - before.arclength
+    if a <= b or not step:
+        return last.value
+    slope, mean = float(last.tangent[-1]) * scale, (last.value - before.value) / step
+    ahead = step * b / (a - b)
+    return last.value + ahead * (slope + ahead * (slope - mean) / step)

@@ -316,9 +316,11 @@ class BranchTracer(Iterator[Step]):
         passage = pass_corner(self.beginning.corrector, state.point)
         if passage is None or self._is_astray(state.point, passage.point):
             return None
+        if self._is_doubled(state.point) and has_merged(passage.point):  # it ends at the corner of its parent
+            return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)
-        return passage.point, passage.special
+        return self._until_parent(state.point, (passage.point, passage.special))
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """Return the step, cut off where the branch joins the branch from which it bifurcates.
@@ -362,6 +364,11 @@ class BranchTracer(Iterator[Step]):
         lost = [each for each in symmetries_of(vertex.orbit.system) if each not in kept]
         return any(self._defect(each, vertex) < _RESTORED for each in lost)
 
+    @property
+    def _scale(self) -> float:
+        """Scale of the parameter."""
+        return float(self.beginning.corrector.scales[-1])
+
     def _is_doubled(self, point: BranchPoint) -> bool:
         """Return True if a point may be near the parent of a period-doubled branch, and is not its beginning."""
         return point.orbit.period % 2 == 0 and not (point is self.first and self.beginning.singular)
@@ -371,7 +378,7 @@ class BranchTracer(Iterator[Step]):
         point, special = step
         if self._ended(EndReason.JOINED) or not self._is_doubled(first):
             return step
-        value = value_between(first, point, float(self.beginning.corrector.scales[-1]))
+        value = value_between(first, point, self._scale)
         if value is None:
             return step
         self.walk.finish(first, End(EndReason.JOINED, value))
@@ -382,7 +389,7 @@ class BranchTracer(Iterator[Step]):
         """End the walk if its last point is just before the parent of a doubled branch; return whether it is."""
         if before is None or not self._is_doubled(last) or not is_close(last):
             return False
-        self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))
+        self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last, self._scale)))
         return True
 
     def _jumps(self, last: BranchPoint) -> bool:

@@ -165,7 +165,7 @@ def unexplained(
         signs = [
             0.0 if doubt else math.copysign(1.0, kind.at(point)) for doubt, point in zip(unclear, (a, b), strict=True)
         ]
-        found = sum(each.kind is kind or (kind.is_turning and each.is_vertex) for each in special)
+        found = sum(each.kind is kind or _passes(kind, each) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"
@@ -175,6 +175,11 @@ def unexplained(
     yield from _contacts(a, b, special)
     yield from _stops(a, b, special)
     yield from _friction(a, b, special)
+
+
+def _passes(kind: Kind, special: SpecialPoint) -> bool:
+    """Return True if the test function of a kind changes its sign at a special point of another kind."""
+    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.doubles
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.isolated import SearchResult
-from gapwalk.bifurcation.orbit_on_branch import meets, parent_flip
+from gapwalk.bifurcation.orbit_on_branch import junction_nearby, meets
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import End, EndReason
@@ -265,12 +265,12 @@ def _tied(diagram: Diagram, member: DiagramBranch, method: Method | None) -> Dia
     """Return the member with its end linked to the special point that it joins, if that lies on a known branch.
 
     The end is linked only where both have the same orbit, never by mere closeness, because the joined branch may not be
-    known up to there. If the branch ends just before the flip that it joins, the flip is located first.
+    known up to there. If the branch ends just before the point at which it joins, that is located first.
     """
     branch = member.branch
     origin, value = _shared(diagram, member, branch.points[-1].orbit), branch.ends[-1].value
-    if origin is None and (flip := parent_flip(branch, diagram.within, method)) is not None:
-        origin, value = _shared(diagram, member, flip), flip.system[branch.parameter]
+    if origin is None and (orbit := junction_nearby(branch, diagram.within, method)) is not None:
+        origin, value = _shared(diagram, member, orbit), orbit.system[branch.parameter]
     detail = branch.ends[-1].detail
     if origin is not None:
         special = diagram._special_at(origin)
@@ -280,12 +280,13 @@ def _tied(diagram: Diagram, member: DiagramBranch, method: Method | None) -> Dia
 
 
 def _shared(diagram: Diagram, member: DiagramBranch, orbit: Orbit) -> Origin | None:
-    """Return the flip of a parent, or the branch point of a branch of equal period, with this orbit; not the start."""
+    """Return the point of a branch at which one of this period joins, with this orbit; not the start."""
     candidates = (
         (Origin(other.name, index), special)
         for other in diagram.members
         for index, special in enumerate(other.branch.special_points)
-        if special.kind.ways and other.period * special.kind.times == member.period
+        if (special.kind.ways and other.period * special.kind.times == member.period)
+        or (special.doubles and 2 * other.period == member.period)
     )
     shared = [
         (abs(special.value - orbit.system[diagram.parameter]), origin)

@@ -193,10 +193,12 @@ def _refined(
     if low <= first.arclength or high >= last.arclength:
         return located
     ends = interval.at(low), interval.at(high)
-    if not changes_between(first.orbit, ends[0].orbit) and not changes_between(ends[1].orbit, last.orbit):
+    outer = [(before, first, ends[0]), (ends[0], ends[1], last)]
+    left, right = ([part] if changes_between(part[1].orbit, part[2].orbit) != [] else [] for part in outer)
+    if not left and not right:
         return located
-    parts = [(before, first, ends[0]), (first, *ends), (ends[0], ends[1], last)]
-    return [each for part in parts for each in find_changes(interval, *part)]
+    # where nothing changes any more, the margin that vanishes at the end would let the part be halved over and over
+    return [each for part in [*left, (first, *ends), *right] for each in find_changes(interval, *part)]
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:

@@ -86,8 +86,8 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
     LookupError
         If the motion has nothing of the kind there.
     """
-    full, gauge = PERIOD * orbit.period, FrictionGauge(layout_of(orbit.system.structure), change.contact)
-    coefficients = coefficients_of(orbit.system)
+    full, coefficients, readings = PERIOD * orbit.period, coefficients_of(orbit.system), flow_of(orbit.system).readings
+    gauge = FrictionGauge(layout_of(orbit.system.structure), change.contact, readings)
     if change.reverses:
         phases = orbit.friction.get(change.contact, [])
         theta = min(

@@ -1,6 +1,6 @@
 """Membership of orbits on a branch, and the orbits of a branch at one value of its parameter.
 
-Where a branch ends on another one, `meets` and `parent_flip` find the orbit that the two share.
+Where a branch ends on another one, `meets` and `junction_nearby` find the orbit that the two share.
 """
 
 from __future__ import annotations
@@ -273,11 +273,12 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
     return bool(off.min() <= same * magnitude(orbit.state, orbit.system))
 
 
-def parent_flip(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
-    """Return the orbit of the flip at which a period-doubled branch ends; None if its parent has none nearby.
+def junction_nearby(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
+    """Return the orbit of its parent at which a period-doubled branch ends; None if there is none nearby.
 
-    A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small.
-    The parent's orbit is found from the mean of the two halves, and followed in both directions within the range.
+    A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small, or
+    if the parent's motion changes its sequence of slip and stick there. The parent's orbit is found from the mean of
+    the two halves, and followed in both directions within the range.
 
     Parameters
     ----------
@@ -295,19 +296,19 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
         states = last.strobes(last.period // 2 + 1)
         parent = find_orbit(last.system, last.period // 2, 0.5 * (states[0] + states[-1]), method=method)
         beginnings = [start_branch(parent, branch.parameter, within, way, method) for way in (-1, 1)]
-        found = [flip for beginning in beginnings if (flip := _first_flip(beginning)) is not None]
+        found = [each for beginning in beginnings if (each := _first_junction(beginning)) is not None]
     except NumericalError:
         return None
-    return min(found, key=lambda flip: flip.point.arclength).orbit if found else None
+    return min(found, key=lambda each: each.point.arclength).orbit if found else None
 
 
-def _first_flip(beginning: BranchStart) -> SpecialPoint | None:
-    """Return the first flip in one direction along a branch; the branch may end at its parent just after the flip."""
+def _first_junction(beginning: BranchStart) -> SpecialPoint | None:
+    """Return the first point along a branch where one of twice the period ends; it may itself end just beyond."""
     for step in _STEPS:
         tracer = BranchTracer(beginning, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
-        flip = next((each for _, special in tracer for each in special if each.kind is Kind.FLIP), None)
-        if flip is not None:
-            return flip
+        junction = next((each for _, special in tracer for each in special if each.doubles), None)
+        if junction is not None:
+            return junction
         if tracer.end is None or tracer.end.reason is not EndReason.JOINED:
             break
     return None

@@ -32,6 +32,7 @@ _DOUBT = 1.0  # share of its bend by which a test function may dip between the e
 _CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
 _BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
 _NOISE = 1e-10  # absolute value of a test function that is only rounding
+_AT_CORNER = 1e-10  # arclength within which a change of sign is at a corner
 _EXACT = 1e-14  # arclength to which zeros are located
 
 
@@ -145,6 +146,8 @@ class Search:
         The orbits between the two points.
     memo
         What several kinds need of the step, computed once.
+    corners
+        Arclengths at which multipliers and tangents may jump.
     """
 
     def __init__(
@@ -160,6 +163,7 @@ class Search:
         self.interval = StepInterval(corrector, first, last)
         self._rates, self._recent = rates, recent
         self.memo: dict[Any, Any] = {}
+        self.corners: list[float] = []
 
     def zeros(self, kind: Kind) -> list[Zero]:
         """Return all distinguishable zeros of the test function of a kind, in no order.
@@ -175,7 +179,12 @@ class Search:
             zeros += self._search(kind, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
-        return self._resolved(kind, zeros)
+        return [each for each in self._resolved(kind, zeros) if not self._jumps(each)]
+
+    def _jumps(self, zero: Zero) -> bool:
+        """Return True if a test function is not zero, but changes its sign by a jump at a corner."""
+        near = any(abs(zero.point.arclength - corner) < _AT_CORNER for corner in self.corners)
+        return near and zero.kind.by_multipliers and abs(zero.kind.at(zero.point)) > zero.kind.noise
 
     def recent(self, kind: Kind) -> list[float]:
         """Return what the walk remembers of a kind, by default the arclengths of its last zeros; it may be changed."""

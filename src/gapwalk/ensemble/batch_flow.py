@@ -99,16 +99,25 @@ class BatchFlow:
             run = self._carry(batch, plan, steps)
         return run
 
-    def _pilot(self, batch: Batch, periods: int, steps: int) -> int:
+    def steps_for(self, batch: Batch, periods: int, *, may_be_few: bool = True) -> int:
+        """Choose the number of steps per forcing period for trajectories, on some of them and over some periods.
+
+        With `may_be_few` False, they resolve the fastest vibration of closed contacts even if none closes. It raises a
+        FlowError as `run` does.
+        """
+        guess = first_guess(batch.linear, self.options.error, batch.states)
+        return self._pilot(batch, periods, guess, 0 if may_be_few else guess)
+
+    def _pilot(self, batch: Batch, periods: int, steps: int, least: int = 0) -> int:
         """Choose a number of steps, with little margin, that keeps the error of a few trajectories within its limit."""
-        lanes = np.random.default_rng(_SEED).choice(batch.count, LANES, replace=False)
+        lanes = np.random.default_rng(_SEED).choice(batch.count, min(LANES, batch.count), replace=False)
         few, plan, too_few = batch.some(np.sort(lanes)), _Plan(min(periods, _PILOT)), 0
         while True:
             error = self._carry(few, plan, steps).error
             if error > self.options.error:
                 too_few, steps = steps, self._finer(steps, error)
                 continue
-            fewer = revised(steps, error, self.options.error)
+            fewer = max(revised(steps, error, self.options.error), least)
             if not error < _PLENTY * self.options.error or not too_few < fewer < steps:
                 return steps
             steps = fewer

@@ -64,6 +64,11 @@ class AnswerView:
         """Names of the contacts of which one is chosen."""
         return ()
 
+    @property
+    def system(self) -> System:
+        """The system of the record."""
+        return self.record.system
+
     def sentences(self) -> list[str]:
         """Return the answer in sentences."""
         return [part for part in self._parts()[:1] if isinstance(part, str)]
@@ -143,12 +148,21 @@ def shown(record: type) -> Callable[[type[AnswerView]], type[AnswerView]]:
     return register
 
 
+def has_picture(record: object) -> bool:
+    """Return True if the page draws a record of this type, and shows more than sentences and tables."""
+    return type(record) in _views()
+
+
 def view_of(finding: Finding) -> AnswerView:
     """Return the view of a finding: that of its type of record, or sentences and tables alone."""
+    return _views().get(type(finding.record), AnswerView)(finding)
+
+
+def _views() -> dict[type, Maker]:
     from gapwalk.explorer import change_views, rattle_views  # they register themselves
 
     del change_views, rattle_views
-    return _VIEWS.get(type(finding.record), AnswerView)(finding)
+    return _VIEWS
 
 
 class Alone(Finding):

@@ -15,9 +15,11 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, numbers, panel, shown, unit_of, with_unit
+from gapwalk.model.system import System
 from gapwalk.model.words import signal_words
 from gapwalk.studies.run_up_study import RunUpStudy
 
+_SAID = 2  # points that the sentences name
 _DOTS = 600  # of the cloud of one point
 _BINS = 60  # classes of a distribution
 _COORDINATES = 6  # whose motion is drawn over a diagram
@@ -90,11 +92,25 @@ class ToleranceView(AnswerView):
     @property
     def axes(self) -> tuple[str, str]:
         """The parameter of the branch, and the amplitude of the first coordinate."""
-        return self.record.parameter, f"half.{self.record.branch.system.coordinates[0]}"
+        return self.record.parameter, f"half.{self.system.coordinates[0]}"
+
+    @property
+    def system(self) -> System:
+        """The nominal system."""
+        return self.record.branch.system
 
     def sentences(self) -> list[str]:
-        """Return the probability of a jump in the band, if there is one; and the number of samples."""
-        return [part for part in self._parts()[: 1 + (self.record.band is not None)] if isinstance(part, str)]
+        """Return the probability of a jump in the band; without a band, where the first points lie."""
+        first = [part for part in self._parts()[:1] if isinstance(part, str)]
+        if self.record.band is not None or not self.record.known.any():
+            return first
+        return [
+            f"{self._title(index)}: {self._words(index)[1]}" for index in range(min(_SAID, len(self.record.points)))
+        ]
+
+    def _title(self, index: int) -> str:
+        special = self.record.points[index]
+        return f"{special.kind} {special.contact}".rstrip()
 
     def drawn(self) -> Json:
         """Return a cloud for each point, the band, and the distributions."""
@@ -105,7 +121,7 @@ class ToleranceView(AnswerView):
         ends = [] if band is None else [{"at": value, "text": f"{value:.6g}", "exact": True} for value in band]
         if not found.known.any():
             return {}
-        below = [panel("distribution", found.parameter, found.branch.system, self._distributions())]
+        below = [panel("distribution", found.parameter, self.system, self._distributions())]
         return {
             "shades": [{"over": found.parameter, **each} for each in shades],
             "lines": [{"over": found.parameter, **each} for each in ends],
@@ -131,12 +147,13 @@ class ToleranceView(AnswerView):
     def _words(self, index: int) -> list[str]:
         """Return the quantiles of a point, the probability that it exists or lies in the band, and what matters."""
         found, column = self.record, self._column(index)
-        unit = unit_of(found.parameter, found.branch.system)
+        unit = unit_of(found.parameter, self.system)
         special = found.points[index]
         lines = [f"nominal {special.value:.7g} {unit}".rstrip()]
         if len(column):
             low, middle, high = np.quantile(column, (0.05, 0.5, 0.95))
-            lines.append(f"5 %: {low:.6g}, half: {middle:.6g}, 95 %: {high:.6g} {unit}".rstrip())
+            where = f"from {low:.6g} to {high:.6g}, half below {middle:.6g} {unit}".rstrip()
+            lines.append(f"in 90 % of the parts that have it {where}")
         lines.append(f"exists in {found.exists[index]} of all parts")
         if found.band is not None:
             lines.append(f"in the band in {found.chances(*found.band)[index]}")
@@ -150,7 +167,7 @@ class ToleranceView(AnswerView):
         return {
             "over": found.parameter,
             "kind": special.kind.value,
-            "title": f"{special.kind} {special.contact}".rstrip(),
+            "title": self._title(index),
             "x": numbers(column[::every]),
             "quantiles": numbers(quantiles),
             "lines": self._words(index),
@@ -158,7 +175,7 @@ class ToleranceView(AnswerView):
         }
 
     def _ends(self) -> Iterator[Json]:
-        unit = unit_of(self.record.parameter, self.record.branch.system)
+        unit = unit_of(self.record.parameter, self.system)
         for index, special in enumerate(self.record.points):
             place = self.place_of(special)
             if place is not None:
@@ -175,11 +192,14 @@ class ToleranceView(AnswerView):
         seen: set[Kind] = set()
         for index, special in enumerate(self.record.points):
             column = self._column(index)
-            if len(column) < 2 or np.ptp(column) == 0.0:
+            if len(column) < 2 or np.ptp(np.quantile(column, (0.01, 0.99))) == 0.0:
                 continue
-            heights, edges = np.histogram(column, bins=min(_BINS, max(5, int(np.sqrt(len(column))))))
+            low, high = np.quantile(column, (0.01, 0.99))
+            wide = 0.5 * (high - low)  # beyond this, single parts lie: they would widen all classes
+            reach = max(low - wide, float(column.min())), min(high + wide, float(column.max()))
+            heights, edges = np.histogram(column, min(_BINS, max(5, int(np.sqrt(len(column))))), reach)
             x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(heights / heights.max(), 2), [0.0]))
-            text = "" if special.kind in seen else str(special.kind)
+            text = "" if special.kind in seen else f"{special.kind}: distribution"
             seen.add(special.kind)
             yield Series(x, y, "area", f"kind-{special.kind.value}", text)
 

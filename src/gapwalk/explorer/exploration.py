@@ -141,14 +141,14 @@ class Entry:
         """Return its branches, then its loci, as the page shows them; while it is computed, as they were found."""
         result = self.result
         if result is None:
-            return [*(_line(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
+            return [*(line_of(*each, _NOWHERE) for each in self.live.finished), *_growing(self.live)]
         if self.answer is not None:
             return self._answer_lines
         if result.finding is not None or not isinstance(result.options, BranchOptions):
             return []
         first, last = sorted((result.walked.begin, result.walked.end))
         loci = zip(result.map.names, result.map.loci, strict=True) if result.map is not None else ()
-        return [_line(*each, (first, last)) for each in (*result.named, *loci)]
+        return [line_of(*each, (first, last)) for each in (*result.named, *loci)]
 
     @property
     def saves(self) -> list[str]:
@@ -163,15 +163,14 @@ class Entry:
 
     @property
     def answer(self) -> AnswerView | None:
-        """View of an answer; None for branches, and for a settled motion, which has panels of its own."""
+        """Content of an answer; None for branches, and for a settled motion, which has panels of its own."""
         result, (known, view) = self.result, self._viewed
         if result is None or result.finding is None or self.settled() is not None:
             return None
         if known is not result:
             view = view_of(result.finding)
             self._viewed = result, view
-            lines = [_line(*each, _reach(each[1])) for each in view.curves()]
-            self._answer_lines = [each._replace(is_earlier=i in view.earlier) for i, each in enumerate(lines)]
+            self._answer_lines = answer_lines(view)
         return view
 
     def settled(self) -> Settled | None:
@@ -180,11 +179,18 @@ class Entry:
         return record if isinstance(record, Settled) else None
 
 
-def _line(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line:
+def line_of(name: str, curve: Branch | Locus, within: tuple[float, float]) -> Line:
+    """Return a branch or a locus as a line of the page."""
     if isinstance(curve, Branch):
         return Line(name, curve.parameter, within, curve.period, curve.points, curve.special_points)
     points = curve.points, curve.codim2_points
     return Line(name, curve.first, within, curve.period, *points, curve.kind, curve.second)
+
+
+def answer_lines(view: AnswerView) -> list[Line]:
+    """Return the curves of an answer as lines of the page."""
+    lines = [line_of(*each, _reach(each[1])) for each in view.curves()]
+    return [line._replace(is_earlier=number in view.earlier) for number, line in enumerate(lines)]
 
 
 def _reach(curve: Branch | Locus) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from gapwalk.model.words import parameter_symbol, parameter_words
 
 _BATCH = 8  # parameters whose derivatives are computed at once: a click waits no longer than for these
 _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per percent, above which it is marked
+_NOTHING = 1e-12  # of the largest, below which a number is rounding
 _MOST = 400  # parameters that are listed
 
 
@@ -76,7 +77,7 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
     units, parameter = special.orbit.system.units, special.parameter
     shares, values = found.elasticities, found.values
     doubts = np.abs(found.errors * values / special.value)
-    largest = float(np.abs(shares).max(initial=0.0))
+    largest = float(np.nanmax(np.abs(shares), initial=0.0))
     return {
         "parameter": parameter,
         "symbol": parameter_symbol(parameter),
@@ -88,10 +89,15 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
                 "words": parameter_words(found.names[k], units),
                 "unit": units.parameter(found.names[k]) if units else "",
                 "value": float(values[k]),
-                "slope": float(found.slopes[k]),
-                "share": float(shares[k]),
+                "slope": _plain(found.slopes[k] if abs(shares[k]) > _NOTHING * largest else 0.0),
+                "share": _plain(shares[k] if abs(shares[k]) > _NOTHING * largest else 0.0),
                 "doubtful": bool(doubts[k] > _FAINT * largest),
             }
             for k in found.order[:_MOST]
         ],
     }
+
+
+def _plain(value: float) -> float | None:
+    """Return a number; None for percent of a point at zero."""
+    return float(value) if np.isfinite(value) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -67,13 +68,22 @@ class RattleView(AnswerView):
         }
 
     def _shades(self, gap: str) -> Iterator[Json]:
+        """Yield the spans of each state; where motions of both kinds exist, the worse one shows."""
         spans = [span for band in self.record.of(gap) for span in band.spans]
-        for state, (tint, text) in _TINTS.items():  # where motions of both kinds exist, the worse one shows
-            for span in spans:
-                if span.state is state:
-                    low, high = span.low.value, span.high.value
-                    over = {"over": self.record.parameter, "low": low, "high": high}
-                    yield {**over, "tint": tint, "text": text, "of": gap}
+        values = sorted({end.value for span in spans for end in (span.low, span.high)})
+        before: Json | None = None
+        for low, high in pairwise(values):
+            states = [span.state for span in spans if span.low.value <= low and high <= span.high.value]
+            tint, text = _TINTS[max(states, key=list(_TINTS).index)] if states else ("", "")
+            if before is not None and before["tint"] == tint and before["high"] == low:
+                before["high"] = high
+                continue
+            if before is not None:
+                yield before
+            before = {"over": self.record.parameter, "low": low, "high": high, "tint": tint, "text": text, "of": gap}
+            before = before if tint else None
+        if before is not None:
+            yield before
 
     def _ends_of(self, gap: str) -> list[tuple[str, BandEnd]]:
         return [pair for band in self.record.of(gap) for pair in (("from", band.low), ("to", band.high))]

@@ -19,12 +19,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gapwalk.answers.design import Design
+from gapwalk.answers.rattle_bands import RattleBands
+from gapwalk.answers.rattle_map import RattleMap
+from gapwalk.answers.run_up import RunUp
+from gapwalk.answers.run_ups import RunUps
+from gapwalk.answers.threshold import Threshold
+from gapwalk.answers.tolerance import Tolerance
 from gapwalk.attractors.attractor import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import Node, measure_name, nodes_of, quantity, quantity_words, special_words
+from gapwalk.explorer.answer_view import Alone, AnswerView, has_picture, view_of
+from gapwalk.explorer.curve_data import (
+    Node,
+    locus_lines,
+    measure_name,
+    nodes_of,
+    quantity,
+    quantity_words,
+    special_words,
+)
+from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.friction_panels import energy_table
+from gapwalk.explorer.gradient_panel import gradient_of
 from gapwalk.explorer.motion_panels import panels_of
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
@@ -150,20 +169,42 @@ class Blob:
         return at
 
 
-Found = Result | Branch | Diagram | Family | Settled | Orbit
+Found = (
+    Result
+    | Branch
+    | Diagram
+    | Family
+    | Settled
+    | Orbit
+    | RattleBands
+    | RattleMap
+    | Threshold
+    | Design
+    | Tolerance
+    | RunUp
+    | RunUps
+)
 """Records that can be saved."""
 
 
 class Lines(NamedTuple):
-    """Branches with their names, and the parameters that differ among them; or one motion, and no branches."""
+    """Lines of the page, and the parameters that differ among them; one motion in place of lines; or an answer."""
 
-    named: tuple[tuple[str, Branch], ...]
+    named: tuple[Line, ...]
     parameters: tuple[str, ...] = ()
     motion: Orbit | Settled | None = None
+    answer: AnswerView | None = None
+
+    @property
+    def system(self) -> System:
+        """The system."""
+        if self.motion is not None:
+            return self.motion.system
+        return self.answer.system if self.answer is not None else self.named[0].points[0].orbit.system
 
 
 def lines_of(found: Found) -> Lines:
-    """Return the branches or the motion of a record.
+    """Return the branches, the motion or the answer of a record.
 
     Raises
     ------
@@ -186,18 +227,29 @@ def lines_of(found: Found) -> Lines:
             return _along(found.named)
         case Result(finding=finding) if finding is not None and isinstance(finding.record, Family | Settled):
             return lines_of(finding.record)
+        case Result(finding=finding) if finding is not None and has_picture(finding.record):
+            return _answered(view_of(finding))
+    if has_picture(found):
+        return _answered(view_of(Alone(found)))
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
     raise ModelError(
-        f"an HTML file shows branches and their motions, and a {kind} has none; write --format svg, pdf or png "
-        "(in Python: gapwalk.plot.save)"
+        f"an HTML file shows branches, their motions and answers, and a {kind} has none; write --format svg, pdf or "
+        "png (in Python: gapwalk.plot.save)"
     )
 
 
 def _along(named: Iterable[tuple[str, Branch]]) -> Lines:
-    lines = tuple(named)
+    lines = tuple(line_of(name, branch, (0.0, 0.0)) for name, branch in named)
     if not lines:
         raise ModelError("there are no branches yet, so there is nothing to show")
-    return Lines(lines, tuple(dict.fromkeys(branch.parameter for _, branch in lines)))
+    return Lines(lines, tuple(dict.fromkeys(line.parameter for line in lines)))
+
+
+def _answered(view: AnswerView) -> Lines:
+    lines, system = answer_lines(view), view.system
+    names = [name for line in lines for name in (line.parameter, line.second) if name]
+    names = [*(name for name in view.axes or () if name in system.parameters), *names]
+    return Lines(tuple(lines), tuple(dict.fromkeys(names)), None, view)
 
 
 _SAMPLES = 512  # of a motion, at most
@@ -206,13 +258,15 @@ _MEASURES = ("half", "max", "min")
 _LEFT_OUT = ("parameters", "seconds", "others")  # of the panels: only a page with a server uses them
 
 
-def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) -> dict[str, Any]:
+def content_of(
+    lines: Lines, measure: str, title: str, most: int, blob: Blob, most_gradients: int = 20
+) -> dict[str, Any]:
     """Return the content of the page as a JSON value; its arrays go into a blob.
 
     Parameters
     ----------
     lines
-        The branches, or the motion.
+        The branches, the motion or the answer.
     measure
         Measure that the diagram shows first.
     title
@@ -221,42 +275,69 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
         Largest number of points, in addition to special points, whose motions are stored.
     blob
         Takes the arrays.
+    most_gradients
+        Largest number of special points of which it is stored what moves them.
     """
-    system = lines.motion.system if lines.motion else lines.named[0][1].system
+    system = lines.system
     measure = full_measure(measure, system.coordinates)
-    nodes = [nodes_of(branch.points, branch.special_points) for _, branch in lines.named]
-    stride = max(1, -(-sum(len(branch.points) for _, branch in lines.named) // max(most, 1)))
+    nodes = [nodes_of(line.points, line.special_points, 0, line.kind) for line in lines.named]
+    stride = max(1, -(-sum(len(line.points) for line in lines.named) // max(most, 1)))
     kept = [_chosen(each, stride) for each in nodes]
-    signal = measure.partition(".")[2].rstrip("'")
-    signal = signal if signal in system.coordinates else system.coordinates[0]
     names = quantities(lines, system, measure)
+    x, y = names[0], measure_name(measure, system)
+    answer = None if lines.answer is None else lines.answer.content()
+    if answer is not None and answer["axes"]:
+        x, y = answer["axes"]
+        layers = [name for layer in answer.get("layers", ()) for name in layer["axes"]]
+        names = list(dict.fromkeys((x, y, *(names if lines.named else layers))))
+    signal = (measure if y in system.parameters else y).partition(".")[2].rstrip("'")
+    signal = signal if signal in system.coordinates else system.coordinates[0]
+    gradients = _gradients(lines, (answer or {}).get("ends", ()), most_gradients)
     return {
         "title": title,
-        "x": lines.parameters[0] if lines.parameters else names[0],
-        "y": measure_name(measure, system),
+        "x": x,
+        "y": y,
         "signal": signal,
         "signals": _signals(system),
         "quantities": quantity_words(names, system),
+        "parameters": [name for name in names if name in system.parameters],
         "note": _note(nodes, kept),
+        "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
+        "answer": blob.packed(answer),
         "branches": [
             {
-                "name": name,
-                "period": branch.period,
-                "count": len(branch.points),
+                "name": line.name,
+                "period": line.period,
+                "count": len(line.points),
+                "second": line.second,
+                "earlier": line.is_earlier,
                 "quantities": {each: _stored(found, each, blob) for each in names},
                 "node": blob.exact([node.number for node in found], "i4"),
                 "label": blob.exact([node.label for node in found], "u1"),
-                "special": [special_words(each) for each in branch.special_points],
+                "special": [special_words(each) for each in line.special_points],
+                "gradients": {
+                    str(index): gradients[id(each)]
+                    for index, each in enumerate(line.special_points)
+                    if id(each) in gradients
+                },
                 "motions": {
                     str(node.number): _motion(node.orbit, signal, blob)
                     for place, node in enumerate(found)
                     if place in places
                 },
             }
-            for (name, branch), found, places in zip(lines.named, nodes, kept, strict=True)
+            for line, found, places in zip(lines.named, nodes, kept, strict=True)
         ],
         "motion": None if lines.motion is None else _motion(lines.motion, signal, blob),
     }
+
+
+def _gradients(lines: Lines, ends: Iterable[dict[str, Any]], most: int) -> dict[int, dict[str, Any]]:
+    """Return what moves special points, by the identity of each: first those that an answer names."""
+    named = [lines.named[end["branch"]].special_points[end["special"]] for end in ends if "branch" in end]
+    points = [*named, *(each for line in lines.named for each in line.special_points)]
+    moved = {id(each): each for each in points if isinstance(each, SpecialPoint) and not each.kind.no_locus}
+    return {key: gradient_of(each) for key, each in list(moved.items())[:most]}
 
 
 def quantities(lines: Lines, system: System, measure: str) -> list[str]:
@@ -305,6 +386,7 @@ def save_html(
     measure: str | None = None,
     title: str | None = None,
     motions: int = 400,
+    gradients: int = 20,
 ) -> None:
     """Save a result as one HTML file with clickable points, which opens in any browser, without a network.
 
@@ -314,7 +396,8 @@ def save_html(
     Parameters
     ----------
     found
-        A result of branches, a branch, a diagram, a family, a settled motion or an orbit.
+        A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
+        map of rattle, a threshold, a design, a tolerance, one run-up or many.
     path
         The file to write.
     measure
@@ -324,20 +407,24 @@ def save_html(
     motions
         Largest number of points of the branches whose motions are stored; about 2 kB each for two coordinates. Of
         more points every second (third, ...) is stored. All special points have their motions in addition.
+    gradients
+        Largest number of special points of which the file also says what moves them most.
 
     Raises
     ------
     ModelError
-        If the record has no branches and no motion, or there is no such measure.
+        If the record has no branches, no motion and no answer, or there is no such measure.
     StoreError
         If the file cannot be written.
     """
     if motions < 1:
         raise ModelError(f"motions is {motions}; it must be at least 1, as in motions=400")
+    if gradients < 0:
+        raise ModelError(f"gradients is {gradients}; it must be at least 0, as in gradients=20")
     lines = lines_of(found)
     if isinstance(found, Result):
         title = found.title if title is None else title
         measure = measure or (found.options.measure if isinstance(found.options, BranchOptions) else None)
     blob = Blob()
-    shown = content_of(lines, measure or "half", title or "A result", motions, blob)
+    shown = content_of(lines, measure or "half", title or "A result", motions, blob, gradients)
     write_whole(path, html_file(shown["title"], shown, blob.content))

@@ -10,6 +10,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 
@@ -27,6 +28,7 @@ class CompiledReadings:
 
     def __init__(self, equations: Equations) -> None:
         self._equations = equations
+        self._table: tuple[Any, Array] | None = None  # the last one, with what it is for
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
         readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
         used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
@@ -80,6 +82,25 @@ class CompiledReadings:
         parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
         given = np.vstack((states.T, thetas[None], parameters[self.used]))
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
+
+    def table(self, coefficients: Array, held: Sequence[int]) -> Array:
+        """Return the rows by which accelerations, then reactions, follow from the columns of `along`.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow, of which the first, 1/W, does not matter: no deflection is displaced.
+        held
+            Numbers of the reactions that are held, stops before friction.
+        """
+        key = coefficients[1:].tobytes(), tuple(held)
+        if self._table is None or self._table[0] != key:
+            layout = self._equations.layout
+            own = Constraint(layout, coefficients, held).coefficients()
+            found = np.vstack((own[layout.accelerations], own[layout.reactions]))
+            found[:, : 2 * layout.structure.size + len(layout.contacts)] *= -1.0
+            self._table = key, found
+        return self._table[1]
 
     @cached_property
     def _tangents(self) -> Any:

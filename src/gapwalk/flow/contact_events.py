@@ -124,6 +124,7 @@ class Switchboard(BreakpointGeometry):
             for k, j in equations.switches
         ]
         self._inside: list[bool] = []
+        self._holding = set[int]()  # switches of the stops that are held
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
@@ -137,9 +138,21 @@ class Switchboard(BreakpointGeometry):
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         self.modes.attach(integrator)
-        self.dry.attach(integrator, columns, readings)
+        self.dry.attach(integrator, columns, readings, self._coefficient_change())
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
+
+    def _coefficient_change(self) -> Callable[[NDArray[np.float64]], None]:
+        """Return a function that takes over coefficients, which change with what is held."""
+        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
+
+        def change(coefficients: NDArray[np.float64]) -> None:
+            switches = mine()
+            assert switches is not None
+            switches._coefficients = switches.modes.coefficients = coefficients
+            switches._of_motion.clear()
+
+        return change
 
     def start(
         self, coefficients: NDArray, directions: NDArray, theta: float, event_limit: int, unit: float = 1.0
@@ -185,19 +198,10 @@ class Switchboard(BreakpointGeometry):
 
     def _start_dry(self, theta: float) -> None:
         """Set the modes of friction and stops; where they change later, so do the coefficients."""
-        if not self.dry.count:
-            return
-
-        mine = ref(self)  # not self: a cycle would keep the integrator until the garbage collector comes
-
-        def change(coefficients: NDArray[np.float64]) -> None:
-            switches = mine()
-            assert switches is not None
-            switches._coefficients = switches.modes.coefficients = coefficients
-            switches._of_motion.clear()
-
-        self.dry.closed = self._closed()
-        self.dry.start(self._system, self._system_directions, theta, self._unit, change)
+        if self.dry.count:
+            self.dry.closed = self._closed()
+            self.dry.start(self._system, self._system_directions, theta, self._unit)
+            self._holding = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""
@@ -221,9 +225,7 @@ class Switchboard(BreakpointGeometry):
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
         if self.dry.count and self.dry.holds(switch):
-            if self.dry.let_go(switch, theta):
-                self.log.append(ContactEvent(theta, switch, False, 0.0))
-                self._left[switch] = theta + _LEAVING
+            self.dry.let_go(switch, theta)
         elif self._settle(switch, theta) and self._simultaneous[switch]:
             self._settle_simultaneous(self._simultaneous[switch], theta)
         if self.modes.mode_count:
@@ -250,7 +252,9 @@ class Switchboard(BreakpointGeometry):
         self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._rebounds[switch]:
-            for other in self._impacts.strike(switch, theta):  # an impulse may press on stops that are held
+            others = self._impacts.strike(switch, theta)  # an impulse may press on stops that are held
+            self._log_released(theta)
+            for other in others:
                 self.log.append(ContactEvent(theta, other, True, 0.0))
             return True
         contact = self.equations.switches[switch][0]
@@ -292,8 +296,8 @@ class Switchboard(BreakpointGeometry):
         state = self._state[: 2 * self.n].tolist()
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
-        most = max(map(abs, state)) * max(1.0, self._coefficients.item(0))
-        if min(map(abs, depths)) > _ON * (self._scale + most):
+        most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
+        if min([abs(depths[other]) for other in others]) > most:
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)
@@ -406,8 +410,19 @@ class Switchboard(BreakpointGeometry):
             self._settle_simultaneous(range(self.count), self._integrator.time)
         return self._go_on(self._integrator.time)
 
+    def _log_released(self, theta: float) -> None:
+        """Log that stops open which the last event has let go: their own, friction that slips, or an impulse."""
+        held = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
+        for switch in sorted(self._holding - held):
+            self.log.append(ContactEvent(theta, switch, False, 0.0))
+            if abs(self._rate(switch, theta)) <= self._speed:
+                self._left[switch] = theta + _LEAVING
+        self._holding = held
+
     def _go_on(self, theta: float) -> bool:
         """Return whether the integrator continues after an event."""
+        if self.dry.sign_of:
+            self._log_released(theta)
         if (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
@@ -419,6 +434,8 @@ class Switchboard(BreakpointGeometry):
         self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed(), self.dry.present)
         if self.dry.count:
             self.dry.after_stage(-1, theta)
+        if self.dry.sign_of:
+            self._log_released(theta)
 
     def _closed(self) -> list[list[bool]]:
         """Return for each contact which of its stages are closed."""

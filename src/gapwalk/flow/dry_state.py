@@ -208,9 +208,15 @@ class DryState:
             self._contacts[contact] = [*slots.deflection.tolist(), *sway, *speed]
         self._sways = any(layout.contacts[contact].sway is not None for contact in self._contacts)
 
-    def attach(self, integrator: Any, columns: int, compiled: CompiledReadings | None) -> None:
-        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
-        self.integrator, self.state, self._parameters = integrator, integrator.state, integrator.pars
+    def attach(
+        self, integrator: Any, columns: int, compiled: CompiledReadings | None, changed: Callable[[Array], None]
+    ) -> None:
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
+
+        `changed` is called with the coefficients whenever they change.
+        """
+        self._changed, self.integrator = changed, integrator
+        self.state, self._parameters = integrator.state, integrator.pars
         self._own = self.state[: self.size]
         self._rows = self.state[self.size : self.size * (1 + columns)].reshape(columns, self.size)
         self.columns = columns
@@ -220,15 +226,14 @@ class DryState:
             self._numbers_used = self._parameters[compiled.used]
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
 
-    def begin(self, base: Array, directions: Array, changed: Callable[[Array], None]) -> None:
+    def begin(self, base: Array, directions: Array) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
 
-        `changed` is called with the coefficients whenever they change. What was computed for the system before is kept
-        if it differs by its frequency only.
+        What was computed for the system before is kept if it differs by its frequency only.
         """
         numbers = (base[1:].tobytes(), directions[:, 1:].tobytes())
         same, self._numbers = numbers == self._numbers and not self._sways, numbers
-        self.base, self.directions, self._changed = base, directions, changed
+        self.base, self.directions = base, directions
         if same:
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
@@ -242,7 +247,7 @@ class DryState:
         # a start may be decided twice: then the integrator may still have what the first one held
         self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
-        changed(self.coefficients)
+        self._changed(self.coefficients)
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""

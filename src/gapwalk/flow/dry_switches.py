@@ -8,7 +8,7 @@ Method: docs/numerics/flow.md
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,19 +54,18 @@ class DrySwitches(LoneFriction):
     def __init__(self, equations: Equations) -> None:
         super().__init__(equations)
         self.keeps: int | None = None
+        self._hosts = {self.layout.structure.host(friction) for friction in equations.dry} - {None}
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
-    def start(
-        self, base: Array, directions: Array, theta: float, unit: float, changed: Callable[[Array], None]
-    ) -> None:
+    def start(self, base: Array, directions: Array, theta: float, unit: float) -> None:
         """Set all modes for the state in the integrator, and begin a new log.
 
         Parameters are as in `DryState.begin`; `unit` is the unit of length.
         """
         self.log, self.kinks, self._begun, self.keeps = [], [], [theta - 1.0] * len(self.slots), None
         self.hold_log = [Hold(theta, ())]
-        self.begin(base, directions, changed)
+        self.begin(base, directions)
         if self.sign_of:
             self._move_within(theta, unit)
         self._restart(theta)
@@ -422,15 +421,14 @@ class DrySwitches(LoneFriction):
         """Return True if the stop of a switch is held."""
         return self.stop_reaction.get(switch) in self.held
 
-    def let_go(self, switch: int, theta: float) -> bool:
-        """Open a stop that is held where its reaction vanishes; return False if the reaction only begins there."""
+    def let_go(self, switch: int, theta: float) -> None:
+        """Open a stop that is held where its reaction vanishes, unless the reaction only begins there."""
         number = self.stop_reaction[switch]
         sign, now, modes = self.sign_of[number], self.read(theta), self.slips.copy()
         if sign * float(self._soon(now, theta).reactions[number]) > 0.0:
-            return False
+            return
         self._hold(theta, [each for each in self.held if each != number])
         self._report(modes, theta)
-        return True
 
     def after_impact(self, theta: float, stops: Sequence[int] = ()) -> None:
         """Decide all modes again after an impact, which moves what was stuck; `stops` are held if they are pushed."""
@@ -458,9 +456,7 @@ class DrySwitches(LoneFriction):
 
         It does if the contact hosts friction, or its force jumps while something is held.
         """
-        return (jumps and bool(self.held)) or any(
-            self.layout.structure.host(friction) == contact for friction in self.equations.dry
-        )
+        return (jumps and bool(self.held)) or contact in self._hosts
 
     def after_stage(self, contact: int, theta: float) -> None:
         """Decide the friction that a contact hosts again after one of its stages has closed or opened."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.compiled_readings import CompiledReadings
 from gapwalk.flow.constraints import Constraint
 from gapwalk.flow.dry_motion import DryModes
 from gapwalk.flow.forces import Angles, Dry, balance, contact_force, contact_forces, stages_of
@@ -52,10 +53,13 @@ class FrictionGauge:
         The layout of the coefficients.
     contact
         Number of the contact in the structure.
+    readings
+        The compiled readings of a flow of the system; they only make it faster.
     """
 
-    def __init__(self, layout: CoefficientLayout, contact: int) -> None:
+    def __init__(self, layout: CoefficientLayout, contact: int, readings: CompiledReadings | None = None) -> None:
         structure = layout.structure
+        self._readings = readings
         self.layout, self.contact, self.n = layout, contact, structure.size
         self._slots = layout.contacts[contact]
         self._law: Any = structure.contacts[contact].law
@@ -94,6 +98,10 @@ class FrictionGauge:
 
     def bound_and_force(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> tuple[Any, NDArray]:
         """Return the force at which slip begins, and the force in stick, under the modes of one instant."""
+        if self.reaction is not None and (read := self._read(coefficients, theta, y, modes)) is not None:
+            columns, table = read
+            force = columns[..., : table.shape[1]] @ table[self.n + self.reaction]
+            return columns[..., table.shape[1] + 3 * self.place + 2], force
         angles, n = Angles(self.layout, coefficients, theta), self.n
         numbers, stages = angles.named(self._slots.numbers, self._slots.waves), stages_of(self._slots, angles, _ORIGIN)
         if (host := self.layout.structure.host(self.contact)) is not None:
@@ -110,11 +118,30 @@ class FrictionGauge:
             force = self._balanced(coefficients, angles, y, modes, [self.reaction or 0])[..., 0]
         return self._law.breakaway(stages, numbers), force
 
+    def _read(
+        self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return the columns of `CompiledReadings.along` for states, and its table; None where they do not serve."""
+        if self._readings is None or np.iscomplexobj(coefficients) or np.iscomplexobj(y) or np.iscomplexobj(theta):
+            return None
+        states, thetas = y.reshape(-1, y.shape[-1]), np.atleast_1d(theta)
+        read = self._readings.along(coefficients, states, thetas, modes.slips.astype(float))
+        if read is None:
+            return None
+        return read.reshape(*y.shape[:-1], -1), self._readings.table(coefficients, modes.order(self.layout.structure))
+
     def acceleration(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> NDArray:
         """Return the derivative of `rate` over time."""
         angles = Angles(self.layout, coefficients, theta)
-        moved = self._balanced(coefficients, angles, y, modes, None) @ coefficients[self._slots.deflection]
+        moved = self._accelerations(coefficients, angles, y, modes) @ coefficients[self._slots.deflection]
         return side * (moved + angles.sway(self._slots, 0, 2))
+
+    def _accelerations(self, coefficients: NDArray, angles: Angles, y: NDArray, modes: DryModes) -> NDArray:
+        """Return accelerations, shape (..., n), under the modes of one instant."""
+        if (read := self._read(coefficients, angles.theta, y, modes)) is None:
+            return self._balanced(coefficients, angles, y, modes, None)
+        columns, table = read
+        return columns[..., : table.shape[1]] @ table[: self.n].T
 
     def _balanced(
         self, coefficients: NDArray, angles: Angles, y: NDArray, modes: DryModes, reactions: list[int] | None
@@ -131,10 +158,10 @@ class FrictionGauge:
     def motion(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> NDArray:
         """Return the derivatives of states over time, shape as `y`; extensions in slip follow a limit that varies."""
         n, structure = self.n, self.layout.structure
-        turning = self._balanced(coefficients, Angles(self.layout, coefficients, theta), y, modes, None)
+        turning = self._accelerations(coefficients, Angles(self.layout, coefficients, theta), y, modes)
         found = np.concatenate((y[..., n : 2 * n], turning, 0.0 * y[..., 2 * n :]), axis=-1)
         for place, contact in enumerate(structure.memories):
-            gauge = self if contact == self.contact else FrictionGauge(self.layout, contact)
+            gauge = self if contact == self.contact else FrictionGauge(self.layout, contact, self._readings)
             if not modes.slips[gauge.place]:
                 found[..., 2 * n + place] = gauge.rate(coefficients, theta, y, modes, 1)
         return found
@@ -161,12 +188,13 @@ class FrictionGauge:
 
         The second derivative is that of a quantity that is smooth there, to a few digits.
         """
-        if function == self.rate:
-            slope, bend = self._along(self.acceleration, coefficients, theta, y, modes, side)
-            return Course(float(function(coefficients, theta, y, modes, side)), float(slope), float(bend))
         step, way = _BESIDE * float(coefficients[0]), self.motion(coefficients, theta, y, modes)
         shares = np.array((-1.0, 0.0, 1.0))
-        values, slopes = self._along(
-            function, coefficients, theta + _BESIDE * shares, y + step * np.multiply.outer(shares, way), modes, side
-        )
-        return Course(float(values[1]), float(slopes[1]), float(slopes[2] - slopes[0]) / (2.0 * step))
+        thetas, states = theta + _BESIDE * shares, y + step * np.multiply.outer(shares, way)
+        if function == self.rate:
+            value = function(coefficients, theta, y, modes, side)
+            slopes = self.acceleration(coefficients, thetas, states, modes, side)
+        else:
+            values, slopes = self._along(function, coefficients, thetas, states, modes, side)
+            value = values[1]
+        return Course(float(value), float(slopes[1]), float(slopes[2] - slopes[0]) / (2.0 * step))

@@ -26,6 +26,7 @@ LATER = 1e-4
 UNSEEN = 1e-13
 """Share of its limit, or of the velocities, by which an extension or a slip rate may be off."""
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
+_MOMENT = 1e-6  # radians over which a force shows how fast it leaves its bound
 
 Array = NDArray[np.float64]
 
@@ -142,6 +143,8 @@ class LoneFriction(DryState):
         ``g`` of the force beyond its bound and its change ``-b`` over the angle, the slip rate is ``2 g^3 / (3 b^2)``
         at most, by the acceleration per force.
         """
+        if self._grows_surely(place, theta):
+            return False
         now, turn = self.read(theta), float(self.base[0])
         growth = margin_growth(self, place, now, theta) * turn
         if not 0.0 < growth < TURNS * now.friction[place][2]:
@@ -153,6 +156,20 @@ class LoneFriction(DryState):
         self.state[: self.size] = kept
         most = self._push_of(place).on_itself * turn * 2.0 * growth**3
         return bend > 0.0 and most < 3.0 * UNSEEN * self.speed() * bend**2
+
+    def _grows_surely(self, place: int, theta: float) -> bool:
+        """Return True if a force at its bound leaves it fast, by its difference over a moment: exact it costs more."""
+        number, now, given = self.reaction_of[place], self._values(theta), self._given
+        assert number is not None
+        n, columns, table, first = self.n, self._columns_end, self.entry.table, self._columns_end + 3 * place + 2
+        rates = np.concatenate((now[n : 2 * n], table[:n].dot(now[:columns]), now[self._friction_end :]))
+        given[: self.size] += (_MOMENT * self.base.item(0)) * rates
+        given[self.size] += _MOMENT
+        later, row = self._read(given), table[n + number]
+        force, then = row.dot(now[:columns]).item(), row.dot(later[:columns]).item()
+        bound, after = now.item(first), later.item(first)
+        growth = abs(then) - abs(force) - (after - bound)
+        return force * then > 0.0 and abs(growth) > 2.0 * TURNS * bound * _MOMENT
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""

@@ -124,11 +124,6 @@ class Motion:
             return modes_along(self.system.structure, self.theta, self.slips, self.holds)
         return modes_at(layout_of(self.system.structure), self._coefficients, self.theta, self.states)
 
-    @property
-    def modes_before(self) -> DryModes:
-        """Modes just before each sample, of one period of a motion that repeats."""
-        return modes_along(self.system.structure, self.theta, self.slips, self.holds, before=True)
-
     @cached_property
     def rates(self) -> NDArray[np.float64]:
         """Derivatives of the states over time, shape (samples, state_size); extensions follow while friction sticks."""

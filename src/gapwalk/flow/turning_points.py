@@ -72,9 +72,10 @@ class TurningPoints:
         dry, n = self._switches.dry, self._size
         if not dry.count or (dry.kinks and dry.kinks[-1].theta == theta):
             return
-        rates, size = self._vectors @ dry.state[n : 2 * n], dry.speed()
-        if not self._swaying and min(map(abs, rates.tolist())) > _TURNING * size:
-            return
+        if not self._swaying:
+            rates = self._vectors.dot(dry.state[n : 2 * n]).tolist()
+            if min(map(abs, rates)) > _TURNING * dry.speed():
+                return
         q, v = dry.state[:n].copy(), dry.state[n : 2 * n].copy()
         a = dry.read(theta).accelerations
         self._stops.append((Kink(theta, q, (v, v), (a, a)), self._keeping_still()))
@@ -101,6 +102,10 @@ class TurningPoints:
             kinks.append(Kink(theta, state[:n], (v, v), (a, a)))
         shortest = COOLDOWN * float(coefficients[0])
         for (theta, positions, velocities, turning), still in [(kink, list[int]()) for kink in kinks] + self._stops:
+            if not self._swaying and velocities[0] is velocities[1]:  # nearly always: nothing turns just there
+                values = [self._vectors.dot(each).tolist() for each in (velocities[0], *turning)]
+                if all(abs(v) > shortest * max(abs(a), abs(b)) for v, a, b in zip(*values, strict=True)):
+                    continue
             before, after, *turned = (self._vectors @ np.array([*velocities, *turning]).T).T.tolist()
             for event, contact in self._swaying:
                 angles = Angles(layout, coefficients, theta)

@@ -6,20 +6,21 @@ one step of a walk are not visible at its ends; the margins there show where the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.compiled_readings import CompiledReadings
-from gapwalk.flow.constraints import Constraint
-from gapwalk.flow.dry_motion import DryModes
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.dry_state import SlipEvent
-from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.flow import PERIOD, Variations
 from gapwalk.flow.friction_gauge import FrictionGauge
-from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of, layout_of
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.orbit import Orbit
 
 Array = NDArray[np.float64]
 _SIGNS = {1: "+", -1: "-", 0: "0"}
@@ -110,24 +111,26 @@ class Margin(NamedTuple):
 
 
 def margins_of(
-    motion: Motion, friction: Mapping[int, list[FrictionPhase]], readings: CompiledReadings | None = None
+    orbit: Orbit, thetas: Array, found: Variations, readings: CompiledReadings | None = None
 ) -> list[Margin]:
     """Return the margins of all friction over one period.
 
     Parameters
     ----------
-    motion
-        The period, sampled evenly and where the phases begin.
-    friction
-        The phases of each contact that is friction, by its number.
+    orbit
+        The orbit.
+    thetas
+        Angles of one period: even ones, and those where the phases begin.
+    found
+        Its motion at these angles, with the logs of the flow.
     readings
         The compiled readings of a flow of the system; they only make it faster.
     """
-    layout = layout_of(motion.system.structure)
+    layout = layout_of(orbit.system.structure)
     return [
         each
-        for contact, phases in friction.items()
-        for each in _Margins(motion, FrictionGauge(layout, contact), phases, readings).all()
+        for contact, phases in orbit.friction.items()
+        for each in _Margins(orbit, thetas, found, FrictionGauge(layout, contact, readings), phases).all()
     ]
 
 
@@ -135,23 +138,23 @@ class _Margins:
     """Margins of one contact that is friction."""
 
     def __init__(
-        self, motion: Motion, gauge: FrictionGauge, phases: list[FrictionPhase], readings: CompiledReadings | None
+        self, orbit: Orbit, thetas: Array, found: Variations, gauge: FrictionGauge, phases: list[FrictionPhase]
     ) -> None:
-        self._readings = readings
         self._gauge, self._phases, self._contact = gauge, phases, gauge.contact
-        self._thetas, self._states, self._full = motion.theta, motion.states, float(motion.theta[-1])
-        self._coefficients = coefficients_of(motion.system)
-        self._modes = motion.modes_before
+        self._thetas, self._states, self._full = thetas, found.states, float(thetas[-1])
+        self._coefficients, self._logs = coefficients_of(orbit.system), (found.slips, found.holds)
+        self._structure = orbit.system.structure
 
     def all(self) -> list[Margin]:
         """Return all margins."""
-        thetas, found = self._thetas, list[Margin]()
+        thetas, found, full = self._thetas, list[Margin](), self._full
         rates = self._gauge.rate(self._coefficients, thetas, self._states, None, 1)
-        inside = [self._inside(phase) for phase in self._phases]
+        firsts = np.searchsorted(thetas, [phase.start % full for phase in self._phases]).tolist()
+        inside = [self._inside(*each) for each in zip(firsts, [*firsts[1:], *firsts[:1]], strict=True)]
         sticks = [place for place, own in enumerate(inside) if not self._phases[place].mode and len(own) > 2]
         past = [phase.mode for phase in (self._phases[-1], *self._phases[:-1])]
         ends = [place for place, phase in enumerate(self._phases) if past[place] not in (0, phase.mode)]
-        starts = [int(np.searchsorted(thetas, self._phases[place].start % self._full)) for place in ends]
+        starts = [firsts[place] for place in ends]
         asked = [(inside[place], int(inside[place][len(inside[place]) // 2])) for place in sticks]
         if self._gauge.memory is None:
             asked += [(np.array([start]), start) for start in starts]
@@ -169,51 +172,47 @@ class _Margins:
             found.append(Margin(self._contact, "stop", side, float(thetas[start]), own, own + other))
         return found
 
-    def _inside(self, phase: FrictionPhase) -> NDArray[np.intp]:
-        """Return the samples within a phase, in the order of time."""
-        after = (self._thetas[:-1] - phase.start) % self._full
-        inside = np.flatnonzero(after <= phase.length)
-        return inside[np.argsort(after[inside], kind="stable")]
+    def _inside(self, first: int, last: int) -> NDArray[np.intp]:
+        """Return the samples within a phase, in the order of time; it begins and ends at one, at which others do."""
+        count = len(self._thetas) - 1
+        if first < last:
+            return np.arange(first, last + 1)
+        return np.arange(first, last + count + (first != last)) % count
 
     def _bounds(self, asked: list[tuple[NDArray[np.intp], int]]) -> list[tuple[Array, Array]]:
         """Return the force at which slip begins, and that in stick, at sets of samples with the modes at one each."""
         groups: dict[bytes, tuple[DryModes, list[int]]] = {}
-        for number, (_, at) in enumerate(asked):
-            modes = self._gauge.sticking(self._modes.at(at))
+        for number, modes in enumerate(self._stuck([at for _, at in asked])):
             groups.setdefault(modes.slips.tobytes() + modes.held.tobytes(), (modes, []))[1].append(number)
         found: dict[int, tuple[Array, Array]] = {}
         for modes, numbers in groups.values():
             samples = np.concatenate([asked[number][0] for number in numbers])
             states, thetas = self._states[samples], self._thetas[samples]
-            bound, force = self._bound_and_force(thetas, states, modes)
+            bound, force = self._gauge.bound_and_force(self._coefficients, thetas, states, modes)
             bound, first = bound + 0.0 * force, 0
             for number in numbers:
                 last = first + len(asked[number][0])
                 found[number], first = (bound[first:last], force[first:last]), last
         return [found[number] for number in range(len(asked))]
 
-    def _bound_and_force(self, thetas: Array, states: Array, modes: DryModes) -> tuple[Array, Array]:
-        """See `FrictionGauge.bound_and_force`."""
-        gauge, read = self._gauge, None
-        if self._readings is not None and gauge.reaction is not None:
-            read = self._readings.along(self._coefficients, states, thetas, modes.slips.astype(float))
-        if read is None:
-            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
-        layout, n = gauge.layout, gauge.n
-        constraint = Constraint(layout, self._coefficients, modes.order(layout.structure))
-        if gauge.reaction not in constraint.independent:
-            return gauge.bound_and_force(self._coefficients, thetas, states, modes)
-        row = constraint.reactions[constraint.independent.index(gauge.reaction)].copy()
-        row[: 2 * n + len(layout.contacts)] *= -1.0
-        return read[:, len(row) + 3 * gauge.place + 2], read[:, : len(row)] @ row
+    def _stuck(self, samples: list[int]) -> list[DryModes]:
+        """Return the modes just before some samples, with this friction in stick."""
+        structure = self._structure
+        if len(structure.friction) + len(structure.memories) == 1 == len(structure.reactions):  # there are no others
+            return [DryModes(np.zeros(1, dtype=np.int8), np.ones(1, dtype=bool))] * len(samples)
+        modes = modes_along(structure, self._thetas[samples], *self._logs, before=True)
+        return [self._gauge.sticking(modes.at(number)) for number in range(len(samples))]
 
     def _least(self, phase: FrictionPhase, side: int, samples: NDArray[np.intp], values: Array) -> list[Margin]:
         """Return the least values of a quantity within a phase, by parabolas."""
         thetas = self._thetas[samples]
         if phase.length >= self._full:
             thetas, values = np.append(thetas, thetas[:2] + PERIOD), np.append(values, values[:2])
-        lowest = (values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])
-        found, what, largest = [], "rate" if phase.mode else "reserve", float(values.max())
+        rises = values[1:] >= values[:-1]
+        lowest = rises[1:] & ~rises[:-1]
+        if not lowest.any():
+            return []
+        found, what, largest = list[Margin](), "rate" if phase.mode else "reserve", float(values.max())
         for place in np.flatnonzero(lowest).tolist():
             before, here, after = values[place : place + 3].tolist()
             slope, bend = 0.5 * (after - before), before - 2.0 * here + after

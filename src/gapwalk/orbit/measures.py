@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
-from gapwalk.flow.motion import Motion
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 from gapwalk.orbit.friction_phases import Margin, margins_of
@@ -125,7 +125,9 @@ def survey(orbit: Orbit) -> Survey:
     thetas = np.array([0.0, length])
     if structure.friction:
         starts = [phase.start % length for phases in orbit.friction.values() for phase in phases]
-        thetas = np.unique(np.concatenate((np.linspace(0.0, length, _SAMPLES * orbit.period + 1), starts)))
+        thetas = np.sort(np.concatenate((_even(orbit.period), starts)))
+        if (same := thetas[1:] == thetas[:-1]).any():
+            thetas = np.delete(thetas, np.flatnonzero(same))
     integrals, turns, found = flow.survey(coefficients, orbit.state, thetas)
     contacts = []
     for contact in flow.equations.layout.contacts:
@@ -143,9 +145,14 @@ def survey(orbit: Orbit) -> Survey:
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
     margins = []
     if structure.friction and orbit.is_exact:
-        motion = Motion.of(orbit.system, thetas, found.states, *found.logs)
-        margins = margins_of(motion, orbit.friction, flow.readings)
+        margins = margins_of(orbit, thetas, found, flow.readings)
     return Survey(tuple(contacts), visited, integrals / length, margins)
+
+
+@lru_cache(maxsize=16)
+def _even(period: int) -> NDArray[np.float64]:
+    """Return the even samples of a motion with friction over some forcing periods."""
+    return np.linspace(0.0, PERIOD * period, _SAMPLES * period + 1)
 
 
 def apart(a: float, b: float, full: float) -> float:

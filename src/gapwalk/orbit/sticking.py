@@ -53,9 +53,8 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
     arcs
         The successive arcs of one period, with their transitions.
     """
-    slipping = {event.contact for arc in arcs for event in arc.slips if event.slip}
     found = []
-    for contact in sorted({event.contact for arc in arcs for event in arc.slips} - slipping):
+    for contact in _never_slipping(arcs):
         kept = _kept_row(layout, coefficients, contact)
         carried = kept
         for arc in reversed(arcs):
@@ -63,6 +62,12 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
         if np.abs(carried - kept).max() <= _KEPT * np.abs(kept).max():
             found.append(contact)
     return tuple(found)
+
+
+def _never_slipping(arcs: Sequence[Arc]) -> list[int]:
+    """Return the numbers of the contacts whose friction sticks all through some arcs."""
+    slipping = {event.contact for arc in arcs for event in arc.slips if event.slip}
+    return sorted({event.contact for arc in arcs for event in arc.slips} - slipping)
 
 
 def released(
@@ -157,11 +162,14 @@ class Closure(NamedTuple):
         """Compute the multipliers of the successive arcs of one period; the coefficients only where friction sticks."""
         if not any(arc.slips for arc in arcs):
             return cls(multipliers([transition_of(arc) for arc in arcs]))
-        stuck = stuck_in(layout, coefficients(), arcs)
-        found = multipliers([transition_of(arc) for arc in released(layout, coefficients(), arcs, start)])
-        found[np.abs(found) <= _ROUNDING * max(1.0, float(np.abs(found).max()))] = 0.0
-        values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
-        return cls(np.array(sorted(values, key=abs, reverse=True)), _joined(arcs), stuck)
+        stuck = stuck_in(layout, coefficients(), arcs) if _never_slipping(arcs) else ()
+        free = released(layout, coefficients(), arcs, start) if stuck else arcs
+        found = multipliers([transition_of(arc) for arc in free])  # the largest first
+        found[np.abs(found) <= _ROUNDING * max(1.0, abs(found[0]))] = 0.0
+        if stuck:
+            values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
+            found = np.array(sorted(values, key=abs, reverse=True))
+        return cls(found, _joined(arcs), stuck)
 
 
 def _joined(arcs: Sequence[Arc]) -> tuple[SlipEvent, ...]:

@@ -236,18 +236,23 @@ class DesignStudy(DesignOptions, RangeStudy):
         found = with_search(values)
         begin = found.get("begin", system[found["parameter"]])
         ends = min(begin, found["end"]), max(begin, found["end"])
-        goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
-        for goal in goals:
-            goal.check(system, ends)
+        for change in found["changes"]:
+            if change.parameter == found["parameter"]:
+                raise ModelError(f"changes names {change.parameter}, over which the response is walked; choose others")
+        try:
+            goals = tuple(table.goal(system, found["parameter"], ends) for table in found["goals"])
+            for goal in goals:
+                goal.check(system, ends)
+        except ModelError as error:
+            raise ModelError(f"goals has one that is not possible: {error}") from None
         return super().of_table({**found, "goals": goals}, system)
 
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return (
-            f"design over {self.range_words}: least change of {len(self.changes)} parameters "
-            f"for {len(self.goals)} goals"
-        )
+        named = ((self.changes, "parameter"), (self.goals, "goal"))
+        changes, goals = (f"{len(each)} {word}{'s' * (len(each) > 1)}" for each, word in named)
+        return f"design over {self.range_words}: least change of {changes} for {goals}"
 
     def work(self, system: System) -> DesignWork:
         """Return the work on the design."""

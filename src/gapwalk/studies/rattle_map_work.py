@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.gap_states import chosen_gaps
-from gapwalk.answers.rattle_map import RattleMap, borders, differs, gap_places, judge_gaps
+from gapwalk.answers.gap_states import chosen_gaps, judge_gaps
+from gapwalk.answers.rattle_map import RattleMap, borders, differs
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.many_motions import finite_rows, motions_of
+from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
@@ -41,7 +41,7 @@ class RattleChunk:
     number
         Number of the chunk.
     codes, periods, peaks, states
-        What the gaps do; see `gapwalk.answers.rattle_map.GapVerdicts`.
+        What the gaps do; see `gapwalk.answers.gap_states.GapVerdicts`.
     error
         Error of the batch integrator.
     """
@@ -179,9 +179,5 @@ def _judge_piece(
     """Judge a chunk of cells, whose values have the shape (cells, 2)."""
     number, values = piece
     states = np.tile(start, (len(values), 1))
-    by_name = dict(zip(names, values.T, strict=True))
-    motions = motions_of(system, states, by_name)
-    structure = system.structure
-    paces = by_name.get(structure.pace, np.full(len(values), system[structure.pace]))
-    scales = np.array([system.state_scales(1.0, structure.frequency * pace) for pace in paces.tolist()])
-    return RattleChunk(number, *judge_gaps(motions, states, scales, gap_places(system, gaps), patience), motions.error)
+    found = judge_gaps(system, states, dict(zip(names, values.T, strict=True)), gaps, patience)
+    return RattleChunk(number, *found[:4], found.error)

@@ -55,7 +55,7 @@ class RunUpFinding(Finding):
     @property
     def complete(self) -> bool:
         """True if all run-ups are done, and the response if it is wanted."""
-        return self.done == self.asked.count and not (self.asked.response and self.response is None)
+        return self.done == self.asked.count and not (self.asked.with_response and self.response is None)
 
     @property
     def stored(self) -> str:

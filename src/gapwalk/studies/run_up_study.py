@@ -130,7 +130,7 @@ class RunUpStudy(StudyKind):
         contact with the largest force.
     samples
         Samples per forcing period of a single run-up.
-    response
+    with_response
         True to walk the response from the first speed to the last, as a slow sweep meets it: the run-up is laid over
         it, with the delay of each jump.
     orders
@@ -162,7 +162,7 @@ class RunUpStudy(StudyKind):
     starts: int = 1
     signal: str = ""
     samples: int = 512
-    response: bool = False
+    with_response: bool = False
     orders: Annotated[float, Ge(0.0), Le(1000.0)] = 0.0
     window: int = 8
     bins: int = 100
@@ -195,9 +195,10 @@ class RunUpStudy(StudyKind):
             values |= {"times": tuple(trace.time.tolist()), "speeds": tuple(trace.speed.tolist())}
         elif ramp:
             names = {"begin": "from", "end": "to", "rate": "rate"}
+            example = f'"100 {system.units.parameter(system.structure.pace)}/s"' if system.units else "0.01"
             missing = " and ".join(names[key] for key in ramp)
             raise ModelError(
-                f'{missing} {"is" if len(ramp) == 1 else "are"} missing: write from, to and rate = "100 rpm/s" for a '
+                f"{missing} {'is' if len(ramp) == 1 else 'are'} missing: write from, to and rate = {example} for a "
                 'ramp, or trace = "run-up.csv" for a measured trace'
             )
         asked = cls(**values)
@@ -305,7 +306,7 @@ class RunUpWork(Work):
         elif self._one is None:
             self._one = run_up(self.system, asked.courses[0], samples=asked.samples)
             yield Found((RUN.entry(self._one),), ())
-        if asked.response and self._response is None:
+        if asked.with_response and self._response is None:
             self._response = _slow_response(self.system, asked.courses)
             yield Found((RESPONSE.entry(self._response),), ())
 
@@ -342,7 +343,7 @@ class RunUpWork(Work):
     @property
     def total(self) -> int:
         """Number of all parts."""
-        return self.chunks + self.asked.response
+        return self.chunks + self.asked.with_response
 
     @property
     def chunks(self) -> int:

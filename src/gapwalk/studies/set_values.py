@@ -176,15 +176,16 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
 
 def walked_parameters(table: Mapping[str, object]) -> list[str]:
     """Return the parameters that a study walks or varies, if they are given as strings."""
-    second = table.get("second")
-    found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
+    ranges = (table, table.get("second"), table.get("over"))
+    found = [each.get("parameter") for each in ranges if isinstance(each, Mapping)]
     return [*(name for name in found if isinstance(name, str)), *varied_parameters(table)]
 
 
 def varied_parameters(table: Mapping[str, object]) -> list[str]:
-    """Return the parameters that differ from member to member of a family."""
+    """Return the parameters that differ from member to member of a family; `over` may be a single range, too."""
     over = table.get("over")
-    leaves = leaves_of(over, ()) if isinstance(over, Mapping) else ()
+    is_family = isinstance(over, Mapping) and not isinstance(over.get("parameter"), str)
+    leaves = leaves_of(over, ()) if is_family else ()
     return [".".join(str(key) for key in leaf.path) for leaf in leaves]
 
 
@@ -195,7 +196,15 @@ def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
     key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
     if key == "study.second.from" and all(table.get("kind") == "locus" for table in tables):
         key = "study.second.at"
+    if all(_over(table) == name for table in tables):
+        key = "study.over.from"
     return f"the study walks it from {key} on; set {key} instead"
+
+
+def _over(table: Mapping[str, object]) -> object:
+    """Return the parameter of the range ``over`` of a threshold; None if there is no such range."""
+    over = table.get("over")
+    return over.get("parameter") if isinstance(over, Mapping) else None
 
 
 def _walks_second(table: Mapping[str, object], name: str) -> bool:

@@ -10,7 +10,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from gapwalk.answers.gap_states import chosen_gaps
-from gapwalk.answers.threshold import Threshold, ThresholdOptions, find_threshold
+from gapwalk.answers.threshold import Threshold, ThresholdOptions
+from gapwalk.answers.threshold_search import Request, Round, ThresholdSearch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.parallel.workers import Workers
@@ -62,7 +63,10 @@ class ThresholdStudy(RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"threshold of {self.range_words} at which {', '.join(self.gaps)} cease to rattle over {self.over.words}"
+        verb = "ceases" if len(self.gaps) == 1 else "cease"
+        return (
+            f"threshold of {self.range_words} at which {', '.join(self.gaps)} {verb} to rattle over {self.over.words}"
+        )
 
     def first_system(self, system: System) -> System:
         """Return the system at the first value of both parameters."""
@@ -73,33 +77,50 @@ class ThresholdStudy(RangeStudy):
         return ThresholdWork(system, self)
 
 
+ROUND = Part("round", Round, numbered=True)
 THRESHOLD = Part("threshold", Threshold)
 
 
 class ThresholdWork(Work):
-    """The search for one threshold, which is one part."""
+    """The search for one threshold: its rounds, then the threshold."""
 
     def __init__(self, system: System, asked: ThresholdStudy) -> None:
-        self.system, self.asked = system, asked
-        self.gaps = chosen_gaps(system, asked.gaps)
+        over = asked.over
+        span = min(over.begin, over.end), max(over.begin, over.end)
+        gaps = chosen_gaps(system, asked.gaps)
+        to = asked.begin, asked.end
+        self._search = ThresholdSearch(Request(system, gaps, asked.parameter, to, over.parameter, span, asked.options))
         self._found: Threshold | None = None
 
     def take(self, known: Parts) -> None:
-        """Read the threshold of a file."""
+        """Read the threshold of a file, or the rounds of the search if it is incomplete."""
         self._found = known.get(THRESHOLD)
+        if self._found is None:
+            self._search.rounds = [each for _, each in known.all(ROUND)]
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Find the threshold."""
-        asked, over = self.asked, self.asked.over
-        span = min(over.begin, over.end), max(over.begin, over.end)
-        to = asked.begin, asked.end
-        self._found = find_threshold(self.system, asked.parameter, to, over.parameter, span, self.gaps, asked.options)
+        """Do the remaining rounds; then give the threshold."""
+        search = self._search
+        while not search.is_over:
+            latest = search.advance()
+            yield Found.part(ROUND, latest, len(search.rounds) - 1)
+        self._found = search.found()
         yield Found.part(THRESHOLD, self._found)
 
     @property
     def complete(self) -> bool:
         """True if the threshold is known."""
         return self._found is not None
+
+    @property
+    def done(self) -> int:
+        """Number of parts that are done."""
+        return self.total if self.complete else len(self._search.rounds)
+
+    @property
+    def total(self) -> int:
+        """Number of parts: most searches need two rounds."""
+        return max(2, len(self._search.rounds) + (not self._search.is_over)) + 1
 
     @property
     def record(self) -> Threshold | None:
@@ -162,9 +183,9 @@ def threshold(
     options
         Number of motions that are tried.
     report
-        Called with the threshold once it is written to the file.
+        Called with each round of the search, and with the threshold, once it is written to the file.
     output
-        A file to write; `gapwalk.load` reads it.
+        A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
 
     Returns
     -------
@@ -175,6 +196,8 @@ def threshold(
     ------
     ModelError
         For unknown parameters or contacts, or an empty range.
+    Interrupted
+        After Ctrl-C.
 
     Examples
     --------

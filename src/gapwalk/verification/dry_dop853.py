@@ -1,7 +1,8 @@
 """Integration of orbits with dry friction or rigid stops over one period, one at a time, by DOP853 between events.
 
-Unlike `gapwalk.verification.dop853`, it knows nothing of the stored events: it finds each event, decides the modes
-after it on its own (`gapwalk.verification.dry_instant`), and compares both afterwards. Steps are chosen by the error
+Unlike `gapwalk.verification.dop853`, it finds each event, decides the modes after it on its own
+(`gapwalk.verification.dry_instant`), and compares both with those that are stored afterwards. Of these it uses only
+the angles of contacts so brief that its error hides them, where they matter. Steps are chosen by the error
 estimate. In a step the guards of the present modes are sampled (`gapwalk.verification.guard_samples`), and an event is
 located by shorter steps from the same start.
 
@@ -38,6 +39,10 @@ _STEP = 1e-150  # of the complex step
 _EXACT = 2e-11  # error of a step, relative to the motion
 _BARELY = 1e-8  # excess of a force over its bound where friction would slip for no time, as at switching-sliding
 _HOP = 1e-3  # angle of a flight that is located from its parabola, and of a step while slip pauses
+_SLOW = 1e-4  # share of the velocities below which an event may be too slow to be found
+_SECTION = 1e-10  # radians before the end in which an impact may come before or after it, by rounding
+_SHORTEST = 1e-9  # angle of a step that is taken whatever its error is
+_STEPS = 8000  # the most in a period: those in pauses, and as many as it may take besides
 _MOST = 4000  # events in a period
 _AT_ONCE = 40  # events at one angle
 
@@ -110,24 +115,38 @@ class _Motion(DryInstant):
     def __init__(self, orbit: Orbit) -> None:
         super().__init__(orbit)
         equations, n = self.equations, self.equations.size
-        self.error, self._step = 0.0, 1e-3
+        self.error, self._step, self._steps = 0.0, 1e-3, _STEPS * orbit.period
         self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
         self._pieces = sorted(
             {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
         )
+        hosts = {equations.host_of(index) for index in equations.memories}
+        matter = {switch for switch, index in enumerate(equations.contact_of) if index in hosts} | {*equations.rigid}
+        self._grazes = {
+            each.theta: (each.switch, each.enters)
+            for each in orbit.events
+            if each.switch in matter and abs(each.velocity) < _SLOW * self.speed
+        }
+        since = _PERIOD * orbit.period - _SECTION
+        self._last = {each.switch for each in orbit.events if each.switch in equations.rigid and each.theta > since}
         self.changes = [Change("slip", index, slip, 0.0, 0.0) for index, slip in self.modes.slip.items()]
         soft = [switch for switch in range(len(equations.signs)) if switch not in equations.rigid]
         self.changes += [Change("contact", switch, int(self.modes.closed[switch]), 0.0, 0.0) for switch in soft]
 
     def advance(self, end: float) -> None:
         """Integrate to an angle."""
-        equations, repeated, count, last = self.equations, 0, 0, -1.0
-        for stop in [*(angle for angle in self._pieces if 0.0 < angle < end), end]:
+        equations, repeated, count, last, missing = self.equations, 0, 0, -1.0, {*self._last}
+        for stop in [*(angle for angle in sorted({*self._pieces, *self._grazes}) if 0.0 < angle < end), end]:
             self.levels = equations.levels(np.array([0.5 * (self.theta + stop)]))
             while self.theta < stop:
                 key = self._advance(stop)
                 if key is None:
                     continue
+                if self.theta > end - _SECTION and self._is_impact(key):
+                    if key[1] not in missing:
+                        self.theta = end  # the stored motion ends before it
+                        break
+                    missing.discard(key[1])
                 repeated = repeated + 1 if self.theta - last <= 1e-14 * (1.0 + self.theta) else 0
                 count += 1
                 if repeated > _AT_ONCE or count > _MOST:
@@ -135,25 +154,54 @@ class _Motion(DryInstant):
                 last = self.theta
                 self._slack = _BARELY if repeated else EQUAL
                 self._pass(key)
+            if stop in self._grazes and self._may_graze(*self._grazes[stop]):
+                self._pass(("contact", self._grazes[stop][0]))
+        for switch in missing:  # the stored motion ends after its impact
+            gap, rate = self._gap(switch)
+            if switch not in self.modes.held and rate < 0.0 and abs(gap) <= FIRES * self.length:
+                self._pass(("contact", switch))
         self._slack = EQUAL
         self.angles = np.full(len(self.states), self.theta)
         equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+
+    def _is_impact(self, key: tuple[str, int]) -> bool:
+        """Return True if an event is an impact on a rigid stop."""
+        return key[0] == "contact" and key[1] in self.equations.rigid and key[1] not in self.modes.held
+
+    def _may_graze(self, switch: int, enters: bool) -> bool:
+        """Return True if the motion is about to turn back from a breakpoint that it may pass or not, by its error.
+
+        An impact so slow changes the rates by little, and their derivatives by much, as the inverse of its speed; and
+        friction in series with a spring does not return to what it was when its stage opens for a moment. This is the
+        one thing that is taken from the stored events: at their angle the rate is known as well as elsewhere.
+        """
+        gap, rate = self._gap(switch)
+        if switch in self.modes.held or bool(self.modes.closed[switch]) is enters or abs(gap) > FIRES * self.length:
+            return False
+        side = 1.0 if enters else -1.0
+        turning = self.equations.turning(np.array([self.theta]), self._now())[0]
+        back = -side * self.equations.signs[switch] * float(turning[self.equations.contact_of[switch]])
+        return side * rate < 0.0 < back and rate**2 < 4.0 * FIRES * self.length * back
 
     def _stepped(self, h: float, first: Values | None = None) -> tuple[Values, Values]:
         """Return the states after a step, and the rates at its stages and its end."""
         tableau, states = method(), self.states
         count = tableau.n_stages
         rates = np.empty((count + 1, *states.shape), dtype=complex)
+        rows = rates.reshape(count + 1, -1)  # a view: `np.tensordot` does the same with more ado
         rates[0] = self._rates(self.theta, states) if first is None else first
         for s in range(1, count):
-            middle = states + h * np.tensordot(tableau.A[s, :s], rates[:s], axes=1)
+            middle = states + (h * tableau.A[s, :s] @ rows[:s]).reshape(states.shape)
             rates[s] = self._rates(self.theta + tableau.C[s] * h, middle)
-        new = states + h * np.tensordot(tableau.B, rates[:count], axes=1)
+        new = states + (h * tableau.B @ rows[:count]).reshape(states.shape)
         rates[-1] = self._rates(self.theta + h, new)
         return new, rates
 
     def _advance(self, stop: float) -> tuple[str, int] | None:
         """Take one step, to the first event in it if there is any; return that."""
+        self._steps -= 1
+        if self._steps < 0:
+            raise NumericalError("the motion takes too many steps")
         self._end_pauses()
         hops = self._hops()
         most = min([stop - self.theta, *(1.5 * hop for hop in hops.values()), *(_HOP for _ in self.pausing)])
@@ -165,7 +213,7 @@ class _Motion(DryInstant):
                 if not math.isfinite(error):
                     raise NumericalError("the motion diverges")
                 ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
-                if error <= _EXACT or h < 1e-9:
+                if error <= _EXACT or h < _SHORTEST:
                     break
                 h *= max(0.2, ratio)
         longer = max(self._step, h) if h == most else h
@@ -215,29 +263,42 @@ class _Motion(DryInstant):
             values = self.guards(self.theta + shares * h, states)
             return {key: each for key, each in values.items() if key not in hops}
 
-        for key, (last, first) in brackets(sample).items():
-            if self._guard_after(first * h, key)[0] >= -0.1 * FIRES:
-                continue  # the interpolation is less exact than that
+        def exact(shares: Array, key: tuple[str, int]) -> Array:
+            return np.array([self._guard_after(share * h, key)[0] for share in shares])
+
+        for key, (last, after) in brackets(sample, exact).items():
+            for first in after.tolist():
+                at_first = self._guard_after(first * h, key)
+                if at_first[0] < -0.1 * FIRES:
+                    break  # the interpolation is less exact than that: it may be above zero before
+            else:
+                continue
             at_last = self._guard_after(last * h, key)[0]
             if at_last <= 0.0 < last:  # as here, in a dip that is as shallow as that
                 last, at_last = 0.0, self._guard_after(0.0, key)[0]
-            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key), key))
+            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key, at_first), key))
         return min(found) if found else None
 
-    def _root(self, low: float, high: float, key: tuple[str, int]) -> float:
-        """Locate a sign change by Newton's method within a bracket that shrinks."""
-        share = high
-        for _ in range(60):
-            value, slope = self._guard_after(share, key)
+    def _root(self, low: float, high: float, key: tuple[str, int], at_high: tuple[float, float]) -> float:
+        """Locate a sign change by Newton's method within a bracket that shrinks; `at_high` are value and slope there.
+
+        It ends when the next step, by the ratio of the last two, would be rounding: each evaluation costs a whole step.
+        """
+        exact, share, last = 4e-16 * (1.0 + self.theta), high, 0.0
+        for number in range(60):
+            value, slope = self._guard_after(share, key) if number else at_high
             if value > 0.0:
                 low = share
             else:
                 high = share
             step = -value / slope if slope else math.inf
-            better = share + step if low <= share + step <= high else 0.5 * (low + high)
-            if abs(better - share) <= 4e-16 * (1.0 + self.theta) or high - low <= 1e-16:
+            inside = low <= share + step <= high
+            better = share + step if inside else 0.5 * (low + high)
+            if abs(better - share) <= exact or high - low <= 1e-16:
                 return better
-            share = better
+            if inside and last and abs(step) ** 3 <= exact * last**2:
+                return better
+            share, last = better, step if inside else 0.0
         return share
 
     def _guard_after(self, h: float, key: tuple[str, int]) -> tuple[float, float]:

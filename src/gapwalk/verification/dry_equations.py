@@ -97,6 +97,9 @@ class DryEquations(Equations):
         self.creeping = [
             index for index in self.memories if index in self._pressed or forms[index].name in self._varied_prefixes
         ]
+        # as complex numbers too, so that products with complex states, a million of them, convert nothing
+        own = -np.hstack((self._stiffness[0], self._damping[0])).T, self._shapes[0].T, -self._push[0].T
+        self._terms = own, [each.astype(complex) for each in own]
         # a contact that hosts friction comes before the friction
         self._order = sorted(range(len(forms)), key=lambda index: forms[index].law.is_dry)
 
@@ -125,7 +128,9 @@ class DryEquations(Equations):
     def _named(self, prefix: str, numbers: Mapping[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
         return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else dict(numbers)
 
-    def loading(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Loading:
+    def loading(
+        self, angles: Values, states: Values, modes: Modes, levels: Values, *, breakaways: bool = True
+    ) -> Loading:
         """Compute accelerations, forces and limits.
 
         Parameters
@@ -138,16 +143,19 @@ class DryEquations(Equations):
             The modes.
         levels : shape (L, loads that jump)
             1 for each load at its high level, otherwise 0.
+        breakaways
+            False to leave them out.
         """
         n, count = self.size, len(states)
         q, v = states[:, :n], states[:, n : 2 * n]
         loads = self._loads.at(angles, _ALL, levels)
         x, rates = self._moves(angles, q, v, _ALL, loads)
-        closed = np.tile(modes.closed, (count, 1))
+        closed = modes.closed[None]
         forces = np.zeros((count, len(self._contacts)), dtype=np.result_type(states, angles))
         sliding = rates[:, self._first].copy()
         known: dict[int, Stages] = {}
-        limits, breakaways = {}, {}
+        limits: dict[int, Values] = {}
+        bounds: dict[int, Values] = {}
         for index in self._order:
             form, place = self._contacts[index], self._of_contact[index][0]
             stages, numbers = self._arguments(index, loads, x, rates, closed, _ALL)
@@ -158,26 +166,22 @@ class DryEquations(Equations):
                 slip = stages.slip = modes.slip[index]
                 stages.host = None if host is None else Host(known[host], forces[:, host])
                 limits[index] = form.law.limit(stages, numbers) + np.zeros(count)
-                breakaways[index] = form.law.breakaway(stages, numbers) + np.zeros(count)
+                if breakaways:
+                    bounds[index] = form.law.breakaway(stages, numbers) + np.zeros(count)
                 if index in self.memories:
                     at_limit = slip * limits[index] / numbers["stiffness"]
                     stages.extension = at_limit if slip else states[:, self.memories[index]]
                 sliding[:, index] -= numbers["speed"]
             forces[:, index] = form.law.force(rates[:, place], stages, numbers)
-        free = (
-            self._mean
-            + loads[:, self._driving] @ self._shapes[0].T
-            - q @ self._stiffness[0].T
-            - v @ self._damping[0].T
-            - forces @ self._push[0].T
-        )
+        within, driven, pushed = self._terms[np.iscomplexobj(forces)]
+        free = self._mean + loads[:, self._driving] @ driven + states[:, : 2 * n] @ within + forces @ pushed
         if active := self.active(modes):
             rows, pushes = np.array([self.row(each) for each in active]), self._push[0][:, active]
             turning = free @ rows.T + self._swaying(angles)[:, active]
             reactions = np.linalg.solve(rows @ pushes, turning.T).T
             free = free - reactions @ pushes.T
             forces[:, active] = reactions
-        return Loading(free, forces, limits, breakaways, sliding)
+        return Loading(free, forces, limits, bounds, sliding)
 
     def turning(self, angles: Values, found: Loading) -> Values:
         """Return the derivatives over time of the slip rates of all contacts, shape (L, contacts)."""
@@ -191,7 +195,7 @@ class DryEquations(Equations):
     def derivatives(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Values:
         """Return the derivatives of states over the angle; of an extension in slip, which its limit determines, 0."""
         n = self.size
-        found = self.loading(angles, states, modes, levels)
+        found = self.loading(angles, states, modes, levels, breakaways=False)
         rates = np.zeros(states.shape, dtype=found.accelerations.dtype)
         rates[:, :n], rates[:, n : 2 * n] = states[:, n : 2 * n], found.accelerations
         for index, place in self.memories.items():

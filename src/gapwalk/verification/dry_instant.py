@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 
 from gapwalk.errors import NumericalError
+from gapwalk.flow.length_unit import smallness
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
 from gapwalk.verification.guard_samples import FIRES
@@ -26,6 +27,7 @@ SMALL = 1e-25
 EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _PAUSE = 1e-6  # slip rate, relative to the velocities, by which slip may reverse in a pause
+_LEAST = 1e-3  # share of the small length of a system below which a motion is rest
 _HELD = 1e-7  # angle of a flight that is not made any more
 
 
@@ -58,7 +60,8 @@ class DryInstant:
         self.theta, self.angles = 0.0, np.zeros(size + 1)
         self.states = np.tile(orbit.state.astype(complex), (size + 1, 1))
         self.states[1:] += 1j * SMALL * np.eye(size)
-        length = max(float(np.abs(orbit.extremes).max()), float(np.abs(orbit.state[:n]).max()), 1e-300)
+        least = _LEAST * smallness(orbit.system)  # friction may keep all at rest
+        length = max(float(np.abs(orbit.extremes).max()), float(np.abs(orbit.state[:n]).max()), least)
         speed = max(float(np.abs(orbit.state[n : 2 * n]).max()), length * equations.omega)
         self.scales = np.full(size, length)
         self.scales[n : 2 * n] = speed

@@ -2,12 +2,14 @@
 
 A guard is sampled at some shares of the step. Where it is positive at all of them, it may still dip below zero between
 two, as at a touch that is shorter than a tenth of the step. So a smallest sample between two larger ones is looked at
-more closely, until a parabola through the three stays well above zero.
+more closely, until a parabola through the three stays well above zero. Where it is near zero, that is done with exact
+values, since samples are interpolated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -19,43 +21,52 @@ FIRES = 1e-11
 _SHARES = np.concatenate(([0.0], 0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
 _CLOSER = 8  # parts of an interval that is looked at more closely
 _DEEPEST = 6  # times that it is
+_ROUGH = 1e-2  # share of its scale by which an interpolated sample of a guard may be off
 _CLEAR = 0.5  # share of its smallest sample above which the parabola is clear of zero
 
 Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
 
-def brackets(sample: Callable[[Array], Mapping[Key, Array]]) -> dict[Key, tuple[float, float]]:
-    """Find the guards that pass below zero in a step, each with shares of the step before and after that.
+def brackets(
+    sample: Callable[[Array], Mapping[Key, Array]], exact: Callable[[Array, Key], Array]
+) -> dict[Key, tuple[float, Array]]:
+    """Find the guards that pass below zero in a step, each with a share of the step before that, and all those after.
 
     Parameters
     ----------
     sample
-        Function of increasing shares of the step, from 0 to 1, that returns the values of each guard.
+        Function of increasing shares of the step, from 0 to 1, that returns the interpolated values of each guard.
+    exact
+        Function of such shares and a guard that returns its values, which may take long.
     """
     found = {}
     for key, values in sample(_SHARES).items():
         shares = _SHARES
         below = np.flatnonzero(values[1:] < -FIRES) + 1
         if not len(below):
-            shares, values = _dip(lambda at, key=key: sample(at)[key], shares, values)
+            shares, values = _dip(lambda at, key=key: sample(at)[key], partial(exact, key=key), shares, values)
             below = np.flatnonzero(values < -FIRES)
         if len(below):
             above = np.flatnonzero(values[: below[0]] > FIRES)
-            found[key] = (float(shares[above[-1]]) if len(above) else 0.0, float(shares[below[0]]))
+            found[key] = (float(shares[above[-1]]) if len(above) else 0.0, shares[below])
     return found
 
 
-def _dip(sample: Callable[[Array], Array], shares: Array, values: Array) -> tuple[Array, Array]:
+def _dip(
+    sample: Callable[[Array], Array], exact: Callable[[Array], Array], shares: Array, values: Array
+) -> tuple[Array, Array]:
     """Return samples near a dip below zero, or no samples."""
     inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for place in inner:
         near, seen = shares[place - 1 : place + 2], values[place - 1 : place + 2]
+        known = False
         for _ in range(_DEEPEST):
-            if _lowest(near, seen) > _CLEAR * seen[1]:
+            is_rough = seen[1] < _ROUGH
+            if (known or not is_rough) and _lowest(near, seen) > _CLEAR * seen[1]:
                 break
-            closer = np.linspace(near[0], near[2], _CLOSER + 1)
-            again = sample(closer)
+            closer, known = np.linspace(near[0], near[2], _CLOSER + 1), is_rough
+            again = (exact if is_rough else sample)(closer)
             if again.min() < -FIRES:
                 return closer, again
             middle = int(np.clip(np.argmin(again), 1, _CLOSER - 1))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,10 +33,12 @@ _TURN = 0.6  # largest angle between a tangent and the chord, in radians
 _DEEPEST = 7  # largest number of successive halvings of a gap
 _LONGER = 0.3  # largest relative difference between the distance of two points and the arclength between them
 _TOGETHER = 1e-6  # distance below which two points are one
+_ON_SIDE = 1e-3  # share of a gap at which the tangent on one side of a corner is taken
 _SHARES = (0.5, 0.4, 0.62)  # places at which an orbit is sought: close to a crossing of branches correction fails
 _SAME = 1e-9  # relative difference below which two values of the parameter are equal
 _CLOSED = 1e-5  # largest distance between the first and the last point of a closed branch
 _NEAR = 0.1  # difference of the halves of a motion below which a doubled branch may step onto its parent
+_AHEAD = 3.0  # factor on the extrapolated distance to a junction within which it must be
 _BEYOND = 0.02  # distance, in scales of the parameter, by which a junction may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
@@ -150,6 +153,8 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
                 yield f"{said}, but the branch ends at {point.value:.10g}"
             elif not _may_join(track, point):
                 yield f"{said}, but no other branch is near its end"
+            elif abs(end.value - point.value) > same + _AHEAD * _left(branch.points if place else branch.points[::-1]):
+                yield f"{said}, but there the branch, which ends at {point.value:.10g}, does not lead"
         case EndReason.POINTS:
             count = sum(each.arclength * (-1.0 if place == 0 else 1.0) > 0.0 for each in branch.points)
             if end.detail and not end.detail.endswith(f" {count}"):
@@ -167,13 +172,53 @@ def _may_join(track: Track, point: BranchPoint) -> bool:
     return False
 
 
+def _left(points: Sequence[BranchPoint]) -> float:
+    """Return how far the parameter is from where the halves of a doubled motion meet, beyond the last of some points.
+
+    It is extrapolated with the difference of the halves. If the parameter is quadratic in that, that is too far.
+    """
+    last = points[-1]
+    before = next((each for each in reversed(points) if each.orbit is not last.orbit), last)
+    if last.orbit.period % 2 or before is last:
+        return math.inf
+    try:
+        a, b = (float(np.linalg.norm(halves_apart(each))) for each in (before, last))
+    except NumericalError:
+        return math.inf
+    return abs(last.value - before.value) * b / (a - b) if b < a else math.inf
+
+
 def _verify_gaps(ledger: Ledger, track: Track) -> None:
     """Check the gaps between neighbours, and the changes over them."""
     for number, (a, b, special) in enumerate(steps_of(track.branch)):
         spot = Spot(track.name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
-        ledger.enter(Check.GAPS, spot, max(_gap(track, *pair) for pair in pairwise(knots)))
+        corners = [each.point for each in special if not each.kind.by_multipliers]
+        ledger.enter(Check.GAPS, spot, max(_gap(track, *_one_sided(track, pair, corners)) for pair in pairwise(knots)))
         ledger.judge(Check.COUNTS, spot, unexplained(a, b, special, joining_points(track.branch)))
+
+
+def _one_sided(
+    track: Track, pair: tuple[BranchPoint, BranchPoint], corners: Sequence[BranchPoint]
+) -> tuple[BranchPoint, BranchPoint]:
+    """Return two neighbours; one at which the branch may have a corner, with its tangent on the side of the other.
+
+    Where the sequence of slip and stick changes, the tangent that is stored is that of one side.
+    """
+    a, b = pair
+    if len(a.x) != len(b.x) or length_of(b.x - a.x) < _TOGETHER:
+        return pair
+    way = (b.x - a.x) / length_of(b.x - a.x)
+    sided = []
+    for knot, other in ((a, b), (b, a)):
+        if any(knot is corner for corner in corners):
+            with suppress(NumericalError):
+                corrector = track.corrector_at(knot)
+                correction = corrector.correct(knot.x + _ON_SIDE * (other.x - knot.x), way)
+                if correction is not None:
+                    knot = replace(knot, tangent=corrector.point(correction, way, 0.0).tangent)
+        sided.append(knot)
+    return sided[0], sided[1]
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:

@@ -99,7 +99,9 @@ def _verify_end(
         return
     special = parent.branch.special_points[origin.special]
     detail = f"from special point {origin.special} of {origin.parent}"
-    if not special.kind.ways or member.period != parent.period * special.kind.times:
+    jumps = special.doubles and not special.kind.ways and origin == member.joins
+    times = 2 if jumps else special.kind.times
+    if not (special.kind.ways or jumps) or member.period != parent.period * times:
         ledger.enter(Check.TREE, spot, np.inf, f"{detail}, a {special.kind.value} of period {parent.period}")
         return
     # in any phase, relative to its size
@@ -107,7 +109,7 @@ def _verify_end(
     apart = float(np.abs(states - state).max(axis=1).min()) / (1.0 + float(np.abs(state).max()))
     slack = 0.0
     # it may end just before its parent, whose orbit is the mean of its halves
-    if special.kind.times == 2 and origin == member.joins:
+    if times == 2 and origin == member.joins:
         halves = float(np.abs(halves_apart(end)).max())
         slack = halves if halves < _CLOSE else 0.0
     neglected = _TRUNCATED * max(special.orbit.truncation, end.orbit.truncation)

@@ -46,7 +46,7 @@ _EXACT = 1e-12  # error with which a special point can be located again, in widt
 _LEAST = 1e-16  # relative error of a parameter below which no number can represent it
 _MANY = 1e4  # factor on the location error above which no stated error is plausible
 _MOST = 1e-4  # the same as a share of the parameter
-_ONE_PLACE = 1e-7  # arclength within which grazing points of two contacts may be one event of a symmetric motion
+_ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event of a symmetric motion
 _INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
 
@@ -241,12 +241,13 @@ class Examination:
 def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
     """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
-    In a symmetric motion both sides of a gap graze at once; there is nothing between the two.
+    In a symmetric motion both sides of a gap graze at once, or friction changes in both directions of slip; there is
+    nothing between the two.
     """
 
     def is_one_place(other: SpecialPoint) -> bool:
-        both_graze = other.kind is special.kind is Kind.GRAZING and other.contact != special.contact
-        return both_graze and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
+        both = other.kind == special.kind and not special.kind.by_multipliers and other.contact != special.contact
+        return both and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
 
     others = (each for each in branch.special_points if each is not special and not is_one_place(each))
     knots = [*points, *(each.point for each in others)]

@@ -53,6 +53,7 @@ class Sliding(Kind):
         if known is None:
             found = find_changes(search.interval, search.before, search.first, search.last)
             known = search.memo[Sliding] = _new(search, found)
+            search.corners += [each.point.arclength for each in known]
         return [
             Zero(
                 self,

@@ -5,6 +5,7 @@ import { element } from "./chart.js";
 import { onAxes } from "./overlay.js";
 import { drawPanel } from "./panels.js";
 
+const LONG = 24; // letters of a cell from which it takes several lines
 const $ = (id) => document.getElementById(id);
 
 export class Answer {
@@ -113,7 +114,7 @@ function table({ head, rows, groups, left_out: more }) {
   rows.forEach((row, number) => {
     const cells = body.insertRow();
     cells.className = last.has(number) && number < rows.length - 1 ? "last" : "";
-    row.forEach((cell, k) => cells.append(text("td", head[k][1] ? "right" : "", cell)));
+    row.forEach((cell, k) => cells.append(text("td", head[k][1] ? "right" : cell.length > LONG ? "long" : "", cell)));
   });
   frame.tabIndex = 0;
   frame.append(made);

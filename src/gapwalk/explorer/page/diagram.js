@@ -27,6 +27,7 @@ export class Diagram {
     this.names = { x: "", y: "" };
     this.over = null; // what an answer adds, as `onAxes` in overlay.js returns it
     this.arrows = []; // from a special point to where a changed parameter moves it
+    this.extra = () => ({ over: null, arrows: [] }); // returns both
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
@@ -63,6 +64,7 @@ export class Diagram {
 
   draw() {
     const started = performance.now();
+    Object.assign(this, this.extra());
     const view = this.range ?? this.extent();
     const all = [...this.curves.all.values()];
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
@@ -97,6 +99,7 @@ export class Diagram {
   /** Draw the arrows and the labels of an answer again; the rest of what Plotly draws stays. */
   redecorate(view = null) {
     if (!this.ready) return;
+    Object.assign(this, this.extra());
     const { xaxis, yaxis } = this.place._fullLayout;
     this.programmatic = true;
     window.Plotly.relayout(this.place, this.decoration(view ?? { x: xaxis.range, y: yaxis.range }));
@@ -136,7 +139,7 @@ export class Diagram {
       autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: this.over?.lines.some(({ upright, text }) => upright && text) ? 24 : 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
-      xaxis: axis(this.names.x, view.x, width), yaxis: axis(this.names.y, view.y, height),
+      xaxis: axis(this.names.x, view.x, width - 68), yaxis: axis(this.names.y, view.y, height - 76),
       hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") }, align: "left" },
       ...this.decoration(view, width, height),
     };
@@ -256,7 +259,7 @@ export class Diagram {
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
       this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.refine(), 120);
+      this.timer = setTimeout(() => (this.over?.clouds.length ? this.draw() : this.refine()), 120); // clouds have a height in pixels
     });
   }
 }

@@ -3,19 +3,19 @@
 import { Answer } from "./answer.js";
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
-import { Curves, showLegend, takeLoci } from "./curves.js";
+import { Curves, takeLoci } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
+import { Extras } from "./extras.js";
 import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
-import { legendOf } from "./overlay.js";
 import { Parameters } from "./parameters.js";
 import { isEarlier, showResults } from "./results.js";
 
 const $ = (id) => document.getElementById(id);
 
-const page = { about: null, results: [], chosen: null, wanted: "" }; // wanted: the result to show at its end
+const page = { about: null, results: [], chosen: null, wanted: null }; // wanted: the result to show at its end
 const curves = new Curves();
 const diagram = new Diagram($("diagram"), curves, (found) => choice.choose(found));
 const motion = new MotionView(tell);
@@ -24,9 +24,9 @@ const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(fou
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
 const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
-const movers = new Movers({ changed: drawArrows, turn: turnKnob });
+const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
 const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
-diagram.painted = (axes) => answer.follow(axes, $("x").value);
+const extras = new Extras($("legend"), curves, diagram, answer, movers);
 
 begin().catch(tell);
 
@@ -140,7 +140,7 @@ async function showAnswers() {
   const over = page.results.filter((r) => r.answer && ["done", "stopped"].includes(r.state));
   const wanted = over.find(({ key }) => key === page.wanted);
   const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
-  if (wanted) page.wanted = "";
+  if (wanted) page.wanted = null;
   if (wanted ?? shown) await showResult(wanted ?? shown);
   else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
 }
@@ -151,28 +151,16 @@ function markEarlier() {
   const before = new Set(page.results.flatMap((r) => r.branches.flatMap((branch, number) => (branch.earlier ? [`${r.key}/${number}`] : []))));
   const all = [...curves.all.values()], turned = all.filter((curve) => Boolean(curve.earlier) !== (earlier.has(curve.result) || before.has(curve.key)));
   for (const curve of turned) curve.earlier = !curve.earlier;
-  const pale = all.filter((curve) => curve.earlier), entry = $("legend").querySelector(".of-earlier");
-  entry.hidden = !pale.length;
-  entry.lastElementChild.textContent = pale.every(({ key }) => before.has(key)) ? "before the change" : "of an earlier model";
+  extras.showPale(before);
   return turned.length > 0;
 }
 
 function drawDiagram() {
   const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
-  diagram.over = answer.over($("x").value, $("y").value);
-  diagram.arrows = movers.arrows($("x").value, $("y").value);
   diagram.draw();
-  showLegend($("legend"), curves.all.values());
-  legendOf($("legend"), diagram.over, answer.own("below").flatMap(({ series }) => series), diagram.arrows.length > 0);
+  extras.showLegend();
   document.body.dataset.branches = curves.all.size;
-}
-
-/** Draw the arrows of what moves the chosen point. */
-function drawArrows() {
-  const before = diagram.arrows.length;
-  diagram.arrows = movers.arrows($("x").value, $("y").value);
-  if (before + diagram.arrows.length) diagram.redecorate();
 }
 
 /** Explain an empty diagram. */
@@ -218,17 +206,10 @@ function turnKnob(name, value) {
   parameters.turn(name, value);
 }
 
-/** Choose a special point of the answer: on its branch, or at its place. */
+/** Choose a special point of the answer. */
 async function chooseEnd(end, key) {
-  const result = page.results.find((each) => each.key === key);
-  if (end.place) {
-    choice.clear();
-    movers.show(end.gradient, () => { const at = [end.place[$("x").value], end.place[$("y").value]]; return at.includes(undefined) ? null : at; });
-    return;
-  }
-  if (!curves.all.has(`${key}/${end.branch}`)) await showResult(result);
-  const curve = curves.all.get(`${key}/${end.branch}`);
-  if (curve) choice.choose({ curve, index: curve.node.indexOf(-1 - end.special) });
+  if (!end.place && !curves.all.has(`${key}/${end.branch}`)) await showResult(page.results.find((each) => each.key === key));
+  extras.chooseEnd(end, key, choice);
 }
 
 /** Show the values of the parameters of a chosen motion; what was written meanwhile stays. */

@@ -122,7 +122,7 @@ export function labelsOf(over, view, width, color) {
   return found;
 }
 
-const APART = 15, FIRST = 20; // pixels between arrows, and from the point to the first
+const APART = 15, FIRST = 20, LETTER = 6.4; // pixels between arrows, from the point to the first, and of a letter
 
 /** Arrows as shapes, and their labels: across below the point, or upright beside it. */
 export function arrowsOf(arrows, view, width, height, color) {
@@ -138,8 +138,10 @@ export function arrowsOf(arrows, view, width, height, color) {
     const path = `M${point(a, off - 4)}L${point(a, off + 4)}M${point(a, off)}L${point(b, off)}M${point(b - head, off - 4)}L${point(b, off)}L${point(b - head, off + 4)}`;
     const fixed = upright ? { xsizemode: "pixel", xanchor: from[0] } : { ysizemode: "pixel", yanchor: from[1] };
     shapes.push({ type: "path", path, xref: "x", yref: "y", ...fixed, line: { color: shade, width: chosen ? 2.6 : 1.8 } });
-    const beside = upright ? { xshift: off, yshift: shift > 0 ? -8 : 8, textangle: -90, yanchor: shift > 0 ? "top" : "bottom" } : { yshift: off, xshift: shift > 0 ? -6 : 6, xanchor: shift > 0 ? "right" : "left" };
-    labels.push({ x: from[0], y: from[1], xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, bgcolor: color("--card"), opacity: 0.92, borderpad: 0, ...beside });
+    const away = Math.sign(shift), along = (a - axis[0]) / unit, wide = LETTER * text.length;
+    const fits = away > 0 ? along - wide > 0 : along + wide < room, [x, y] = fits ? from : to, back = fits ? -away : away; // beside the tail, or the tip
+    const beside = upright ? { xshift: off, yshift: 8 * back, textangle: -90, yanchor: back < 0 ? "top" : "bottom" } : { yshift: off, xshift: 6 * back, xanchor: back < 0 ? "right" : "left" };
+    labels.push({ x, y, xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, borderpad: 0, ...beside });
   });
   return { shapes, labels };
 }
@@ -158,6 +160,6 @@ export function legendOf(list, over, below, arrows) {
   for (const { text, tint } of over?.shades ?? []) add(text, swatch(`swatch ${tint}`));
   for (const { text, tint, wild } of over?.cells?.entries ?? []) add(text, swatch(`swatch cell ${tint}${wild ? " wild" : ""}`));
   for (const { text, mark, look } of [...(over?.layers ?? []), ...below]) add(text, swatch(`mark ${mark} ${look}`));
-  if (over?.clouds.length) add("dots: parts; bar: middle 90 % of them", swatch("mark dots run"));
+  if (over?.clouds.length) add("dots: parts, spread upwards only to be seen; bar: middle 90 % of them", swatch(`mark dots kind-${over.clouds[0].kind}`));
   if (arrows) add("arrow: how far a parameter moves the point", swatch("mark line main"));
 }

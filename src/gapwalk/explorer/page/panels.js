@@ -11,7 +11,7 @@ let count = 0;
  * `range`: the values at its left and right end; `left`, `right`: pixels beside it; `shades`: [{ low, high, tint }];
  * `lines`: [{ at, exact }]; `named`: with the name of the axis.
  */
-export function drawPanel(place, { title, across, series }, { range = null, left = 50, right = 8, height = 118, shades = [], lines = [], named = true } = {}) {
+export function drawPanel(place, { title, across, series }, { range = null, left = 44, right = 8, height = 118, shades = [], lines = [], named = true } = {}) {
   const width = Math.max(160, Math.round(place.clientWidth) || 300), bottom = height - (named ? BOTTOM : LOW), clip = `clip-${(count += 1)}`;
   const [x0, x1] = range ?? extent(series, "x"), [y0, y1] = extent(series, "y");
   const px = (v) => left + ((v - x0) / (x1 - x0)) * (width - left - right), py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
@@ -33,9 +33,7 @@ export function drawPanel(place, { title, across, series }, { range = null, left
   for (const each of series) inside.append(...drawn(each, px, py, py(0)));
   svg.append(inside, element("rect", { class: "frame", x: left, y: TOP, width: width - left - right, height: bottom - TOP }));
   if (named) svg.append(element("text", { class: "title", x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, across));
-  const middle = (TOP + bottom) / 2, words = element("text", { class: "title", x: 10, y: middle, "text-anchor": "middle", transform: `rotate(-90 10 ${middle})` }, title);
-  if (title.length * 5.4 > bottom - TOP + LOW) Object.entries({ textLength: bottom - TOP + 8, lengthAdjust: "spacingAndGlyphs" }).forEach(([key, value]) => words.setAttribute(key, value));
-  svg.append(words);
+  svg.append(element("text", { class: "title haloed", x: left + 6, y: TOP + 11 }, title));
   place.replaceChildren(svg);
 }
 
@@ -71,7 +69,7 @@ function extent(series, axis) {
   let low = Infinity, high = -Infinity;
   for (const each of series) for (const v of each[axis]) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
   if (!(low <= high)) return [0, 1];
-  if (axis === "y" && low >= 0) return [0, high * 1.1 || 1];
+  if (axis === "y" && low >= 0) return [0, high * 1.3 || 1]; // with room for the title
   const pad = 0.05 * (high - low || Math.abs(high) || 1);
-  return [low - pad, high + pad];
+  return [low - pad, high + (axis === "y" ? 6 : 1) * pad];
 }

@@ -1,12 +1,15 @@
 // A saved page: the diagram and the motions of a result in one file, without a server.
 
+import { Answer } from "./answer.js";
 import { nearestStored, open, unzipped } from "./api.js";
 import { Choice } from "./choice.js";
-import { Curves, showLegend } from "./curves.js";
+import { Curves, takeLoci } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
+import { Extras } from "./extras.js";
 import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
+import { Movers } from "./movers.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -36,7 +39,17 @@ async function begin() {
   const keyboard = (page.keyboard = new Keyboard($("diagram"), curves, chooseStored, {
     "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
   }));
-  page.choice = new Choice(page, { curves, diagram, keyboard, motion });
+  const answer = new Answer({ changed: () => show(diagram), chosen: (end, key) => extras.chooseEnd(end, key, page.choice) });
+  const movers = new Movers({ changed: () => extras.drawArrows() });
+  const extras = (page.extras = new Extras($("legend"), curves, diagram, answer, movers));
+  page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
+    changed: () => { movers.expect(page.chosen); if (page.chosen) answer.makeRoom(); },
+    shown: () => { const { chosen } = page; movers.ask("", chosen, () => page.chosen === chosen); },
+  });
+  Object.assign(window.gapwalk, { answer, movers });
+  takeLoci(about.loci, $("legend"));
+  document.body.classList.toggle("unmoved", !about.branches.length);
+  if (about.answer) await answer.show("", { key: "", version: 0 });
   for (const id of ["x", "y"]) $(id).addEventListener("change", () => show(diagram));
   $("fit").addEventListener("click", () => diagram.fit());
   $("nearer").addEventListener("click", () => diagram.zoom(0.5));
@@ -50,13 +63,17 @@ async function begin() {
 /** Draw the branches over the chosen axes; the chosen point stays chosen. */
 async function show(diagram) {
   const axes = { x: $("x").value, y: $("y").value };
-  const branches = page.about.branches.map(({ name, period, count }) => ({ name, period, points: count }));
+  const branches = page.about.branches.map(({ name, period, count, second }) => ({ name, period, second, points: count }));
+  const { parameters } = page.about, plane = parameters.includes(axes.x) && parameters.includes(axes.y);
   curves.clear();
-  await curves.update("", axes, false, [{ key: "", version: 0, state: "done", settled: false, branches }]);
+  await curves.update("", axes, plane, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
   diagram.mark = null;
+  const before = new Set(page.about.branches.flatMap(({ earlier }, number) => (earlier ? [`/${number}`] : [])));
+  for (const curve of curves.all.values()) curve.earlier = before.has(curve.key);
   diagram.fit();
-  showLegend($("legend"), curves.all.values());
+  page.extras.showLegend();
+  page.extras.showPale(before);
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
   page.choice.keep();

@@ -24,6 +24,8 @@ export async function unzipped(id) {
 export async function get(path, query = {}) {
   if (path === "/api/curve") return data.shown.motion ? { settled: null } : curve(query);
   if (path === "/api/motion") return unpacked(motionAt(query));
+  if (path === "/api/answer") return unpacked(data.shown.answer);
+  if (path === "/api/gradient") return data.shown.branches[query.branch].gradients[query.special] ?? null;
   return null; // spectrum and section need the equations of motion
 }
 

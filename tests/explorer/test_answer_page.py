@@ -1,0 +1,312 @@
+"""Answers on the page: what is drawn is what the record says, gradients are closed forms, and all of it is saved."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+from starlette.testclient import TestClient
+
+import gapwalk as gw
+from gapwalk.errors import ModelError
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.web_app import application
+from tests.explorer.browser import READY, browser, chromium, opened, served, until
+from tests.explorer.conftest import ORIGIN, STOP, about
+from tests.explorer.test_web_app import unpacked
+from tests.studies.jobs import RATTLE, RUN_UP, study_of
+
+KINDS = ("rattle", "threshold", "design", "tolerance", "run-up")
+ONE_RUN_UP = RUN_UP.replace("rate = [0.002, 0.004]\nstarts = 3\nbins = 10", "rate = 0.004")
+MAP = RATTLE + 'second = { parameter = "mean.x", from = 0.1, to = 0.6 }\nresolution = [4, 3]\ncheck = 0\n'
+SHOWN = "gapwalk.page.about?.file === '{0}' && Boolean(gapwalk.answer.content)"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A result of each kind, the two other forms of two kinds, and a model file of a study of rattle."""
+    folder = tmp_path_factory.mktemp("answers")
+    for kind in KINDS:
+        gw.run(study_of(kind), folder / f"{kind}.gapwalk")
+    for name, text in (("one", ONE_RUN_UP), ("map", MAP), ("model", RATTLE)):
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    for name in ("one", "map"):
+        gw.run(gw.read_study(folder / f"{name}.toml"), folder / f"{name}.gapwalk")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def records(folder) -> dict[str, object]:
+    """What the results hold."""
+    return {path.stem: gw.load(path).finding.record for path in folder.glob("*.gapwalk")}
+
+
+@pytest.fixture(scope="module")
+def client(folder) -> Iterator[TestClient]:
+    """A server of that folder."""
+    session = Session(folder)
+    yield TestClient(application(session), base_url=ORIGIN)
+    session.close()
+
+
+def answer(client: TestClient, name: str) -> dict:
+    found = client.get("/api/answer", params={"file": f"{name}.gapwalk", "result": ""})
+    assert found.status_code == 200, found.text
+    return found.json()
+
+
+@pytest.mark.parametrize("name", [*KINDS, "one", "map"])
+def test_each_result_opens_with_a_sentence_a_picture_and_curves_to_choose(client, name) -> None:
+    (result,) = about(client, f"{name}.gapwalk")["results"]
+    shown = answer(client, name)
+    assert all(shown["sentences"])
+    assert result["answer"]["axes"] == shown["axes"]
+    assert any(shown.get(key) for key in ("shades", "clouds", "layers", "cells"))
+    x, y = shown["axes"]
+    for number, line in enumerate(result["branches"]):
+        place = {"file": f"{name}.gapwalk", "result": "", "branch": number}
+        curve = client.get("/api/curve", params={**place, "x": x, "y": y}).json()
+        assert len(unpacked(curve, "x")) >= line["points"] > 0
+        motion = client.get("/api/motion", params={**place, "point": 0, "signal": "", "tab": "a"})
+        assert motion.status_code == 200, motion.text
+    script = client.get("/api/export/script", params={"file": f"{name}.gapwalk", "result": ""}).text
+    assert script.count("record") >= 2
+
+
+def test_the_picture_of_rattle_is_that_of_the_record(client, records) -> None:
+    bands, shown = records["rattle"], answer(client, "rattle")
+    assert shown["sentences"] == [bands.sentence("teeth")]
+    (band,) = bands.of("teeth")
+    assert [(each["low"], each["high"]) for each in shown["shades"]] == [(band.low.value, band.high.value)]
+    peak, impacts = shown["below"]
+    lines = [each for each in peak["series"] if each["mark"] == "line"]
+    for series, way in zip(lines, ("rising", "falling"), strict=True):
+        rows = [row for row in bands.severities if row.met == way]
+        np.testing.assert_allclose(series["x"], [row.value for row in rows], rtol=1e-6)
+        np.testing.assert_allclose(series["y"], [row.peak for row in rows], rtol=1e-6)
+    (star,) = [each for each in peak["series"] if each["mark"] == "stars"]
+    assert star["y"] == pytest.approx([max(row.peak for row in bands.severities)], rel=1e-6)
+    assert impacts["over"] == "frequency"
+    (end,) = shown["ends"]
+    place = {"file": "rattle.gapwalk", "result": "", "branch": end["branch"], "special": end["special"], "tab": "a"}
+    moved = client.get("/api/gradient", params=place).json()
+    assert moved["at"] == pytest.approx(band.high.value, rel=1e-9)
+    assert moved["rows"][0]["name"] == band.high.movers[0].name
+
+
+def test_what_moves_a_graze_is_the_closed_form(client) -> None:
+    """Of a linear oscillator, which touches its stop where its amplitude is the clearance."""
+    shown = answer(client, "tolerance")
+    (end,) = shown["ends"]
+    place = {"file": "tolerance.gapwalk", "result": "", "branch": end["branch"], "special": end["special"], "tab": "a"}
+    moved = client.get("/api/gradient", params=place).json()
+    rows = {row["name"]: row for row in moved["rows"]}
+    at, clearance, force, damping = moved["at"], rows["stop.clearance"]["value"], 0.2, 0.05
+    size = force / math.hypot(1.0 - at**2, damping * at)
+    assert size == pytest.approx(clearance, rel=1e-9)
+    # d size / d frequency, from size^-2 = ((1 - w^2)^2 + (c w)^2) / force^2
+    slope = -(size**3) / force**2 * (-2.0 * at * (1.0 - at**2) + damping**2 * at)
+    assert rows["stop.clearance"]["slope"] == pytest.approx(1.0 / slope, rel=1e-7)
+    assert rows["harmonic1.amplitude"]["slope"] == pytest.approx(-size / force / slope, rel=1e-7)
+    shares = [abs(row["share"]) for row in moved["rows"]]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_the_cloud_has_the_quantiles_of_the_samples(client, records) -> None:
+    found = records["tolerance"]
+    (cloud,) = answer(client, "tolerance")["clouds"]
+    column = found.values[found.known][:, 0]
+    np.testing.assert_allclose(cloud["x"], column, rtol=1e-6)
+    np.testing.assert_allclose(cloud["quantiles"], np.quantile(column, (0.05, 0.5, 0.95)), rtol=1e-6)
+    assert cloud["place"] == {"branch": 0, "special": 0}
+    assert f"exists in {found.exists[0]} of all parts" in cloud["lines"]
+
+
+def test_a_point_that_has_no_gradient_says_why(client) -> None:
+    place = {"file": "rattle.gapwalk", "result": "", "branch": 0, "special": 99, "tab": "a"}
+    assert client.get("/api/gradient", params=place).status_code == 400
+
+
+def test_the_script_of_an_answer_repeats_it(client, records, folder, monkeypatch) -> None:
+    monkeypatch.chdir(folder)
+    text = client.get("/api/export/script", params={"file": "tolerance.gapwalk", "result": ""}).text
+    names: dict = {}
+    exec(compile(text, "script", "exec"), names)
+    np.testing.assert_array_equal(names["record"].values, records["tolerance"].values)
+    assert len(names["branches"]) == 1
+
+
+@pytest.fixture(scope="module")
+def page(folder) -> Iterator[Page]:
+    """The page of the server of that folder, with an ear for errors: there are none."""
+    chromium()
+    wrong: list[str] = []
+    with served(folder / "rattle.gapwalk") as address, browser() as chrome:
+        page = chrome.new_page(viewport={"width": 1280, "height": 800}, accept_downloads=True)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+        page.goto(address)
+        until(page, READY)
+        yield page
+    assert wrong == []
+
+
+def show(page: Page, file: str) -> None:
+    """Open a result, and wait for its answer."""
+    if page.evaluate("gapwalk.page.about.file") != file:
+        opened(page, file)
+    until(page, SHOWN.format(file))
+    until(page, "gapwalk.diagram.ready && gapwalk.diagram.over !== null")
+
+
+@pytest.mark.parametrize("name", [*KINDS, "one", "map"])
+def test_the_page_shows_each_answer_over_its_axes(page, name) -> None:
+    show(page, f"{name}.gapwalk")
+    content = page.evaluate("gapwalk.answer.content")
+    assert page.locator("#answer-text span").all_inner_texts() == content["sentences"]
+    assert [page.input_value("#x"), page.input_value("#y")] == content["axes"]
+    until(page, f"document.querySelectorAll('#below svg').length === {len(content.get('below', []))}")
+    assert page.locator("#below path.series, #below circle.series").count() >= len(content.get("below", []))
+    assert page.evaluate("gapwalk.diagram.over.shades.length") == len(content.get("shades", []))
+    layers = [each for each in content.get("layers", []) if each["axes"] == content["axes"]]
+    assert page.evaluate("gapwalk.diagram.over.layers.length") == len(layers)
+    assert page.locator("#answer-numbers table").count() + page.locator("#answer-numbers .line").count() > 0
+    assert page.locator("#legend .of-answer").count() > 0
+
+
+def test_a_turned_knob_is_an_arrow_of_its_shift(page) -> None:
+    show(page, "rattle.gapwalk")
+    page.click("#answer-ends button")
+    until(page, "Boolean(gapwalk.movers.found) && gapwalk.diagram.arrows.length > 0")
+    assert "grazing" in page.inner_text("#motion-title")
+    assert page.locator("#answer-details").get_attribute("open") is None  # it has made room
+    page.fill("#movers-percent", "-3")
+    row = page.evaluate("gapwalk.movers.found.rows.find((row) => row.name === 'teeth.stiffness')")
+    page.click("#movers [data-name='teeth.stiffness'] button")
+    ((x0, y0), (x1, y1)) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows.find((a) => a.chosen))")
+    assert x1 - x0 == pytest.approx(-0.03 * row["slope"] * row["value"], rel=1e-9)
+    assert y1 == y0
+    assert x0 == page.evaluate("gapwalk.movers.found.at")
+    shapes = page.evaluate("gapwalk.diagram.place.layout.shapes.length")
+    assert shapes == page.evaluate("gapwalk.diagram.arrows.length")
+    page.click("#movers-set")
+    field = page.locator(".parameter[data-name='teeth.stiffness'] input[type=number]")
+    assert float(field.input_value()) == pytest.approx(0.97 * row["value"], rel=1e-12)
+    page.select_option("#y", "frequency")  # upright over the other axis, and none where the parameter is on neither
+    page.select_option("#x", "half.x")
+    until(page, "gapwalk.diagram.arrows.some(({ from, to }) => from[0] === to[0])")
+    page.select_option("#y", "max.x")
+    until(page, "gapwalk.diagram.arrows.length === 0")
+
+
+def test_the_limit_of_a_threshold_says_what_moves_it(page, records) -> None:
+    show(page, "threshold.gapwalk")
+    page.click("#answer-ends button")
+    assert page.evaluate("gapwalk.movers.found.at") == pytest.approx(records["threshold"].value, rel=1e-12)
+    (from_, to) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows[0])")
+    assert from_ == pytest.approx([records["threshold"].at, records["threshold"].value], rel=1e-12)
+    assert to[0] == from_[0] != to[1]
+
+
+def test_panels_below_follow_the_diagram(page) -> None:
+    show(page, "rattle.gapwalk")
+    page.click("#fit")
+    page.click("#nearer")
+    low, high = page.evaluate("gapwalk.diagram.place._fullLayout.xaxis.range")
+    texts = page.locator("#below > div:first-child text[text-anchor=middle]")
+    ticks = [float(text) for text in texts.all_text_contents()]
+    assert ticks
+    assert all(low <= tick <= high for tick in ticks)
+    # a tick of the panel is below that of the diagram
+    tick = texts.first.bounding_box()
+    assert tick is not None
+    exact = page.evaluate(
+        """(v) => {
+            const { place } = gapwalk.diagram, { xaxis } = place._fullLayout;
+            return place.getBoundingClientRect().left + xaxis._offset + xaxis.l2p(v);
+        }""",
+        ticks[0],
+    )
+    assert tick["x"] + tick["width"] / 2 == pytest.approx(exact, abs=1.5)
+
+
+@pytest.mark.parametrize("format", ["svg", "png"])
+def test_the_saved_picture_has_the_bands(page, format) -> None:
+    show(page, "rattle.gapwalk")
+    with page.expect_download() as download:
+        page.click(f"#save-{format}")
+    content = Path(download.value.path()).read_bytes()
+    assert len(content) > 10_000
+    if format == "svg":
+        assert content.count(b"rgba(240, 173, 78") + content.count(b"rgb(240, 173, 78)") >= 1
+
+
+@pytest.mark.parametrize(("width", "height", "scheme"), [(1280, 720, "dark"), (390, 844, "light")])
+def test_it_fits_on_small_screens(page, width, height, scheme) -> None:
+    show(page, "tolerance.gapwalk")
+    page.emulate_media(color_scheme=scheme)
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.emulate_media(color_scheme="light")
+    page.set_viewport_size({"width": 1280, "height": 800})
+
+
+def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
+    opened(page, "model.toml")
+    assert page.is_hidden("#answer")
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
+    assert "teeth rattles from 0.9 to 1.3" in page.inner_text("#answer-text")
+    until(page, "gapwalk.curves.all.size === 2")
+    page.click("#answer-close")
+    assert page.is_hidden("#answer")
+    page.click("#results button:text-is('Show')")
+    until(page, "Boolean(gapwalk.answer.content)")
+
+
+@pytest.mark.parametrize("name", ["rattle", "threshold", "run-up"])
+def test_a_saved_page_has_the_answer(page, folder, tmp_path, name) -> None:
+    path, wrong = tmp_path / f"{name}.html", []
+    gw.save_html(gw.load(folder / f"{name}.gapwalk"), path, motions=4)
+    kept = page.context.browser.new_context(offline=True).new_page()
+    kept.on("pageerror", lambda error: wrong.append(str(error)))
+    kept.goto(path.as_uri())
+    until(kept, "Boolean(window.gapwalk?.answer?.content) && gapwalk.diagram.over !== null")
+    content = kept.evaluate("gapwalk.answer.content")
+    assert kept.locator("#answer-text span").all_inner_texts() == content["sentences"]
+    assert [kept.input_value("#x"), kept.input_value("#y")] == content["axes"]
+    until(kept, f"document.querySelectorAll('#below svg').length === {len(content.get('below', []))}")
+    if content.get("ends"):
+        kept.click("#answer-ends button")
+        until(kept, "gapwalk.movers.found?.rows.length > 0 && gapwalk.diagram.arrows.length > 0")
+    assert wrong == []
+    kept.context.close()
+
+
+def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(page, tmp_path) -> None:
+    path, wrong = tmp_path / "stop.html", []
+    (folder := tmp_path / "stop.toml").write_text(STOP.replace("to = 0.9", "to = 1.2"), encoding="utf-8")
+    branch = gw.run(gw.read_study(folder)).branches[0]
+    gw.save_html(branch, path, motions=4, gradients=1)
+    with pytest.raises(ModelError, match="gradients is -1"):
+        gw.save_html(branch, path, gradients=-1)
+    kept = page.context.browser.new_context(offline=True).new_page()
+    kept.on("pageerror", lambda error: wrong.append(str(error)))
+    kept.goto(path.as_uri())
+    until(kept, "Number(document.body.dataset.branches) === 1")
+    kept.focus("#diagram")
+    kept.keyboard.press("Home")
+    kept.keyboard.press("s")
+    until(kept, "gapwalk.movers.found?.rows.length > 0")
+    first = branch.special_points[0]
+    assert kept.evaluate("gapwalk.movers.found.at") == first.value
+    slopes = first.gradient()
+    row = kept.evaluate("gapwalk.movers.found.rows[0]")
+    assert row["slope"] == slopes[row["name"]]
+    kept.keyboard.press("s")  # the next one has its motion alone
+    until(kept, "document.getElementById('movers').hidden")
+    assert wrong == []
+    kept.context.close()
