@@ -46,7 +46,8 @@ def test_a_stop_ceases_to_be_held_where_the_flight_takes_a_period(amplitudes: tu
         leaves = math.pi - math.asin(math.pi / amplitudes[0])  # it lands as it left, a period before
         assert orbit.events[-1].theta == pytest.approx((leaves - 2.5) % PERIOD, abs=1e-10)
         assert orbit.held == {0: (0, 1)}
-    branch = gw.follow(orbit, "harmonic1.amplitude", amplitudes[1])
+    walk = gw.WalkOptions(largest_step=0.04)
+    branch = gw.follow(orbit, "harmonic1.amplitude", amplitudes[1], walk=walk)
     assert branch.ends[-1].reason is EndReason.RANGE
     (found,) = branch.special("held-stop")
     assert abs(found.value - LEAVES) <= found.uncertainty < 1e-8

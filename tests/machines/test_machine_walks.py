@@ -51,8 +51,9 @@ def test_mathieus_values_are_those_of_scipy() -> None:
 @pytest.mark.parametrize(("name", "z"), [("mathieu", 0.02), in_campaign("meissner", 0.02)])
 def test_tongues_are_loci_of_flips(name: str, z: float) -> None:
     flip = flips(name, 0.2 if name == "meissner" else 0.4, z).special("flip")[0]
-    locus = gw.follow_locus(flip, "frequency", "wave.amplitude", ((1.9, 2.1), (0.0, 0.45)))
-    assert len(locus.points) > 8
+    walk = gw.WalkOptions(largest_step=0.05)
+    locus = gw.follow_locus(flip, "frequency", "wave.amplitude", ((1.75, 2.25), (0.0, 0.5)), walk=walk)
+    assert len(locus.points) > 20
     for point in locus.points:
         w, e = point.values
         if name == "mathieu":

@@ -150,7 +150,8 @@ def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> N
     """
     hits = (impacts > 0.0).sum(axis=1)
     quiet = np.where(is_loaded, GapState.CLOSED.code, GapState.OPEN.code)
-    codes = np.where(hits == 0, quiet, np.where(hits == 1, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code))
+    parted = np.where(hits == 1, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code)
+    codes = np.where(hits == 0, quiet, parted)
     return np.where(np.isnan(impacts).any(axis=1), -1, codes)
 
 
