@@ -120,7 +120,7 @@ class _Motion(DryInstant):
         self._pieces = sorted(
             {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
         )
-        hosts = {equations.host_of(index) for index in equations.memories}
+        hosts = {equations.host_of(index) for index in equations.dry}
         matter = {switch for switch, index in enumerate(equations.contact_of) if index in hosts} | {*equations.rigid}
         self._grazes = {
             each.theta: (each.switch, each.enters)
@@ -172,8 +172,8 @@ class _Motion(DryInstant):
         """Return True if the motion is about to turn back from a breakpoint that it may pass or not, by its error.
 
         An impact so slow changes the rates by little, and their derivatives by much, as the inverse of its speed; and
-        friction in series with a spring does not return to what it was when its stage opens for a moment. This is the
-        one thing that is taken from the stored events: at their angle the rate is known as well as elsewhere.
+        friction of a stage that opens or closes for a moment may do something else from there on. This is the one
+        thing that is taken from the stored events: at their angle the rate is known as well as elsewhere.
         """
         gap, rate = self._gap(switch)
         if switch in self.modes.held or bool(self.modes.closed[switch]) is enters or abs(gap) > FIRES * self.length:

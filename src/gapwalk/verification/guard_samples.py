@@ -9,7 +9,6 @@ values, since samples are interpolated.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -45,7 +44,9 @@ def brackets(
         shares = _SHARES
         below = np.flatnonzero(values[1:] < -FIRES) + 1
         if not len(below):
-            shares, values = _dip(lambda at, key=key: sample(at)[key], partial(exact, key=key), shares, values)
+            shares, values = _dip(
+                lambda at, key=key: sample(at)[key], lambda at, key=key: exact(at, key), shares, values
+            )
             below = np.flatnonzero(values < -FIRES)
         if len(below):
             above = np.flatnonzero(values[: below[0]] > FIRES)
