@@ -162,7 +162,7 @@ def test_a_dip_that_the_interpolation_hides_is_found() -> None:
         return {key: exact(shares, key) + 1e-5 for key in ("passes", "stays")}
 
     (before, after), *_ = brackets(sample, exact).values()
-    assert 0.4298 < before <= 0.4299 < after < 0.4301
+    assert 0.4298 < before <= 0.4299 < after[0] <= after[-1] <= 0.4301 + 1e-9
     assert [*brackets(sample, exact)] == ["passes"]
 
 
