@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.answers.design_goals import peak_force
+from gapwalk.answers.design_goals import peaks
 from gapwalk.answers.jump_delay import JumpDelay
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
@@ -215,7 +215,8 @@ def draw_envelopes(found: RunUps, ax: Axes, contact: str, branch: Branch | None 
 def _draw_slow_force(ax: Axes, branch: Branch, contact: str) -> list[tuple[str, dict[str, Any]]]:
     """Draw the largest force along a response, stable and unstable; return the lines of the legend."""
     speeds = branch.values
-    forces = np.array([peak_force(point.orbit, contact) for point in branch.points])
+    signal = f"{contact}.force"  # that of its stages, as along the run-ups
+    forces = np.array([max(peaks(point.orbit, signal)) for point in branch.points])
     is_stable = np.array([point.stable for point in branch.points])
     lines = {"stable": stroke(BLACK, 1.2, zorder=5), "unstable": stroke(BLACK, 0.8, (0, (3, 2)), zorder=5)}
     drawn = []

@@ -70,7 +70,7 @@ class LocusEquation:
         LinAlgError
             If they have none.
         """
-        return np.linalg.inv(self.linearised(unknowns)[1])
+        return np.asarray(np.linalg.inv(self.linearised(unknowns)[1]), float)
 
     def place(self, unknowns: NDArray[np.float64], *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
@@ -203,7 +203,7 @@ class MultiplierEquation(LocusEquation):
         """See `LocusEquation.inverse`."""
         place = self.place(unknowns)
         by_all = self.plane.gradient(self.kind, self.criticality(place), place, self.scales, self.step)
-        return np.linalg.inv(np.vstack((place.jacobian, by_all)))
+        return np.asarray(np.linalg.inv(np.vstack((place.jacobian, by_all))), float)
 
     def criticality(self, place: Place) -> Criticality:
         """Return the criticality of an orbit with respect to this bifurcation."""
