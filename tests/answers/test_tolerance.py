@@ -171,6 +171,7 @@ def test_forms_on_other_branches_are_known_by_what_walks_met():
     assert known.on_branch((0, 2, 3)) == (0, 3)  # c alone lies elsewhere
     assert known.on_branch((0, 1, 3)) is None  # no walk has shown it
     assert known.on_branch((1, 2, 3)) is None  # a is missing
+    assert known.known_share == 0.5  # two walks of four were alike: below a share, all other samples are walked
     unclear = Patterns.of(forms, [*walks, ((0, 2, 3), "acd")])
     assert unclear.on_branch((0, 2, 3)) is None
 

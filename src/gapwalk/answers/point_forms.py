@@ -12,6 +12,7 @@ which ones lie on the branch (`Patterns`).
 from __future__ import annotations
 
 from ast import literal_eval
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -391,11 +392,14 @@ class Patterns:
         Of each form the number of the stretch, between points that all walks met, to which it belongs.
     found, met
         Numbers of forms of one stretch that were found in a walked sample, and those that its walk met there.
+    known_share
+        Share of the walked samples that the others would have told: what to expect of samples that are not walked.
     """
 
     stretch: tuple[int, ...]
     found: tuple[tuple[int, ...], ...]
     met: tuple[tuple[int, ...], ...]
+    known_share: float = 1.0
 
     @classmethod
     def of(cls, forms: Sequence[Form], sets: Iterable[tuple[Iterable[int], Iterable[str]]]) -> Patterns:
@@ -404,16 +408,21 @@ class Patterns:
         fixed = [f for f, form in enumerate(forms) if sets and all(form.name in met for _, met in sets)]
         stretch = tuple(sum(g <= f for g in fixed) for f in range(len(forms)))
         pairs: dict[tuple[int, tuple[int, ...]], tuple[int, ...] | None] = {}
+        counts, asked = Counter[tuple[int, tuple[int, ...]]](), list[list[tuple[int, tuple[int, ...]]]]()
         for found, met in sets:
+            asked.append([])
             on = {names.get(name, -1) for name in met}
             for number in range(len(fixed) + 1):
                 own = tuple(sorted(f for f in found if stretch[f] == number))
                 there = tuple(sorted(f for f in on if f >= 0 and stretch[f] == number))
+                asked[-1].append((number, own))
                 known = pairs.setdefault((number, own), there)
                 if known != there or -1 in on:  # two answers are none, and a point without a form belongs anywhere
                     pairs[number, own] = None
+            counts.update(asked[-1])
+        told = sum(all(pairs[key] is not None and counts[key] > 1 for key in keys) for keys in asked)
         kept = [(own, there) for (_, own), there in pairs.items() if there is not None and (own or there)]
-        return cls(stretch, tuple(own for own, _ in kept), tuple(there for _, there in kept))
+        return cls(stretch, tuple(own for own, _ in kept), tuple(there for _, there in kept), told / max(len(sets), 1))
 
     def on_branch(self, found: Iterable[int]) -> tuple[int, ...] | None:
         """Return which of the forms found lie on the branch; None if no walk tells."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property, lru_cache
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ _BEYOND = 0.02  # share of the range by which a walk goes on beyond the farthest
 _NEAR = 3e-3  # share of the range within which a walked point may always be the counterpart of a nominal one
 _ALIKE = 1e-5  # share of the range within which a point found and one of a walk are the same
 _FAR = 4.0  # the same, as a multiple of its spread over the samples: a form beyond a contact may be so far
+_WORTH = 0.15  # share of samples that must be told by the walks, lest finding forms cost more than it saves
 _UNLIKELY = -0.2  # score below which a form is not looked for
 
 
@@ -243,8 +245,9 @@ class Tracker:
         values, how = np.full((count, len(asked.specials)), np.nan), np.zeros(count, dtype=int)
         further: list[Further] = []
         assert asked.patterns is not None
-        for k, found in enumerate(self._found(samples)):
-            on = asked.patterns.on_branch(found)
+        is_worth_it = asked.patterns.known_share >= _WORTH
+        for k, found in enumerate(self._found(samples) if is_worth_it else repeat({}, count)):
+            on = asked.patterns.on_branch(found) if is_worth_it else None
             if not self._allows(samples[k]):
                 how[k] = HowFound.REFUSED
             elif on is None:
