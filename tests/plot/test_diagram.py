@@ -34,7 +34,7 @@ def legend_of(ax) -> list[str]:
 def test_there_are_two_panels_over_one_range(figure) -> None:
     upper, lower = figure.axes
     assert upper.get_xlim() == lower.get_xlim()
-    assert upper.get_ylabel() == "amplitude of q1 (half the peak to peak)"
+    assert upper.get_ylabel() == "amplitude of q1\n(half the peak to peak)"
     assert lower.get_ylabel() == "q1(0), once every forcing period"
     assert upper.get_xlabel() == lower.get_xlabel() == "excitation frequency Ω"
     assert figure.get_suptitle() == "Second resonance"
@@ -97,7 +97,7 @@ def test_a_part_can_be_enlarged(result) -> None:
     assert lower.get_xlim() == (0.68, 0.69)
     assert middle.get_xlim() == upper.get_xlim()
     assert lower.get_ylabel() == "q3(0), once every forcing period"
-    assert upper.get_ylabel() == "amplitude of q3 (half the peak to peak)"
+    assert upper.get_ylabel() == "amplitude of q3\n(half the peak to peak)"
     assert not [text for ax in figure.axes for text in ax.texts if text.get_text().startswith("P")]
 
 
