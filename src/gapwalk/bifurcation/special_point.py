@@ -105,16 +105,16 @@ class SpecialPoint(Shown):
     def doubles(self) -> bool:
         """True if a branch of twice the period begins or ends here.
 
-        It does at a flip, and where the sequence of slip and stick or of impacts changes and a multiplier jumps
-        across -1. There the halves of the doubled motion part in proportion to the parameter, not to its square root.
+        It does at a flip, and where the sequence of slip and stick changes and a multiplier jumps across -1. There the
+        halves of the doubled motion part in proportion to the parameter, not to its square root.
         """
-        jumps = not self.kind.by_multipliers and (self.before.below - self.after.below) % 2 == 1
+        jumps = self.kind.is_corner and (self.before.below - self.after.below) % 2 == 1
         return self.kind is Kind.FLIP or jumps
 
     @property
     def turns(self) -> bool:
         """True if the branch turns back here: at a fold, and at a corner where a multiplier jumps across +1."""
-        jumps = not self.kind.by_multipliers and (self.before.above - self.after.above) % 2 == 1
+        jumps = self.kind.is_corner and (self.before.above - self.after.above) % 2 == 1
         return self.kind.is_turning or jumps
 
     @property

@@ -92,6 +92,8 @@ class Kind(str):
         Absolute value of the function below which its sign is undetermined.
     by_multipliers
         True if its locus is that of a critical multiplier, which has corners where a contact grazes.
+    is_corner
+        True if tangent and multipliers may jump at such a point.
     turn
         Order of detection: 0 first, 2 last. Results of earlier searches in a step make later ones shorter.
 
@@ -111,6 +113,7 @@ class Kind(str):
     noise: ClassVar[float] = 1e-6
     turn: ClassVar[int] = 2
     by_multipliers: ClassVar[bool] = True
+    is_corner: ClassVar[bool] = False
 
     FOLD: ClassVar[Kind]
     FLIP: ClassVar[Kind]

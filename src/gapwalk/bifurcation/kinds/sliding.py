@@ -40,6 +40,7 @@ class Sliding(Kind):
 
     turn = 0
     by_multipliers = False
+    is_corner = True
     what: ClassVar[str]
     """Quantity that vanishes there, as in `gapwalk.orbit.friction_phases.Margin`."""
 
