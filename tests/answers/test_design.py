@@ -52,7 +52,7 @@ def test_a_quiet_design_is_the_nearest_point_of_a_closed_form(quiet):
 
 
 def test_it_describes_itself(quiet):
-    assert quiet.sentence.startswith("stop quiet between frequency = 0.7 and 1.5: change ")
+    assert quiet.sentence.startswith("stop quiet between Ω = 0.7 and 1.5: change ")
     assert "reached" in str(quiet.summary())
     assert {name: len(list(rows())) for name, rows in quiet.tables().items()} == {
         "changes": 3,

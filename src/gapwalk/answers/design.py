@@ -47,8 +47,8 @@ class ChangedParameter:
 
     @property
     def percent(self) -> float:
-        """Change in percent; nan if the parameter was zero."""
-        return 100.0 * (self.after - self.before) / abs(self.before) if self.before else math.nan
+        """Change in percent, positive where its size grows; nan if the parameter was zero."""
+        return 100.0 * (self.after - self.before) / self.before if self.before else math.nan
 
     @property
     def is_at_limit(self) -> bool:

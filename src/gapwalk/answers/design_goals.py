@@ -29,6 +29,7 @@ from gapwalk.model.equilibria import Equilibrium, find_equilibria
 from gapwalk.model.modes import find_modes
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
+from gapwalk.model.words import between_words
 from gapwalk.orbit.orbit import Orbit
 
 MARGIN = 1e-3
@@ -156,7 +157,7 @@ class NoPoint(Goal):
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
-        return f"no {self.kind} between {parameter} = {self.within[0]:g} and {self.within[1]:g}"
+        return f"no {self.kind} {between_words(self.within, parameter, system.units)}"
 
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
         """Return the margin of each point of the kind; or, if they are to vanish, of the branch that bears them.
@@ -228,7 +229,7 @@ class Quiet(Goal):
 
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
-        return f"{self.gap} quiet between {parameter} = {self.within[0]:g} and {self.within[1]:g}"
+        return f"{self.gap} quiet {between_words(self.within, parameter, system.units)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
         """Raise a ModelError if there is no such gap, or the band leaves the range of the response."""
@@ -320,8 +321,7 @@ class PeakBelow(Goal):
     def words(self, system: System, parameter: str) -> str:
         """Describe the goal."""
         unit = f" {unit}" if (unit := _unit(system, peak_signal(system, self.signal))) else ""
-        low, high = self.within
-        return f"peak of {self.signal} below {self.limit:g}{unit} between {parameter} = {low:g} and {high:g}"
+        return f"peak of {self.signal} below {self.limit:g}{unit} {between_words(self.within, parameter, system.units)}"
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
         """Raise a ModelError if there is no such signal, the limit is no size, or the band leaves the range."""

@@ -59,6 +59,12 @@ def value_words(value: float, name: str, units: Units | None = None, digits: int
     return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.{digits}g}", units and units.parameter(name))))
 
 
+def between_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
+    """Write a range in a sentence: ``between Ω = 0.6 and 0.66``, ``between speed = 750 and 1050 rpm``."""
+    unit = units.parameter(name) if units else ""
+    return " ".join(filter(None, (f"between {_symbol(name, units)} = {ends[0]:g} and {ends[1]:g}", unit)))
+
+
 def pace_words(system: System) -> str:
     """Write the first parameter of a system in a sentence, as in `value_words`."""
     structure = system.structure

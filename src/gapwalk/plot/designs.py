@@ -70,8 +70,9 @@ def draw_changes(found: Design, ax: Axes) -> None:
     """Draw the change of each parameter in percent as a bar, over the range of its limits."""
     units, changes = found.system.units, found.changes
     rows = np.arange(len(changes))
-    sizes = np.array([abs(each.before) or 0.5 * (each.high - each.low) for each in changes])
+    sizes = np.array([each.before or 0.5 * (each.high - each.low) for each in changes])
     parts = 100.0 * np.array([(each.low - each.before, each.high - each.before) for each in changes]) / sizes[:, None]
+    parts.sort(axis=1)  # that of a negative number grows to the left
     moved = 100.0 * np.array([each.after - each.before for each in changes]) / sizes
     ax.barh(rows, parts[:, 1] - parts[:, 0], left=parts[:, 0], height=0.72, color=_LIMIT, zorder=1)
     ax.barh(rows, moved, height=0.44, color=BLUE, zorder=3)
