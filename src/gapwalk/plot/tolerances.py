@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -13,13 +14,14 @@ from gapwalk.model.words import parameter_symbol, parameter_words
 from gapwalk.plot import style
 from gapwalk.plot.branches import draw_branches
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import AnyFigure, write_heading, write_legend
+from gapwalk.plot.sheet import AnyFigure, write_answer, write_legend
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7")
 _REST, _MOST = "#dedede", len(_FILLS)
 _BINS = 60  # classes over the spread of one point
 _WIDE = 0.82  # height of a distribution, as a share of its row
+_NARROW = 0.05  # share of the range below which the widest distribution is a needle
 _SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
 
 
@@ -38,7 +40,7 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *
     measure
         The quantity of the response, as in `draw_branches`.
     title
-        Title above the picture; by default the number of samples.
+        Title above the picture; below it stands the number of samples.
     """
     rows = max(1, len(found.points))
     halves: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.6 + 0.5 * rows])
@@ -47,17 +49,18 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *
     low, high = _reach(found)
     finish = draw_branches(found.branch, ax, measure, legend="above", within=(low, high))
     left, right = bottom.subplots(1, 2, sharey=True, width_ratios=[2.2, 1.0])
-    _draw_distributions(left, found, (low, high))
+    is_narrow = _is_narrow(found, high - low)
+    _draw_distributions(left, found, None if is_narrow else (low, high))
     _draw_bars(right, bottom, found)
     if found.band is not None:
-        for panel in (ax, left):
+        for panel in (ax,) if is_narrow else (ax, left):
             panel.axvspan(*found.band, color=style.SHADE, zorder=0)
     text = f"{int(found.known.sum()):,} samples of {len(found.names)} parameters"
     if found.band is not None and found.known.any():
         symbol = parameter_symbol(found.parameter, found.branch.system.units)
         between = f"{found.band[0]:g} and {found.band[1]:g}"
         text += f": a fold between {symbol} = {between} in {found.chance(*found.band)}"
-    write_heading(figure, text if title is None else title)
+    write_answer(figure, title or "", [text])
     return finish
 
 
@@ -71,10 +74,20 @@ def _reach(found: Tolerance) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float]) -> None:
-    """Draw a row for each point: its distribution, its median and the middle 90 % of it."""
-    quantiles = found.quantiles(0.05, 0.5, 0.95)
-    values = found.values[found.known]
+def _is_narrow(found: Tolerance, width: float) -> bool:
+    """Return True if the distributions are needles in the range of the picture."""
+    low, high = found.quantiles(0.05, 0.95)
+    return bool(np.nanmax(high - low, initial=0.0) < _NARROW * width)
+
+
+def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float] | None) -> None:
+    """Draw a row for each point: its distribution, its median and the middle 90 % of it.
+
+    Without a range, each distribution is drawn about the nominal value, which is written beside it.
+    """
+    origins = np.array([0.0 if within else special.value for special in found.points])
+    quantiles = found.quantiles(0.05, 0.5, 0.95) - origins
+    values = found.values[found.known] - origins
     for row, special in enumerate(found.points):
         column = values[:, row][~np.isnan(values[:, row])]
         look = style.symbol_style(special.kind)
@@ -86,14 +99,24 @@ def _draw_distributions(ax: Axes, found: Tolerance, within: tuple[float, float])
             low, middle, high = quantiles[:, row]
             ax.plot([low, high], [row + 0.4] * 2, color=style.BLACK, linewidth=style.points(1.6), zorder=3)
             ax.plot([middle], [row + 0.4], "|", color=style.BLACK, markersize=style.points(8), zorder=3)
-        ax.plot([special.value], [row + 0.4], "o", color=style.BLACK, markersize=style.points(3), zorder=4)
+        ax.plot(
+            [special.value - origins[row]], [row + 0.4], "o", color=style.BLACK, markersize=style.points(3), zorder=4
+        )
     texts = [f"{each.kind}{f' {each.contact}' if each.contact else ''}" for each in found.points]
+    if within is None:
+        texts = [f"{text}  {each.value:.5g}" for text, each in zip(texts, found.points, strict=True)]
     for row, chance in enumerate(found.exists if found.known.any() else ()):
         if chance.count < chance.samples:
             texts[row] += f"\nin {100.0 * chance.value:.3g} %"
     ax.set_yticks(range(len(texts)), texts)
-    ax.set(xlim=within, ylim=(len(texts) - 0.5, -0.6))
-    ax.set_xlabel(parameter_words(found.parameter, found.branch.system.units))
+    words = parameter_words(found.parameter, found.branch.system.units)
+    if within is None:
+        farthest = float(np.nanmax(np.abs(found.quantiles(*_SHOWN) - origins), initial=0.0))
+        ax.set(xlim=(-1.05 * farthest, 1.05 * farthest), xlabel=f"shift of {words}")
+    else:
+        ax.set(xlim=within, xlabel=words)
+    ax.set_ylim(len(texts) - 0.5, -0.6)
+    ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_title("distribution; bar: middle 90 %, dot: nominal", fontsize=style.points(8.5))
 
 
@@ -111,6 +134,6 @@ def _draw_bars(ax: Axes, figure: AnyFigure, found: Tolerance) -> None:
     ax.barh(rows, np.maximum(0.0, 1.0 - left), 0.6, left=left, color=_REST, zorder=1)
     entries.append(("interactions and rest", _REST))
     ax.set(xlim=(0.0, 1.0), xlabel="share of the variance")
-    ax.set_title("what matters (Sobol, first order)", fontsize=style.points(8.5))
+    ax.set_title("what matters (Sobol)", fontsize=style.points(8.5))
     ax.tick_params(axis="y", labelleft=False)
     write_legend(figure, entries)
