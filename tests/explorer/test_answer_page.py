@@ -182,15 +182,16 @@ def test_a_turned_knob_is_an_arrow_of_its_shift(page) -> None:
     until(page, "Boolean(gapwalk.movers.found) && gapwalk.diagram.arrows.length > 0")
     assert "grazing" in page.inner_text("#motion-title")
     assert page.locator("#answer-details").get_attribute("open") is None  # it has made room
+    until(page, "gapwalk.movers.found.rows.some((row) => row.name === 'teeth.stiffness')")  # they come by and by
     page.fill("#movers-percent", "-3")
     row = page.evaluate("gapwalk.movers.found.rows.find((row) => row.name === 'teeth.stiffness')")
     page.click("#movers [data-name='teeth.stiffness'] button")
+    until(page, "gapwalk.diagram.arrows.some((a) => a.chosen)")
     ((x0, y0), (x1, y1)) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows.find((a) => a.chosen))")
     assert x1 - x0 == pytest.approx(-0.03 * row["slope"] * row["value"], rel=1e-9)
     assert y1 == y0
     assert x0 == page.evaluate("gapwalk.movers.found.at")
-    shapes = page.evaluate("gapwalk.diagram.place.layout.shapes.length")
-    assert shapes == page.evaluate("gapwalk.diagram.arrows.length")
+    until(page, "gapwalk.diagram.place.layout.shapes.length === gapwalk.diagram.arrows.length")
     page.click("#movers-set")
     field = page.locator(".parameter[data-name='teeth.stiffness'] input[type=number]")
     assert float(field.input_value()) == pytest.approx(0.97 * row["value"], rel=1e-12)
@@ -204,6 +205,7 @@ def test_a_turned_knob_is_an_arrow_of_its_shift(page) -> None:
 def test_the_limit_of_a_threshold_says_what_moves_it(page, records) -> None:
     show(page, "threshold.gapwalk")
     page.click("#answer-ends button")
+    until(page, "Boolean(gapwalk.movers.found)")
     assert page.evaluate("gapwalk.movers.found.at") == pytest.approx(records["threshold"].value, rel=1e-12)
     (from_, to) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows[0])")
     assert from_ == pytest.approx([records["threshold"].at, records["threshold"].value], rel=1e-12)
