@@ -192,14 +192,14 @@ def test_a_turned_knob_is_an_arrow_of_its_shift(page) -> None:
     assert y1 == y0
     assert x0 == page.evaluate("gapwalk.movers.found.at")
     until(page, "gapwalk.diagram.place.layout.shapes.length === gapwalk.diagram.arrows.length")
-    page.click("#movers-set")
-    field = page.locator(".parameter[data-name='teeth.stiffness'] input[type=number]")
-    assert float(field.input_value()) == pytest.approx(0.97 * row["value"], rel=1e-12)
     page.select_option("#y", "frequency")  # upright over the other axis, and none where the parameter is on neither
     page.select_option("#x", "half.x")
     until(page, "gapwalk.diagram.arrows.some(({ from, to }) => from[0] === to[0])")
     page.select_option("#y", "max.x")
     until(page, "gapwalk.diagram.arrows.length === 0")
+    page.click("#movers-set")
+    field = page.locator(".parameter[data-name='teeth.stiffness'] input[type=number]")
+    assert float(field.input_value()) == pytest.approx(0.97 * row["value"], rel=1e-12)
 
 
 def test_the_limit_of_a_threshold_says_what_moves_it(page, records) -> None:
