@@ -20,7 +20,7 @@ from gapwalk.model.system import System, check_system
 from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.results.result_file import Entry, Part, Parts
+from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
 from gapwalk.studies.rattle_map_work import RattleMapWork
@@ -187,10 +187,6 @@ class RattleWork(Work):
             yield Found.part(OTHERS, self._others)
         self._whole = self._bands(complete=True)
         yield Found.part(BANDS, self._whole)
-
-    def last(self, *, finished: bool) -> list[Entry]:
-        """Return nothing: all parts are written when they are done."""
-        return []
 
     @property
     def complete(self) -> bool:

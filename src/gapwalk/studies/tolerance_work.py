@@ -44,7 +44,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.parallel.workers import Workers
-from gapwalk.results.result_file import Entry, Part, Parts
+from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
 
 if TYPE_CHECKING:
@@ -128,10 +128,6 @@ class ToleranceWork(Work):
         check = self._checked(workers, tracking)
         self._whole = self._tolerance(complete=True, check=check)
         yield Found.part(TOLERANCE, self._whole)
-
-    def last(self, *, finished: bool) -> list[Entry]:
-        """Return nothing: all parts are written when they are done."""
-        return []
 
     @property
     def complete(self) -> bool:
