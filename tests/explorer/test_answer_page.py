@@ -39,7 +39,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def records(folder) -> dict[str, object]:
-    """What the results hold."""
+    """Records of the results, by name."""
     return {path.stem: gw.load(path).finding.record for path in folder.glob("*.gapwalk")}
 
 
@@ -97,7 +97,7 @@ def test_the_picture_of_rattle_is_that_of_the_record(client, records) -> None:
 
 
 def test_what_moves_a_graze_is_the_closed_form(client) -> None:
-    """Of a linear oscillator, which touches its stop where its amplitude is the clearance."""
+    """The closed form: a linear oscillator touches its stop where its amplitude is the clearance."""
     shown = answer(client, "tolerance")
     (end,) = shown["ends"]
     place = {"file": "tolerance.gapwalk", "result": "", "branch": end["branch"], "special": end["special"], "tab": "a"}

@@ -48,7 +48,7 @@ _QUIET = (GapState.CLOSED.code, GapState.OPEN.code)
 
 
 class Request(NamedTuple):
-    """What is sought; the names are those of `gapwalk.ask.threshold`."""
+    """Request of a threshold; the names are those of `gapwalk.ask.threshold`."""
 
     system: System
     gaps: tuple[str, ...]
