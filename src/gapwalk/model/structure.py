@@ -135,7 +135,8 @@ class ParameterNames(Sequence[str]):
 
     def _unknown(self, name: str) -> str:
         known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
-        near = near_names(name, known)
+        friction = name.replace(".hysteresis", "_friction.limit")  # hysteresis in a file is an element of its own
+        near = [friction] if friction != name and friction in known else near_names(name, known)
         if not near:
             last = name.rsplit(".", 1)[-1]
             near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
