@@ -24,7 +24,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.continuation.walk import End, Walk
+from gapwalk.continuation.walk import End, EndReason, Walk
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.flow import PERIOD
@@ -33,11 +33,12 @@ from gapwalk.orbit.shooting import ShootingEquation
 
 AT_START = 1e-4  # radians from the start of the period within which an event coincides with it
 _CLEAR = 1e-3  # radians from the start at which the last event that passed it leaves the state there free
-_FIRST, _LARGEST = 1e-6, 2e-3  # first and largest step of the walk with the other section
+_FIRST, _LARGEST, _SHORTEST = 1e-6, 2e-3, 1e-9  # first, largest and smallest step of the walk with another section
 _STEPS = 60  # largest number of its steps
 _SAME = 1e-7  # distance, in scaled variables, within which a point found at theta = 0 is that of the other section
 
 Vector = NDArray[np.float64]
+Change = Callable[[BranchPoint, BranchPoint], float]
 
 
 class Passage(NamedTuple):
@@ -72,7 +73,7 @@ def pass_start(
     within: Range,
     options: WalkOptions,
     kinds: Sequence[Kind],
-    change: Callable[[BranchPoint, BranchPoint], float],
+    change: Change,
 ) -> Passage | None:
     """Return steps from a point of a walk until the event at the start of the period has passed it.
 
@@ -93,12 +94,46 @@ def pass_start(
         None if no event is at the start, or if no orbit is found beyond.
     """
     equation = corrector.equation
-    if not isinstance(equation, ShootingEquation) or equation.options.segments > 1 or not starts_at_event(point.orbit):
+    if not isinstance(equation, ShootingEquation) or not _may_pass(equation, point.orbit):
         return None
     try:
-        return _Section(corrector, equation, point).passage(within, options, kinds, change)
+        return _Section(corrector, equation, point).passage(point, within, options, kinds, change)
     except NumericalError:
         return None
+
+
+def smooth_between(
+    corrector: Corrector, first: BranchPoint, last: BranchPoint
+) -> tuple[Corrector, BranchPoint, BranchPoint]:
+    """Return a section in which the orbits between two neighbouring points of a branch are smooth.
+
+    That is the start of the period, unless an event of one of them is there.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    first, last
+        The points.
+
+    Returns
+    -------
+    Corrector, BranchPoint, BranchPoint
+        The corrector and both points with that section. Their orbits are those that were given.
+    """
+    equation = corrector.equation
+    if isinstance(equation, ShootingEquation) and _may_pass(equation, first.orbit, last.orbit):
+        section = _Section(corrector, equation, first)
+        try:
+            return section.corrector, section.entered(first), section.entered(last)
+        except NumericalError:
+            pass  # both may be on one side of the event, and what follows tells
+    return corrector, first, last
+
+
+def _may_pass(equation: ShootingEquation, *orbits: Orbit) -> bool:
+    """Return True if an event may pass the start of the period at some orbits, and another section is possible."""
+    return equation.options.segments == 1 and not equation.begin and any(map(starts_at_event, orbits))
 
 
 class _Section:
@@ -107,21 +142,22 @@ class _Section:
     def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint) -> None:
         self._own, self._equation = corrector, equation
         self._posed = replace(equation, begin=_free_angle(point.orbit))
-        self._corrector = Corrector(self._posed, corrector.scales)
-        self._first = point
+        self.corrector = Corrector(self._posed, corrector.scales)
 
-    def passage(self, within: Range, options: WalkOptions, kinds: Sequence[Kind], change: Callable) -> Passage:
-        """Walk from the point until the state at theta = 0 is free; see `pass_start`."""
+    def passage(
+        self, first: BranchPoint, within: Range, options: WalkOptions, kinds: Sequence[Kind], change: Change
+    ) -> Passage:
+        """Walk from a point until the state at theta = 0 is free; see `pass_start`."""
         options = replace(
             options,
             initial_step=_FIRST,
-            smallest_step=min(options.smallest_step, 1e-9),
+            smallest_step=min(options.smallest_step, _SHORTEST),
             largest_step=min(_LARGEST, options.largest_step),
             max_points=_STEPS,
         )
-        begin = self._entered()
-        walk, special = Walk(begin, within, self._corrector, options, change=change), list[SpecialPoint]()
-        detector, before, last = Detector(self._corrector, kinds), None, begin
+        begin = self.entered(first)
+        walk, special = Walk(begin, within, self.corrector, options, change=change), list[SpecialPoint]()
+        detector, before, last = Detector(self.corrector, kinds), None, begin
         for ahead in walk:
             found = detector.inspect(last, ahead, before)
             for text in unexplained(last, ahead, found):
@@ -130,41 +166,40 @@ class _Section:
             before, last = last, ahead
             if _clearance(last.orbit) > _CLEAR:
                 break
-        if last is begin or (walk.end is not None and walk.end.reason.is_failure):
+        end = None if walk.end is None or walk.end.reason is EndReason.POINTS else walk.end
+        if last is begin or (end is not None and end.reason.is_failure):
             raise ConvergenceError("no orbit is found beyond the event at the start of the period")
         found = [replace(each, point=self._at_zero(each.point)) for each in special]
-        return Passage(self._left(last), found, walk.step, walk.end)
+        return Passage(self._left(last), found, walk.step, end)
 
-    def _entered(self) -> BranchPoint:
-        """Return the first point with the other section."""
-        first, scales = self._first, self._own.scales
-        x = np.append(self._posed.unknowns(first.orbit), first.value) / scales
-        along = self._carried(first.tangent, first.orbit.state, first.value, 0.0, self._posed.begin)
-        correction = self._corrector.correct(x, along)
-        if correction is None:
+    def entered(self, point: BranchPoint) -> BranchPoint:
+        """Return a point with this section."""
+        x = np.append(self._posed.unknowns(point.orbit), point.value) / self._own.scales
+        along = self._carried(point.tangent, point.orbit.state, point.value, 0.0, self._posed.begin)
+        correction = self.corrector.correct(x, along)
+        if correction is None or length_of(correction.x - x) > _SAME * max(1.0, length_of(x)):
             raise ConvergenceError("the orbit is not found with the other section")
-        return self._corrector.point(correction, along, first.arclength)
+        return self.corrector.point(correction, along, point.arclength)
 
     def _left(self, point: BranchPoint) -> BranchPoint:
-        """Return a point with its state at theta = 0, corrected there."""
+        """Return a point of this section with its state at theta = 0, corrected there."""
         moved = self._at_zero(point)
         correction = self._own.correct(moved.x, moved.tangent)
-        if correction is None or np.abs(correction.x - moved.x).max() > _SAME * max(1.0, np.abs(moved.x).max()):
+        if correction is None or length_of(correction.x - moved.x) > _SAME * max(1.0, length_of(moved.x)):
             raise ConvergenceError("the orbit is not found with its state at theta = 0")
         return self._own.point(correction, moved.tangent, point.arclength)
 
     def _at_zero(self, point: BranchPoint) -> BranchPoint:
-        """Return a point of the other section with its state at theta = 0."""
+        """Return a point of this section with its state at theta = 0."""
         full, scales = PERIOD * self._equation.period, self._own.scales
         along = self._carried(point.tangent, point.x[:-1] * scales[:-1], point.value, self._posed.begin, full)
         x = np.append(self._equation.unknowns(point.orbit), point.value) / scales
         return replace(point, x=x, tangent=along, memo={})
 
     def _carried(self, tangent: Vector, state: Vector, value: float, start: float, stop: float) -> Vector:
-        """Return a scaled tangent at one angle as a unit tangent at a later one, for all segments that follow."""
+        """Return a scaled tangent at one angle as a unit tangent at a later one."""
         scales = self._own.scales
-        change = tangent * scales
-        moved = self._equation.carried(state, change, value, start, stop) / scales
+        moved = self._equation.carried(state, tangent * scales, value, start, stop) / scales
         return moved / length_of(moved)
 
 
