@@ -33,7 +33,7 @@ from gapwalk.orbit.shooting import ShootingEquation
 
 AT_START = 1e-4  # radians from the start of the period within which an event coincides with it
 _CLEAR = 1e-3  # radians from the start at which the last event that passed it leaves the state there free
-_FIRST, _LARGEST, _SHORTEST = 1e-6, 2e-3, 1e-9  # first, largest and smallest step of the walk with another section
+_FIRST, _LARGEST, _SHORTEST = 1e-4, 2e-3, 1e-11  # first, largest and smallest step of the walk with another section
 _STEPS = 60  # largest number of its steps
 _SAME = 1e-7  # distance, in scaled variables, within which a point found at theta = 0 is that of the other section
 
@@ -157,6 +157,7 @@ class _Section:
         )
         begin = self.entered(first)
         walk, special = Walk(begin, within, self.corrector, options, change=change), list[SpecialPoint]()
+        walk.persist()  # in a narrow range the first step may be below that at which a walk asks for another way
         detector, before, last = Detector(self.corrector, kinds), None, begin
         for ahead in walk:
             found = detector.inspect(last, ahead, before)
