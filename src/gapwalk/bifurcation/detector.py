@@ -179,7 +179,7 @@ def unexplained(
 
 def _passes(kind: Kind, special: SpecialPoint) -> bool:
     """Return True if the test function of a kind changes its sign at a special point of another kind."""
-    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.doubles
+    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.passes_flip
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
