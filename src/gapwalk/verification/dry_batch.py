@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Hashable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class Probe(NamedTuple):
     """Request for one guard after steps of some lengths, with its slope over the angle; the reply has pairs of both."""
 
     angle: float
-    h: Sequence[float]
+    h: Array
     state: Array
     key: Key
 
@@ -109,7 +109,7 @@ class Batch:
         return self.equations.derivatives(angles, states, lots.modes, lots.levels, lots.lanes)
 
     def _guards(self, lots: _Lots, angles: Values, states: Values) -> dict[Key, Values]:
-        return self.equations.guards(angles, states, lots.modes, lots.levels, lots.sizes, lots.lanes)
+        return self.equations.mode_guards(angles, states, lots.modes, lots.levels, lots.sizes, lots.lanes)
 
     def _step(self, asked: Sequence[Asked]) -> Sequence[Stepped]:
         requests = [each.request for each in asked]
@@ -186,7 +186,7 @@ class Asked(NamedTuple):
     """A request, with the number of the motion that makes it, its modes, levels and sizes."""
 
     lane: int
-    request: Request
+    request: Any  # a `Request`; those that are answered together are of one type
     modes: Modes
     levels: Values
     sizes: Sizes

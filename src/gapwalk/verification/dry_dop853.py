@@ -300,7 +300,7 @@ class _Motion(DryInstant, Follower):
 
     def _guard_after(self, h: float, key: Key) -> Finding[tuple[float, float]]:
         """Return a guard and its slope over the angle after a step of some length."""
-        (found,) = yield Probe(self.theta, [h], np.real(self.states[0]), key)
+        (found,) = yield Probe(self.theta, np.array([h]), np.real(self.states[0]), key)
         return found
 
     def _width(self, key: Key) -> float:
@@ -312,7 +312,7 @@ class _Motion(DryInstant, Follower):
         return self.length * (float(np.abs(np.imag(found)).max() / _STEP) or 1.0)
 
     def _guards(self, angles: Values, states: Values) -> dict[Key, Values]:
-        return self.equations.guards(angles, states, self.modes, self.levels, self.sizes)
+        return self.equations.mode_guards(angles, states, self.modes, self.levels, self.sizes)
 
     def _pass(self, key: Key) -> Finding[None]:
         """Pass an event with all neighbours, each at its own time."""

@@ -272,7 +272,7 @@ class DryEquations(Equations):
         stiffness = self._of(self._own[index]["stiffness"], lanes)
         return np.imag(limits) / _STEP * self.frequency[lanes] / stiffness
 
-    def guards(
+    def mode_guards(
         self,
         angles: Values,
         states: Values,

@@ -8,6 +8,7 @@ act, which modes a law is in, and what varies over the angle is decided here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -355,7 +356,7 @@ def _targets(structure: Structure, text: str) -> Iterator[tuple[str, str, float]
                 yield prefix, "cubic", 1.0  # the whole force varies
 
 
-def times(matrices: Array, vectors: Array) -> Array:
+def times(matrices: NDArray[Any], vectors: NDArray[Any]) -> NDArray[Any]:
     """Return products of matrices (one, or one for each vector) and vectors, shape (L, rows)."""
     if len(matrices) == 1:
         return vectors @ matrices[0].T
