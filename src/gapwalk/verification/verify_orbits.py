@@ -96,7 +96,9 @@ def _verify_orbit(
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
         beside = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
-        others = [_again(each, track.segments, _beside(each, around)).multipliers for each in beside]
+        arounds = carry(beside) if isinstance(around, DryRound) else [around] * len(beside)
+        pairs = zip(beside, arounds, strict=True)
+        others = [_again(each, track.segments, its).multipliers for each, its in pairs]
         varied = max(_distance(reshot.multipliers, other) for other in others)
         off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
@@ -124,11 +126,6 @@ def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDA
 def _again(orbit: Orbit, segments: int, around: Round) -> Reshot:
     """Compute the multipliers of an orbit again: of motions with friction or impacts, by the other integrator."""
     return _carried(orbit, around) if isinstance(around, DryRound) else _reshoot(orbit, segments, around.contraction)
-
-
-def _beside(orbit: Orbit, around: Round) -> Round:
-    """Return the integration of an orbit beside another one, where its multipliers come from that."""
-    return carry([orbit])[0] if isinstance(around, DryRound) else around
 
 
 def _carried(orbit: Orbit, around: DryRound) -> Reshot:
