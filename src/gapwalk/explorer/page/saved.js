@@ -68,15 +68,14 @@ async function show(diagram) {
   curves.clear();
   await curves.update("", axes, plane, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
-  diagram.mark = null;
   const before = new Set(page.about.branches.flatMap(({ earlier }, number) => (earlier ? [`/${number}`] : [])));
   for (const curve of curves.all.values()) curve.earlier = before.has(curve.key);
+  page.choice.keep();
   diagram.fit();
   page.extras.showLegend();
   page.extras.showPale(before);
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
-  page.choice.keep();
 }
 
 /** Choose the nearest point whose motion is stored; a step by key goes to the next one. */
