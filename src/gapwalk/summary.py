@@ -103,22 +103,27 @@ Tables = Mapping[str, Callable[[], Rows]]
 
 
 @dataclass(frozen=True)
-class OverAxes:
-    """Rows of a table whose first columns are axes: files with labelled arrays (netCDF, MAT) keep it as a grid.
+class TableRows:
+    """Rows of a table, with what its headings do not say: the axes of its columns, and their units.
 
     Parameters
     ----------
     rows
         Function that returns the rows.
     axes
-        Number of columns, the first ones, that are axes. The rows of two axes run along the first one fastest.
+        Number of columns, the first ones, that are axes of a grid: files with labelled arrays (netCDF, MAT) keep it.
+        The rows of two axes run along the first one fastest.
     signal
         Signal of a motion whose amplitudes the columns ``order 1``, ``order 2`` ... have; empty if there are none.
+    units
+        By headings (or by their beginnings, with a point at the end) a parameter, or a signal as ``stop.force``, in
+        whose unit the column is; or the unit itself. It counts in systems with units.
     """
 
     rows: Callable[[], Rows]
-    axes: int = 1
+    axes: int = 0
     signal: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self) -> Rows:
         """Return the rows."""

@@ -24,7 +24,7 @@ from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Described, OverAxes, Rows, Tables
+from gapwalk.summary import Described, Rows, TableRows, Tables
 
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
 _SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
@@ -70,7 +70,7 @@ class Spectrum(Described):
 
     def tables(self) -> Tables:
         """Return the table of lines: their orders, amplitudes and complex amplitudes."""
-        return {"lines": OverAxes(self._rows)}
+        return {"lines": TableRows(self._rows, 1)}
 
     def _rows(self) -> Rows:
         yield ["order", f"amplitude.{self.signal}", f"re.{self.signal}", f"im.{self.signal}"]
@@ -188,7 +188,7 @@ class Waterfall(Described):
 
     def tables(self) -> Tables:
         """Return the table of amplitudes: a row for each orbit, a column for each order."""
-        return {"amplitudes": OverAxes(self._rows, signal=self.signal)}
+        return {"amplitudes": TableRows(self._rows, 1, self.signal)}
 
     def _rows(self) -> Rows:
         yield [self.parameter, "stable", *map(order_heading, self.orders)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from importlib import import_module
@@ -26,7 +26,7 @@ from gapwalk.model.units import Units
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.results.records import parameters_of
 from gapwalk.results.versions import versions
-from gapwalk.summary import Described, OverAxes
+from gapwalk.summary import Described, TableRows
 
 if TYPE_CHECKING:
     import xarray
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _NUMBERED = re.compile(r"(?P<family>modulus|argument)\.multiplier(?P<number>\d+)")
 _ORDER = re.compile(r"order (?P<number>[-+.\de]+)")
 _STATE = re.compile(r"(?P<state>.+)\(0\)")
+_ANGLE_AND_TIME = {"theta": "rad", "time": "s"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +114,12 @@ def columns_of(record: Described, name: str) -> tuple[TypedColumn, ...]:
     """Return the columns of one of the tables of a record, with units if its system has some."""
     table = record.tables()[name]
     rows = list(table())
-    signal = table.signal if isinstance(table, OverAxes) else ""
-    headings, units = [str(heading) for heading in rows[0]], _units_of(record, signal)
+    headings = [str(heading) for heading in rows[0]]
+    units = _units_of(record, table, headings)
     cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(headings)
     return tuple(
-        TypedColumn(heading, units(heading), _typed(values)) for heading, values in zip(headings, cells, strict=True)
+        TypedColumn(distinct, units(heading), _typed(values))
+        for distinct, heading, values in zip(_distinct(headings), headings, cells, strict=True)
     )
 
 
@@ -192,9 +194,9 @@ def table_headings(record: Described, name: str, headings: Iterable[object]) -> 
 
     Units are known for parameters, states, and measures and amplitudes of signals.
     """
-    table = record.tables()[name]
-    units = _units_of(record, table.signal if isinstance(table, OverAxes) else "")
-    return [TypedColumn(heading, units(heading), ()).head for heading in map(str, headings)]
+    texts = [str(heading) for heading in headings]
+    units = _units_of(record, record.tables()[name], texts)
+    return [TypedColumn(heading, units(heading), ()).head for heading in texts]
 
 
 def _system_of(record: Described) -> System | None:
@@ -202,27 +204,42 @@ def _system_of(record: Described) -> System | None:
     return system if isinstance(system, System) else None
 
 
-def _units_of(record: Described, signal: str) -> Callable[[str], str]:
-    """Return a function that returns the unit of a column by its heading."""
+def _units_of(record: Described, table: object, headings: Sequence[str]) -> Callable[[str], str]:
+    """Return a function that returns the unit of a column of a table by its heading."""
     system = _system_of(record)
     units = system.units if system is not None else getattr(record, "units", None)
     if not isinstance(units, Units):
         return lambda _: ""
+    more = table if isinstance(table, TableRows) else TableRows(lambda: ())
     signals = frozenset(() if system is None else signal_names(system))
+    states = frozenset(() if system is None else system.state_names)
 
     def unit(heading: str) -> str:
+        if like := more.units.get(heading) or next((u for h, u in more.units.items() if _begins(heading, h)), ""):
+            return units.signal(like)[1] if like.endswith((".force", "'")) else units.parameter(like) or like
+        if heading in _ANGLE_AND_TIME:
+            return _ANGLE_AND_TIME[heading]
+        if more.signal and (heading == more.signal or _ORDER.fullmatch(heading)):
+            return units.signal(more.signal)[1]
         kind, _, of = heading.partition(".")
-        if signal and (heading == signal or _ORDER.fullmatch(heading)):
-            return units.signal(signal)[1]
-        if kind in (*MEASURES, "amplitude", "re", "im") and of in signals:
+        if kind in (*MEASURES, "amplitude", "re", "im") and of in signals and not _is_mean_load(heading, headings):
             return units.signal(of)[1]
-        state = heading.removesuffix("(0)")
-        if system is not None and state in system.state_names:
+        if (state := heading.removesuffix("(0)")) in states:
             return units.state(state)
         name = heading.removeprefix("parameter ")
         return units.parameter(name) if system is None or name in system.structure.names else ""
 
     return unit
+
+
+def _begins(heading: str, beginning: str) -> bool:
+    return beginning.endswith(".") and heading.startswith(beginning)
+
+
+def _is_mean_load(heading: str, headings: Sequence[str]) -> bool:
+    """Return True if ``mean.q1`` is the parameter: tables with the mean of a motion have its maximum too."""
+    kind, _, of = heading.partition(".")
+    return kind == "mean" and f"max.{of}" not in headings
 
 
 def _typed(values: Iterable[object]) -> tuple[Any, ...]:
@@ -258,9 +275,9 @@ def _text(value: Any) -> str:
 
 
 def _labelled(record: Described, name: str, table: object) -> LabelledTable:
-    columns, system = _distinct(columns_of(record, name)), _system_of(record)
-    signal = table.signal if isinstance(table, OverAxes) else ""
-    count = table.axes if isinstance(table, OverAxes) else 0
+    columns, system = columns_of(record, name), _system_of(record)
+    signal = table.signal if isinstance(table, TableRows) else ""
+    count = table.axes if isinstance(table, TableRows) else 0
     axes, dims, shape = _axes(columns[:count], name)
     taken = {each.heading for each in columns}
     families = _families(columns[len(axes) :], system, signal, taken | set(dims))
@@ -273,7 +290,8 @@ def _labelled(record: Described, name: str, table: object) -> LabelledTable:
             variables[key] = Labelled((*dims, along), values, members[0].unit)
         else:
             found = Labelled(dims, arrays[0].reshape(shape), members[0].unit)
-            is_label = not axes and key not in dims and _is_label(members[0], system)
+            is_label = not axes and key not in dims and " " not in key  # which netCDF cannot mark as a coordinate
+            is_label = is_label and _is_label(members[0], system, [*taken])
             (labels if is_label else variables)[key] = found
     return LabelledTable(labels, variables)
 
@@ -293,13 +311,13 @@ def _axes(columns: Sequence[TypedColumn], name: str) -> tuple[dict[str, Labelled
     return axes, tuple(axes), tuple(len(ends[k]) for k in order)
 
 
-def _distinct(columns: Sequence[TypedColumn]) -> list[TypedColumn]:
-    """Number columns of the same heading, whose first keeps it."""
+def _distinct(headings: Sequence[str]) -> list[str]:
+    """Number headings that occur again."""
     seen: dict[str, int] = {}
     found = []
-    for each in columns:
-        seen[each.heading] = count = seen.get(each.heading, 0) + 1
-        found.append(replace(each, heading=f"{each.heading} ({count})") if count > 1 else each)
+    for each in headings:
+        seen[each] = count = seen.get(each, 0) + 1
+        found.append(f"{each}.{count}" if count > 1 else each)
     return found
 
 
@@ -312,9 +330,10 @@ def _families(columns: Sequence[TypedColumn], system: System | None, signal: str
     The families of one dimension must have the same labels, and the columns of a family one unit and type; columns that
     do not fit remain single.
     """
+    headings = [each.heading for each in columns]
     groups: dict[tuple[str, str], dict[Any, TypedColumn]] = {}
     for each in columns:
-        if (place := _place(each.heading, system, signal)) is not None:
+        if (place := _place(each.heading, system, signal, headings)) is not None:
             family, along, label = place
             groups.setdefault((family, along), {})[label] = each
     labels: dict[str, tuple[Any, ...]] = {}
@@ -336,16 +355,20 @@ def _families(columns: Sequence[TypedColumn], system: System | None, signal: str
     return found
 
 
-def _place(heading: str, system: System | None, signal: str) -> tuple[str, str, Any] | None:
+def _place(heading: str, system: System | None, signal: str, headings: Sequence[str]) -> tuple[str, str, Any] | None:
     """Return family, dimension and label of a heading such as ``half.q1``; None of one that has no family."""
     if match := _NUMBERED.fullmatch(heading):
         return match["family"], "multiplier", int(match["number"])
     if signal and (match := _ORDER.fullmatch(heading)):
         return f"amplitude.{signal}", "order", float(match["number"])
-    if system is None or heading in system.structure.names:
+    if system is None or heading.startswith("parameter ") or _is_parameter(heading, system, headings):
         return None
     if (match := _STATE.fullmatch(heading)) and match["state"] in system.state_names:
-        return "state", "state_name", match["state"]
+        name = match["state"].removesuffix("'")
+        family = "position(0)" if name == match["state"] else "velocity(0)"
+        return (family, "coordinate", name) if name in system.coordinates else None
+    if heading.startswith("amplitude."):  # of one signal
+        return None
     sets = {"coordinate": system.coordinates, "contact": [each.name for each in system.structure.contacts]}
     for along, names in sets.items():
         for name in sorted(names, key=len, reverse=True):
@@ -354,7 +377,13 @@ def _place(heading: str, system: System | None, signal: str) -> tuple[str, str, 
     return None
 
 
-def _is_label(column: TypedColumn, system: System | None) -> bool:
+def _is_parameter(heading: str, system: System, headings: Sequence[str]) -> bool:
+    name = heading.removeprefix("parameter ")
+    is_measure = heading.partition(".")[2] in system.coordinates and not _is_mean_load(heading, headings)
+    return name in system.structure.names and not is_measure
+
+
+def _is_label(column: TypedColumn, system: System | None, headings: Sequence[str]) -> bool:
     """Return True for a column that says which row it is: a text, a parameter, number and period of a branch."""
-    parameter = system is not None and column.heading.removeprefix("parameter ") in system.structure.names
+    parameter = system is not None and _is_parameter(column.heading, system, headings)
     return parameter or column.type is str or column.heading in ("branch", "period")

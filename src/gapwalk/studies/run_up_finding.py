@@ -17,7 +17,7 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.system import System
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.study_kind import Finding, Rows, plain_numbers
-from gapwalk.summary import OverAxes, SummaryParts, summarizes
+from gapwalk.summary import SummaryParts, TableRows, summarizes
 
 if TYPE_CHECKING:
     from gapwalk.studies.run_up_study import RunUpStudy
@@ -131,16 +131,25 @@ class RunUpFinding(Finding):
             return {}
         if isinstance(found, RunUp):
             tables: dict[str, Callable[[], Rows]] = {
-                "peaks": lambda: _peak_rows(found),
-                "history": OverAxes(lambda: self._history_rows(found), signal=self.signal),
+                "peaks": TableRows(lambda: _peak_rows(found), units={"force": ".force", "fastest": "'"}),
+                "history": TableRows(lambda: self._history_rows(found), 1, self.signal),
                 "envelope": lambda: self._envelope_rows(found),
             }
             if self.response is not None:
-                tables["jumps"] = self._jump_rows
+                pace = found.system.structure.pace
+                tables["jumps"] = TableRows(self._jump_rows, units=dict.fromkeys(("fold", "jump", "delay"), pace))
             if self.asked.orders:
-                tables["orders"] = OverAxes(lambda: self._order_rows(found), signal=self.signal)
+                tables["orders"] = TableRows(lambda: self._order_rows(found), 1, self.signal)
             return tables
-        return {"peaks": lambda: _run_rows(found), "rates": OverAxes(lambda: _rate_rows(found))}
+        system, pace = found.system, found.system.structure.pace
+        rate = f"{system.units.parameter(pace)}/s" if system.units else ""
+        shares = {f"{name} {level:.0%}": ".force" for name in found.touching for level in LEVELS}
+        return {
+            "peaks": TableRows(
+                lambda: _run_rows(found), units={"rate": rate, "phase": "rad", "peak.": ".force", f"{pace}.": pace}
+            ),
+            "rates": TableRows(lambda: _rate_rows(found), 1, units={"rate": rate, **shares}),
+        }
 
     def _history_rows(self, found: RunUp) -> Iterator[list[object]]:
         signal = self.signal

@@ -53,13 +53,20 @@ def _fill(book: Any, name: str, headings: Sequence[str], columns: Sequence[Itera
 
 
 def _cell(sheet: Any, value: Any) -> Any:
-    """Return what openpyxl writes for a value; a text that begins with = must not become a formula."""
+    """Return what openpyxl writes for a value.
+
+    A text that begins with = must not become a formula, and a number keeps all digits: openpyxl would write 16 of them.
+    """
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE, WriteOnlyCell
 
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else str(value)
-    if not isinstance(value, str):
+    if value is None or isinstance(value, bool):
         return value
-    cell = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("?", value)[:_TEXT])
-    cell.data_type = "s"
+    if isinstance(value, str):
+        cell = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("?", value)[:_TEXT])
+        cell.data_type = "s"
+    else:
+        cell = WriteOnlyCell(sheet, value)
+        cell._value = repr(value)
     return cell
