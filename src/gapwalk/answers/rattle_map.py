@@ -27,7 +27,7 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _BEYOND = 60  # points of a walk after the first change of all gaps
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
@@ -128,7 +128,7 @@ class RattleMap(Shown):
 
     def tables(self) -> Tables:
         """Return the table of cells, and that of the points of the loci."""
-        return {"cells": self._cell_rows, "borders": self._locus_rows}
+        return {"cells": TableRows(self._cell_rows, 2, units={"peak.": ".force"}), "borders": self._locus_rows}
 
     def plot(self, gap: str | None = None, **options: Any):
         """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`."""

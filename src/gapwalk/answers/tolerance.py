@@ -23,7 +23,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 Array = NDArray[np.float64]
 
@@ -273,7 +273,11 @@ class Tolerance(Shown):
 
     def tables(self) -> Tables:
         """Return the tables of the points, of their indices, and of all samples."""
-        return {"points": self._point_rows, "indices": self._index_rows, "samples": self._sample_rows}
+        return {
+            "points": TableRows(self._point_rows, units=dict.fromkeys(("mean", "sd", "quantile."), self.parameter)),
+            "indices": self._index_rows,
+            "samples": self._sample_rows,
+        }
 
     def __repr__(self) -> str:
         return (

@@ -178,7 +178,7 @@ def export(
     result: Path,
     /,
     *,
-    format: Literal["csv", "png", "svg", "pdf", "html"] | None = None,
+    format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html"] | None = None,
     output: Path | None = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
@@ -186,7 +186,9 @@ def export(
 ) -> int:
     """Write the tables or the picture of a result file, or a web page with its diagram and motions (html).
 
-    The page is a single file that opens in any browser without a network. A click on a point shows its motion.
+    Tables are written as csv, json, netcdf (for xarray), mat (for MATLAB), parquet (for pandas) or xlsx (for Excel);
+    netcdf, parquet and xlsx need pip install "gapwalk[data]". The page is a single file that opens in any browser
+    without a network. A click on a point shows its motion.
 
     Parameters
     ----------
@@ -195,8 +197,8 @@ def export(
     format
         The format; by default that of the file extension of the output, otherwise csv.
     output
-        The file to write, replacing an earlier one; by default named after the result. For csv, the special points and
-        further tables are written to other files next to it.
+        The file to write, replacing an earlier one; by default named after the result. For csv and parquet, the special
+        points and further tables are written to other files next to it.
     measure
         The quantity on the vertical axis, as in max.q1; by default that of the study. Only for branches.
     size
