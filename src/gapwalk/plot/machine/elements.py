@@ -174,9 +174,9 @@ def _stages(system: System, form: ContactForm, name: str, signal: str, varying: 
         own = STAGES[number - 1] if number else name
         whole = f"{form.name}{f', {stage}' if stage and number else ''}"
         if edges == (0.0, 0.0) and not rigid:
-            yield Element(
-                "spring", own, f"{whole}: spring that never opens{varying}", form.name, signal, is_curved=True
-            )
+            cubic = f"{form.stage_prefix((right or left)[1])}.cubic"  # type: ignore[index]
+            words, is_curved = f"{whole}: spring that never opens{varying}", bool(system.parameters.get(cubic))
+            yield Element("spring", own, words, form.name, signal, is_curved=is_curved)
             continue
         detail = _edge_words(system, form, left, right)
         words = f"{whole}: {what} with a gap of {detail}{varying}"

@@ -1,11 +1,15 @@
-"""The drawing of a machine as an SVG file."""
+"""The drawing of a machine on white paper: as an SVG file, and in axes of matplotlib."""
 
 from __future__ import annotations
 
 from html import escape
+from typing import TYPE_CHECKING, Any
 
 from gapwalk.plot.machine.glyphs import LETTER
 from gapwalk.plot.machine.scene import Point, Scene, Shape
+
+if TYPE_CHECKING:  # an SVG file needs no matplotlib
+    from matplotlib.axes import Axes
 
 INK, BLUE, GREY, STEEL, ROOM = "#1a1a1a", "#0072B2", "#6f6f6f", "#e8edf2", "#fde7d3"
 
@@ -78,3 +82,41 @@ def _pair(point: Point) -> str:
 
 def _short(value: float) -> str:
     return f"{value:.1f}".removesuffix(".0")
+
+
+def draw_scene(ax: Axes, scene: Scene, scale: float) -> None:
+    """Draw a machine in axes, without their frame.
+
+    Parameters
+    ----------
+    ax, scene
+        The axes and the drawing.
+    scale
+        Points of the sheet in a pixel of the drawing, by which letters and lines are scaled.
+    """
+    ax.set_axis_off()
+    ax.set_aspect("equal", anchor="W")
+    ax.set_xlim(0.0, scene.width)
+    ax.set_ylim(scene.height, 0.0)
+    for order, shape in enumerate(scene.shapes):
+        _draw_shape(ax, shape, scale, 2.0 + 1e-4 * order)
+
+
+def _draw_shape(ax: Axes, shape: Shape, scale: float, zorder: float) -> None:
+    from matplotlib.patches import Circle, Polygon
+
+    look, places = LOOKS[shape.look.split()[0]], [(point.x, point.y) for point in shape.points]
+    if shape.kind == "text":
+        (x, y), align = places[0], {"start": "left", "middle": "center"}[shape.anchor]
+        text = shape.text.replace("$", r"\$")
+        ax.text(x, y, text, ha=align, va="baseline", size=LETTER * scale, color=look["fill"], zorder=zorder)
+        return
+    line: dict[str, Any] = {"linewidth": float(look.get("width", 0.0)) * scale, "zorder": zorder}
+    if "dashes" in look:
+        line["linestyle"] = (0, tuple(map(float, str(look["dashes"]).split())))
+    if shape.kind == "line":
+        ax.plot(*zip(*places, strict=True), color=look["stroke"], solid_joinstyle="round", **line)
+        return
+    line |= {"facecolor": look.get("fill", "none"), "edgecolor": look.get("stroke", "none")}
+    circle = shape.kind == "circle"
+    ax.add_patch(Circle(places[0], shape.radius, **line) if circle else Polygon(places, closed=True, **line))
