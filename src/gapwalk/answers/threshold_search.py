@@ -6,7 +6,7 @@ is found from both sides, and then confirmed: many motions from random starts ju
 have settled. If one of them rattles, its own border is followed in the same way. The batch integrator follows them; one
 that rattles is watched by the exact flow before it counts, and so are some of the quiet ones.
 
-Method: docs/studies.md
+Method: docs/howto/studies.md
 """
 
 from __future__ import annotations
