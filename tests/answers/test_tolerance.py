@@ -112,6 +112,22 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
     assert gw.load(file).values.tobytes() == found.values.tobytes()
 
 
+def test_samples_without_points_that_all_walks_have_are_cleared_by_two_of_them(tmp_path):
+    weak = (Spread("harmonic1.amplitude", "uniform", low=0.098, high=0.14), Spread("stop.clearance", sd=0.003))
+    options, file = replace(OPTIONS, seed=10, check=0), tmp_path / "weak.gapwalk"
+    few = tolerance(stopped(), "frequency", (0.5, 1.5), weak, options=options, workers=1, output=file)
+    touching = (few.samples[:, 0] / few.samples[:, 1]) ** 2 > DAMPING**2 * (1.0 - DAMPING**2 / 4.0)
+    assert touching[:15].all()  # these are walked first
+    assert np.sum(~touching) == 6
+    grazing = [k for k, special in enumerate(few.points) if special.kind.value == "grazing"]
+    assert np.array_equal(~np.isnan(few.values[:, grazing]).any(axis=1), touching)
+    assert np.isnan(few.values[~touching]).all()
+    assert np.sum(few.how[~touching] == HowFound.WALKED) == 2
+    assert np.sum(few.how[~touching] == HowFound.TRACKED) == 4
+    low, high = touches(*few.samples[touching].T[::-1], DAMPING)
+    assert few.values[np.ix_(touching, grazing)] == pytest.approx(np.column_stack((low, high)), abs=5e-6)
+
+
 def campaign() -> tuple[np.ndarray, np.ndarray]:
     """Return samples and special points of the brute-force campaign; the file says how it was made."""
     table = np.genfromtxt(CAMPAIGN, delimiter=",", skip_header=5)
