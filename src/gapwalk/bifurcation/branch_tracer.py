@@ -208,14 +208,15 @@ class BranchTracer(Iterator[Step]):
         if self._symmetries is None:
             if self.beginning.singular and point.arclength < _AHEAD:
                 return {}
-            within = self.beginning.within
-            place = self.first.orbit.system.structure.place(self.beginning.equation.parameter or "")
-            ends = (System.beside(self.first.orbit.system, place, value) for value in (within.low, within.high))
-            kept = set.intersection(*({*symmetries_of(system)} for system in (self.first.orbit.system, *ends)))
+            within, system = self.beginning.within, self.first.orbit.system
+            own = symmetries_of(system)
+            if own:
+                place = system.structure.place(self.beginning.equation.parameter or "")
+                ends = [System.beside(system, place, value) for value in (within.low, within.high)]
+                kept = set.intersection(*({*symmetries_of(each)} for each in ends))
+                own = tuple(each for each in own if each in kept)
             self._symmetries = {
-                each: each.moves_switches(point.orbit.system)
-                for each in symmetries_of(self.first.orbit.system)
-                if each in kept and self._defect(each, point) < _SYMMETRIC
+                each: each.moves_switches(point.orbit.system) for each in own if self._defect(each, point) < _SYMMETRIC
             }
         return self._symmetries
 

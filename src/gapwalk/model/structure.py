@@ -381,6 +381,12 @@ class Structure:
         )
 
     @cached_property
+    def two_sided(self) -> tuple[tuple[int, bool], ...]:
+        """For each switch of the flow the place of its clearance, and True if another switch has the same one."""
+        places = [place for _, _, place in self.breakpoints]
+        return tuple((place, places.count(place) == 2) for place in places)
+
+    @cached_property
     def driving(self) -> tuple[LoadForm, ...]:
         """The loads that act on coordinates; the others vary numbers of contacts."""
         return tuple(load for load in self.harmonics if not load.varies)
