@@ -149,5 +149,12 @@ def test_all_columns_are_documented() -> None:
     assert [each.name for each in COLUMNS if f"| {each.name} |" not in page] == []
 
 
+def test_the_table_of_the_page_is_a_train(tmp_path: Path) -> None:
+    page = (EXAMPLES.parent / "docs" / "howto" / "spreadsheet.md").read_text(encoding="utf-8")
+    lines = [line.strip("|") for line in page.split("## The columns")[0].splitlines() if line.startswith("| ")]
+    text = "\n".join(";".join(cell.strip() for cell in line.split("|")) for line in lines)
+    assert system_of(written(tmp_path / "a.csv", text)).coordinates == ("clutch", "mesh")
+
+
 def test_letters_of_columns() -> None:
     assert [letters(place) for place in (0, 25, 26, 701, 702)] == ["A", "Z", "AA", "ZZ", "AAA"]

@@ -207,8 +207,8 @@ class _Sheet:
             if name not in (*_ALLOWED[row.part], "part", "name", "note"):
                 fits = " or ".join(kind for kind, names in _ALLOWED.items() if name in names)
                 self.problems.append(
-                    f"{self.where(row, name)}: a {row.part} has no {name}; leave the cell empty, or write {fits} as the "
-                    "part"
+                    f"{self.where(row, name)}: a {row.part} has no {name}; leave the cell empty, or write {fits} as "
+                    "the part"
                 )
         return row
 
