@@ -110,8 +110,8 @@ def packed(**arrays) -> bytes:
     ("name", "content", "words"),
     [
         ("none.mtx", None, "cannot be read"),
-        ("k.txt", b"1 2", "a list of rows, or a file in the form of Matrix Market (.mtx)"),
-        ("k.mtx", b"no matrix", "not a Matrix Market file"),
+        ("k.txt", b"1 2", "a list of rows, or a file in the form of Matrix Market or Abaqus (.mtx)"),
+        ("k.mtx", b"no matrix", "neither Matrix Market"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 6 1\n7 1 1.0\n", "not a Matrix Market file"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 5 1\n1 1 1.0\n", "a matrix of 6 x 5"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n90000 90000 1\n1 1 1.0\n", "there may be 1000"),

@@ -52,18 +52,22 @@ def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], C
 @command(
     1,
     "gapwalk new rattle.toml",
+    "gapwalk new train.toml --from train.csv",
 )
-def new(file: Path, /, *, debug: Debug = False) -> int:
-    """Write a template of a model file; its comments explain every key.
+def new(file: Path, /, *, table: Annotated[Path | None, Parameter(name="--from")] = None, debug: Debug = False) -> int:
+    """Write a template of a model file; its comments explain every key. Or make one from the table of a drive train.
 
     Parameters
     ----------
     file
         The file to write, such as model.toml.
+    table
+        A spreadsheet with a row for each inertia, shaft, gear and load, and units in its headings: train.csv, or
+        train.xlsx with pip install "gapwalk[data]".
     """
     from gapwalk.cli.file_commands import new_file
 
-    return new_file(file)
+    return new_file(file, table)
 
 
 @command(

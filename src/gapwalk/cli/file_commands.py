@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 _PICTURES = ("png", "svg", "pdf")
 
 
-def new_file(file: Path) -> int:
-    """Write a template of a model file."""
-    from gapwalk.studies.study_file import write_template
+def new_file(file: Path, table: Path | None) -> int:
+    """Write a template of a model file, or one made from the table of a drive train."""
+    from gapwalk.studies.study_file import text_of_sheet, write_template
 
-    write_template(file)
-    print(f"wrote {file}; run it with\n    gapwalk run {shlex.quote(str(file))}")
+    text = "" if table is None else text_of_sheet(table)
+    write_template(file, text=text)
+    todo = "run" if "\n[study]" in text or not text else "check"
+    print(f"wrote {file}; {todo} it with\n    gapwalk {todo} {shlex.quote(str(file))}")
     return DONE
 
 

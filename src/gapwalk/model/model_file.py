@@ -14,8 +14,9 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import TrainBase, describes_train, train_part, train_problems
+from gapwalk.model.labelled_matrix import arranged
 from gapwalk.model.loads import LOADS
-from gapwalk.model.matrix_file import read_matrix
+from gapwalk.model.matrix_file import read_labelled, split_name
 from gapwalk.model.measured.curve_contact import CURVED, MeasuredCurve, measured_curve, with_curves
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import SystemBase, system_part
@@ -104,7 +105,7 @@ def read_files(source: Source) -> tuple[dict[Path, Any], list[Problem]]:
     Returns
     -------
     files : dict
-        Their contents by the paths of their keys: a matrix, or a `NamedFile`.
+        Their contents by the paths of their keys: a `LabelledMatrix`, or a `NamedFile`.
     problems : list of Problem
         Files that cannot be read.
     """
@@ -113,7 +114,8 @@ def read_files(source: Source) -> tuple[dict[Path, Any], list[Problem]]:
     for path, name in _named(source):
         try:
             if path[0] in MATRICES:
-                files[path] = read_matrix(path_of(name, source))
+                file, matrix = split_name(name)
+                files[path] = read_labelled(path_of(file, source), matrix)
             else:  # it may be named several times
                 files[path] = known[name] = known.get(name) or read_named(name, source)
         except ValueError as error:
@@ -126,7 +128,7 @@ def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tup
 
     ``stiffness = "stiffness.mtx"`` and ``file = "gas.csv"`` name files in the folder of the model file. A matrix
     becomes a list of rows, a curve the stages of its contact, any other file a `NamedFile`. ``coordinates = 100`` is
-    short for q1 ... q100.
+    short for q1 ... q100; where the files of matrices name their rows, these are the coordinates.
 
     Parameters
     ----------
@@ -153,6 +155,13 @@ def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tup
             problems.append(source.problem(message, ("coordinates",)))
             count = 0
         data["coordinates"] = [f"q{number}" for number in range(1, count + 1)]
+    matrices = {str(path[0]): each for path, each in files.items() if path[0] in MATRICES}
+    try:
+        arrays, names = arranged(matrices, source.data.get("coordinates"))
+        data |= {} if names is None else {"coordinates": names}
+    except ValueError as error:
+        arrays = {key: each.matrix for key, each in matrices.items()}
+        problems.append(source.problem(str(error), ("coordinates",)))
     for path, _ in _named(source):
         *around, key = path
         table = data
@@ -160,7 +169,7 @@ def read_parts(source: Source, files: Mapping[Path, Any], *, units: bool) -> tup
             table[each] = list(table[each]) if isinstance(table[each], list) else dict(table[each])
             table = table[each]
         if path in files:
-            table[key] = files[path].tolist() if path[0] in MATRICES else files[path]
+            table[key] = arrays[str(key)].tolist() if path[0] in MATRICES else files[path]
         else:
             del table[key]
     data, unread = with_curves(replace(source, data=data), units=units)
@@ -172,7 +181,7 @@ def file_paths(source: Source) -> tuple[str, ...]:
     found = []
     for _, name in _named(source):
         with suppress(ValueError):
-            found.append(path_of(name, source))
+            found.append(path_of(split_name(name)[0], source))
     return tuple(dict.fromkeys(found))
 
 

@@ -17,10 +17,11 @@ from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
 from gapwalk.model.contact import RIGID, Side
 from gapwalk.model.contact_parts import OF_FRICTION
+from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.laws import FRICTION, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
-from gapwalk.model.model_source import Source, read_source
+from gapwalk.model.model_source import Source, parse_source, read_source
 from gapwalk.model.named_file import read_named
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
@@ -366,7 +367,29 @@ def template() -> str:
     return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
 
 
-def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def text_of_sheet(path: str | os.PathLike[str]) -> str:
+    """Return the text of a model file that is made from a table of a drive train; see `train_of_sheet`.
+
+    Raises
+    ------
+    ModelError
+        If the table is wrong, or the train that it describes; each line names the row.
+    """
+    text, places = train_of_sheet(path)
+    _, problems = check_model(parse_source(text))
+    if problems:
+        raise ModelError("\n".join(f"{os.fspath(path)}: {_placed(problem, places)}" for problem in problems))
+    return text
+
+
+def _placed(problem: Problem, places: Mapping[str, str]) -> str:
+    """Return a problem of the model file as one of the table from which it was made."""
+    inside = [path for path in places if f"{problem.path}.".startswith(f"{path}.")]
+    where = places[max(inside, key=len)] if inside else "the whole table"
+    return f"{where}: {problem.place or problem.path} {problem.message}"
+
+
+def write_template(path: str | os.PathLike[str], *, overwrite: bool = False, text: str = "") -> None:
     """Write the model file to begin with.
 
     Parameters
@@ -375,6 +398,8 @@ def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> 
         The file to write.
     overwrite
         True to overwrite an existing file.
+    text
+        Its text; by default that of `template`.
 
     Raises
     ------
@@ -386,7 +411,7 @@ def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> 
         raise ModelError(f"{name} {why}")
     try:
         with open(name, "w" if overwrite else "x", encoding="utf-8", newline="\n") as file:
-            file.write(template())
+            file.write(text or template())
     except FileExistsError:
         raise ModelError(f"{name} exists already; choose another name") from None
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
