@@ -156,7 +156,7 @@ export class MachineView {
     let last = null;
     return (i) => {
       const d = contact.deflection[i], mode = now(part.contact, this.motion.theta[i]);
-      const above = high !== null && d > high, below = low !== null && d < low;
+      const above = high !== null && d > high, below = low !== null && d < -low;
       const near = low === null || (high !== null && d >= 0) ? "high" : "low";
       let words = rest, kind = "";
       if (mode) [words, kind] = [mode.words, `${mode.kind}${part.kind === "gap" ? ` at-${near}` : ""}`];
