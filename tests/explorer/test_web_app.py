@@ -89,7 +89,9 @@ def test_contacts_are_logged_and_drawn(client, do, model) -> None:
     assert np.all(np.array(contact["force"])[~closed] == 0.0)
     assert motion["machine"]["moved"] == [motion["q"]["x"]]
     assert motion["machine"]["stops"] == [None, [None, 1.0]]
-    assert [scene["width"] for scene in motion["machine"]["scenes"]] == [330.0, 660.0]
+    assert [[part["kind"] for part in scene["parts"]] for scene in motion["machine"]["scenes"]] == 2 * [
+        ["spring", "damper", "gap", "body"]
+    ]
 
 
 def test_walking_from_a_point_is_an_ordinary_result(client, do, session, model) -> None:

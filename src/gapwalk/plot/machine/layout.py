@@ -13,7 +13,7 @@ from gapwalk.plot.machine.glyphs import HEIGHT, LETTER, Moves, Pen, Span, draw_e
 from gapwalk.plot.machine.of_matrices import machine_of_matrices
 from gapwalk.plot.machine.of_train import machine_of_train
 from gapwalk.plot.machine.rows import BODY, STUB, WALL, Node, Row, Slot, rows_of
-from gapwalk.plot.machine.scene import Mover, Part, Point, Scene
+from gapwalk.plot.machine.scene import Mover, Part, Point, Scene, Shape
 
 NARROW, WIDE = 330.0, 660.0
 """Widths of a drawing, in pixels: of a panel of the explorer, and of a page."""
@@ -58,7 +58,7 @@ def scene_of(system: System, width: float = WIDE) -> Scene:
     system
         The system.
     width
-        Width of the drawing in pixels; longer chains go on in further rows.
+        Width of the drawing in pixels, at most; longer chains go on in further rows.
 
     Examples
     --------
@@ -81,9 +81,15 @@ def scene_of(system: System, width: float = WIDE) -> Scene:
             top += LETTER + 3.0
             pen.part = -1
             pen.text("note", _MARGIN, top, text, "start")
-    return Scene(
-        width, top + _MARGIN, _words(machine), tuple(pen.movers), tuple(pen.parts), tuple(pen.shapes), machine.notes
-    )
+    drawn = tuple(pen.movers), tuple(pen.parts), tuple(pen.shapes)
+    right = min(width, _right(pen.shapes) + _MARGIN)
+    return Scene(right, top + _MARGIN, _words(machine), *drawn, machine.notes)
+
+
+def _right(shapes: Sequence[Shape]) -> float:
+    """Return where a drawing ends on the right."""
+    texts = (each.points[0].x + length_of(each.text) * (0.5 + 0.5 * (each.anchor == "start")) for each in shapes)
+    return max((*texts, *(point.x for each in shapes for point in each.points)), default=0.0)
 
 
 def _width(mass: float, heaviest: float) -> float:
@@ -161,7 +167,7 @@ def _draw_line(pen: Pen, machine: Machine, line: Sequence[_Piece], top: float, r
 
 def _slot_width(slot: Slot) -> float:
     elements = [each for link in (*slot.links, *slot.to_base) for each in link.elements]
-    room = max([_SLOT[0], *(length_of(each.name) + 12.0 for each in elements)])
+    room = max([_SLOT[0], *(length_of(each.name) + 16.0 for each in elements)])
     if any(each.contact for each in elements):
         room = _SLOT[1]
     return min(_SLOT[1], room) + _LOCAL * bool(slot.to_base)
@@ -203,7 +209,7 @@ def _draw_one(pen: Pen, element: Element, span: Span) -> None:
         Part(element.kind, element.name or element.kind, element.words, element.contact, element.signal, box)
     )
     pen.part = len(pen.parts) - 1
-    room, middle = span.x1 - span.x0 - 6.0, 0.5 * (span.x0 + span.x1)
+    room, middle = span.x1 - span.x0 - 14.0, 0.5 * (span.x0 + span.x1)
     if element.name:
         pen.text("name", middle, top + 10.0, fitted(element.name, room))
     draw_element(
