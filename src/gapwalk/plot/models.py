@@ -99,7 +99,7 @@ def draw_system(system: System, figure: AnyFigure, points: Points | None = None,
         draw_scene(figure.add_subplot(), *machine)
         return
     whole, height = _size(system)[1], _machine_height(system)
-    above, below = figure.subfigures(2, 1, height_ratios=(height, whole - height))
+    above, below = figure.subfigures(2, 1, height_ratios=(height, whole - height), squeeze=False)[:, 0]
     _draw_panels(system, below, found, panels, points or {})
     draw_scene(above.add_subplot(), *machine)
 
