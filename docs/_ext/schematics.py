@@ -1,6 +1,8 @@
-"""Schematic drawings of the systems in the gallery, all in one style: ``python -m docs._ext.schematics``.
+"""Drawings of the geometry behind some systems in the gallery: ``python -m docs._ext.schematics``.
 
-They are written into docs/pictures as small SVG files. Their paper is white, so they can be read on a dark page too.
+A model does not know that its coordinate is the angle of a pendulum, or a direction of a rotor. What a model does know
+is drawn from it (`docs._ext.machines`). The files are small SVG in docs/pictures, on white paper, so that they can be
+read on a dark page too.
 """
 
 from __future__ import annotations
@@ -268,170 +270,11 @@ def pendulum() -> Sketch:
     return s
 
 
-def driveline() -> Sketch:
-    """Draw a drive line from engine to vehicle."""
-    s = Sketch(690, 215, "A drive line: engine, clutch, gearbox and vehicle")
-    y = 120
-    for x, r, name in ((80, 55, "engine"), (270, 34, "hub"), (470, 34, "output"), (610, 62, "vehicle")):
-        s.box(x, y, 26, 2 * r)
-        s.text(x, y + r + 20, name)
-    s.line((93, y), (130, y))
-    s.spring(130, y, 215, y)
-    s.line((215, y), (257, y))
-    s.text(172, 92, "measured clutch")
-    s.line((283, y), (340, y))
-    s.line((340, y - 32), (340, y + 32), width=3)
-    s.line((400, y - 32), (400, y + 32), width=3)
-    s.line((340, y - 20), (366, y - 20))
-    s.line((366, y - 32), (366, y - 8))
-    s.line((374, y - 34), (374, y - 6))
-    s.line((374, y - 20), (400, y - 20))
-    s.spring(340, y + 18, 400, y + 18, coils=3)
-    s.text(370, 68, "mesh with backlash")
-    s.line((400, y), (457, y))
-    s.spring(483, y, 597, y)
-    s.text(540, 92, "half shafts")
-    s.arc(80, y, 45, 130, 230)
-    s.text(20, 24, "torque over the angle,", anchor="start", color=BLUE)
-    s.text(20, 42, "measured", anchor="start", color=BLUE)
-    return s
-
-
-def held(s: Sketch, wall: float, body: float, spring: float, damper: float) -> None:
-    """Draw a spring and a damper at two heights, from a wall at one x to a body at another."""
-    s.wall((wall, spring - 28), (wall, damper + 28), side=-1)
-    s.spring(wall, spring, body, spring)
-    s.damper(wall, damper, body, damper)
-
-
-def coordinate(s: Sketch, x: float, y: float) -> None:
-    """Draw the arrow of the coordinate x."""
-    s.arrow(x, y, x + 45, y, color=INK)
-    s.text(x + 55, y + 5, "x", math=True)
-
-
-def rubbing(s: Sketch, x: float, y: float, width: float) -> None:
-    """Draw a rough surface under a body whose lower edge is at `y`, with the arrow of the friction."""
-    s.wall((x + width / 2, y + 5), (x - width / 2, y + 5), side=1)
-    for k in range(int(width / 12)):
-        left = x - width / 2 + 6 + 12 * k
-        s.line((left, y + 5), (left + 4, y), (left + 8, y + 5), color=ORANGE, width=1)
-
-
-def dry_friction() -> Sketch:
-    """Draw a mass on a spring, on a rough support."""
-    s = Sketch(480, 170, "A mass on a spring, pressed on a rough support")
-    s.wall((70, 40), (70, 125), side=-1)
-    s.spring(70, 80, 200, 80)
-    s.text(135, 62, "k", math=True)
-    s.box(240, 80, 80, 60)
-    s.text(240, 86, "m", math=True)
-    rubbing(s, 240, 110, 150)
-    s.text(240, 144, "friction: at most f", color=ORANGE)
-    s.arrow(282, 80, 340, 80)
-    s.text(350, 86, "cos Ωt", math=True, color=BLUE, anchor="start")
-    coordinate(s, 240, 38)
-    return s
-
-
-def rigid_stop() -> Sketch:
-    """Draw a mass on a spring and a damper, next to a soft and a rigid stop."""
-    s = Sketch(600, 190, "A mass on a spring and a damper, next to a stop that is a spring or rigid")
-    held(s, 50, 160, 70, 115)
-    s.box(195, 92, 70, 80)
-    coordinate(s, 195, 38)
-    s.line((280, 62), (280, 122), width=2.4)
-    s.spring(280, 76, 390, 76)
-    s.text(335, 60, "k", math=True)
-    s.damper(280, 110, 390, 110)
-    s.text(335, 136, "c", math=True)
-    s.wall((390, 130), (390, 50), side=-1)
-    s.arrow(230, 152, 280, 152, both=True)
-    s.text(255, 172, "1", color=BLUE)
-    s.text(420, 96, "or", color=GREY)
-    s.wall((455, 130), (455, 50), side=-1)
-    s.text(480, 85, "rigid:", anchor="start", color=ORANGE)
-    s.text(480, 108, "v+ = −r v−", anchor="start", color=ORANGE)
-    return s
-
-
-def hysteresis() -> Sketch:
-    """Draw a clutch with friction between two inertias, and the loop of its torque."""
-    s = Sketch(640, 240, "A clutch with two stages and dry friction between two inertias")
-    s.box(70, 115, 30, 130)
-    s.box(330, 115, 30, 130)
-    s.spring(85, 65, 315, 65)
-    s.text(200, 50, "first stage")
-    s.line((85, 115), (165, 115))
-    s.line((165, 100), (165, 130), width=2.4)
-    s.line((185, 100), (185, 130), width=2.4)
-    s.spring(185, 115, 315, 115)
-    s.text(250, 96, "second stage")
-    s.arrow(165, 140, 185, 140, both=True)
-    s.line((85, 170), (210, 170))
-    s.line((315, 176), (190, 176))
-    for k in range(2):
-        s.line((194 + 8 * k, 176), (197 + 8 * k, 170), (200 + 8 * k, 176), color=ORANGE, width=1)
-    s.text(200, 200, "friction", color=ORANGE)
-    s.arc(75, 115, 45, 130, 230)
-    s.text(72, 205, "excitation", color=BLUE)
-    s.line((400, 120), (620, 120), color=GREY, width=1)
-    s.line((500, 30), (500, 215), color=GREY, width=1)
-    s.line((410, 190), (410, 162), (450, 146), (560, 104), (600, 42), (600, 72), (560, 134), (450, 176), (410, 190))
-    s.arrow(585, 65, 590, 57, color=INK)
-    s.arrow(580, 103, 575, 111, color=INK)
-    s.text(614, 136, "q_1", math=True)
-    s.text(508, 42, "torque", anchor="start")
-    return s
-
-
-def belt() -> Sketch:
-    """Draw a mass on a spring, on a moving belt."""
-    s = Sketch(480, 200, "A mass on a spring, on a belt that moves")
-    held(s, 60, 195, 58, 88)
-    s.box(235, 72, 80, 66)
-    s.line((130, 108), (370, 108), color=ORANGE, width=2)
-    s.line((130, 164), (370, 164), color=ORANGE, width=2)
-    s.disc(130, 136, 28)
-    s.disc(370, 136, 28)
-    s.disc(130, 136, 2.5, fill=INK)
-    s.disc(370, 136, 2.5, fill=INK)
-    s.arrow(300, 122, 345, 122, color=ORANGE)
-    s.text(322, 143, "v", math=True, color=ORANGE)
-    s.arrow(277, 72, 335, 72)
-    s.text(345, 77, "A cos Ωt", math=True, color=BLUE, anchor="start")
-    return s
-
-
-def impact_damper() -> Sketch:
-    """Draw an oscillator with a box in which a mass is free."""
-    s = Sketch(520, 190, "A mass on a spring, with a box in which a small mass flies back and forth")
-    held(s, 60, 170, 65, 110)
-    s.box(290, 90, 240, 100)
-    s.add("rect", x=210, y=60, width=160, height=50, fill="white", stroke=INK, stroke_width=1.6)
-    s.disc(290, 93, 15, fill=ORANGE)
-    s.line((210, 110), (370, 110), width=2)
-    s.arrow(210, 93, 274, 93, both=True)
-    s.arrow(306, 93, 370, 93, both=True)
-    s.text(242, 82, "gap", color=BLUE)
-    s.text(338, 82, "gap", color=BLUE)
-    s.arrow(410, 90, 460, 90)
-    s.text(468, 96, "F", math=True, color=BLUE, anchor="start")
-    coordinate(s, 290, 165)
-    return s
-
-
 DRAWINGS: dict[str, Callable[[], Sketch]] = {
     "bearing": bearing,
     "mesh": mesh,
     "rub": rub,
     "pendulum": pendulum,
-    "driveline": driveline,
-    "dry-friction": dry_friction,
-    "rigid-stop": rigid_stop,
-    "hysteresis": hysteresis,
-    "belt": belt,
-    "impact-damper": impact_damper,
 }
 """The drawings by the name of their page."""
 

@@ -211,7 +211,7 @@ SCENES = (
     Scene("clutch.toml", follow, (Shot("locus", "Diagram"), Shot("plane", "In two parameters"))),
     Scene("clutch.toml", search, (Shot("search", "Results"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
-    Scene("drivetrain.toml", drive, (Shot("train", "Moving parts, gaps"),)),
+    Scene("drivetrain.toml", drive, (Shot("train", "Machine"),)),
     Scene(
         "den_hartog.toml",
         stick,
@@ -228,7 +228,7 @@ def rest(page: Page) -> None:
     """Wait until a motion is shown whole, and stop it where something touches."""
     until(page, "gapwalk.motion.motion && document.querySelectorAll('#section .dot').length > 0")
     page.wait_for_timeout(800)  # what was asked for on the way is not shown any more
-    page.evaluate("gapwalk.motion.bodies.at(Math.round(0.3 * gapwalk.motion.motion.theta.length))")
+    page.evaluate("gapwalk.motion.machine.at(Math.round(0.3 * gapwalk.motion.motion.theta.length))")
 
 
 def panel(page: Page, heading: str):

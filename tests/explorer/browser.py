@@ -88,3 +88,14 @@ def choose_special(page: Page, kind: str, count: int = 1) -> None:
         if not count:
             return
     raise AssertionError(f"no such {kind} on the branch")
+
+
+def boxes(page: Page, what: str) -> list[tuple[float, float, float, float]]:
+    """Left, top, right and bottom of all visible elements."""
+    found = [each.bounding_box() for each in page.locator(what).all() if each.is_visible()]
+    return [(box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]) for box in found if box]
+
+
+def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Return True if two boxes share more than a pixel."""
+    return min(a[2], b[2]) - max(a[0], b[0]) > 1.0 and min(a[3], b[3]) - max(a[1], b[1]) > 1.0

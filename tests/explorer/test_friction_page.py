@@ -11,7 +11,7 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from gapwalk.explorer.motion_panels import details_of, panels_of
 from tests.dry.closed_forms import den_hartog
-from tests.explorer.browser import READY, browser, choose_special, chromium, opened, served, until
+from tests.explorer.browser import READY, boxes, browser, choose_special, chromium, opened, overlap, served, until
 
 BRAKE = """\
 title = "Den Hartog"
@@ -186,18 +186,7 @@ def settled(page: Page) -> None:
     until(page, "Boolean(gapwalk.motion.details)")
 
 
-def boxes(page: Page, what: str) -> list[tuple[float, float, float, float]]:
-    """Left, top, right and bottom of all visible elements."""
-    found = [each.bounding_box() for each in page.locator(what).all() if each.is_visible()]
-    return [(box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]) for box in found if box]
-
-
-def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Return True if two boxes share more than a pixel."""
-    return min(a[2], b[2]) - max(a[0], b[0]) > 1.0 and min(a[3], b[3]) - max(a[1], b[1]) > 1.0
-
-
-def test_the_strip_shows_all_phases_and_the_moving_parts_say_them(page) -> None:
+def test_the_strip_shows_all_phases_and_the_machine_says_them(page) -> None:
     settled(page)
     elements = page.evaluate("gapwalk.motion.motion.elements")
     assert elements["names"] == ["wall", "a_brake_with_a_rather_long_name", "joint"]
@@ -205,19 +194,20 @@ def test_the_strip_shows_all_phases_and_the_moving_parts_say_them(page) -> None:
     assert page.locator("#history line.strike").count() == len(elements["strikes"]) > 0
     resting = [each for each in elements["phases"] if each[1] in ("stick", "held")]
     assert page.locator("#history rect.rest").count() == len(resting) > 0
-    # in the middle of a stick, and in slip, the moving parts say so by word and by shape
+    # in the middle of a stick, and in slip, the machine says so by word and by colour
     page.click("#play")
-    for mode, words, radius in (("stick", "sticks", "1"), ("slip +", "slips +", "6")):
+    for mode, words, look in (("stick", "sticks", "sticks"), ("slip +", "slips +", "slips-forth")):
         row, _, start, end = max(
             (each for each in elements["phases"] if each[1] == mode), key=lambda each: each[3] - each[2]
         )
         middle = 0.5 * (start + end)
-        page.evaluate(f"gapwalk.motion.bodies.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {middle}))")
-        assert page.locator("#bodies .state").nth(row).text_content() == words
-        assert page.locator("#bodies .bead").nth(row).get_attribute("rx") == radius
+        page.evaluate(f"gapwalk.motion.machine.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {middle}))")
+        part = page.locator(f"#machine .part[aria-label^='{elements['names'][row]}:']")
+        assert part.locator(".m-state").text_content() == words
+        assert look in str(part.get_attribute("class")).split()
     at = elements["strikes"][0][1]
-    page.evaluate(f"gapwalk.motion.bodies.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {at}))")
-    assert page.locator("#bodies .state").nth(0).text_content() == "impact"
+    page.evaluate(f"gapwalk.motion.machine.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {at}))")
+    assert page.locator("#machine .part[aria-label^='wall:'] .m-state").text_content() == "impact"
     page.click("#play")
 
 
@@ -250,7 +240,7 @@ def test_nothing_overlaps_and_nothing_is_cut_off(page, width, height, scheme) ->
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     figures = boxes(page, "#panels > *")
     assert not any(overlap(a, b) for i, a in enumerate(figures) for b in figures[:i])
-    for chart in ("#history", "#element-loop", "#bodies"):
+    for chart in ("#history", "#element-loop", "#machine"):
         words = boxes(page, f"{chart} text")
         assert not any(overlap(a, b) for i, a in enumerate(words) for b in words[:i]), chart
     (strip,) = boxes(page, "#history svg")

@@ -87,7 +87,11 @@ def test_contacts_are_logged_and_drawn(client, do, model) -> None:
     assert contact["stops"] == [1.0]
     closed = np.array(contact["deflection"]) > 1.0
     assert np.all(np.array(contact["force"])[~closed] == 0.0)
-    assert motion["bodies"]["parts"][0]["moved"] == motion["q"]["x"]
+    assert motion["machine"]["moved"] == [motion["q"]["x"]]
+    assert motion["machine"]["stops"] == [None, [None, 1.0]]
+    assert [[part["kind"] for part in scene["parts"]] for scene in motion["machine"]["scenes"]] == 2 * [
+        ["spring", "damper", "gap", "body"]
+    ]
 
 
 def test_walking_from_a_point_is_an_ordinary_result(client, do, session, model) -> None:

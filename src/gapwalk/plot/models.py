@@ -58,14 +58,15 @@ def _size(system: System, **_: object) -> Inches:
 
 def _machine_height(system: System) -> float:
     """Return the height of the machine, in inches of a screen."""
-    scene, scale = _machine(system)
+    scene, _, scale = _machine(system)
     return scene.height * scale / _POINTS / sheet_size(WIDE[0], 1.0)[1]
 
 
-def _machine(system: System) -> tuple[Scene, float]:
-    """Return the drawing of the machine for the present size of pictures, and the points in one of its pixels."""
+def _machine(system: System) -> tuple[Scene, float, float]:
+    """Return the drawing of the machine, the width for it at the present size of pictures, and points in a pixel."""
     scale = points(_LETTER) / LETTER
-    return scene_of(system, 0.96 * sheet_size(*WIDE)[0] * _POINTS / scale), scale
+    width = 0.96 * sheet_size(*WIDE)[0] * _POINTS / scale
+    return scene_of(system, width), width, scale
 
 
 def _columns(panels: int) -> int:
@@ -93,14 +94,14 @@ def draw_system(system: System, figure: AnyFigure, points: Points | None = None,
     found = characteristics_of(system)
     panels = _panels(found)
     write_heading(figure, title)
-    scene, scale = _machine(system)
+    machine = _machine(system)
     if not panels:
-        draw_scene(figure.add_subplot(), scene, scale)
+        draw_scene(figure.add_subplot(), *machine)
         return
-    whole, machine = _size(system)[1], _machine_height(system)
-    above, below = figure.subfigures(2, 1, height_ratios=(machine, whole - machine))
+    whole, height = _size(system)[1], _machine_height(system)
+    above, below = figure.subfigures(2, 1, height_ratios=(height, whole - height), squeeze=False)[:, 0]
     _draw_panels(system, below, found, panels, points or {})
-    draw_scene(above.add_subplot(), scene, scale)
+    draw_scene(above.add_subplot(), *machine)
 
 
 def _draw_panels(

@@ -83,7 +83,7 @@ export class Elements {
     this.energy = motion.energy ?? null;
     const names = motion.elements?.names.filter((name) => motion.contacts.some((each) => each.name === name)) ?? [];
     $("element-figure").hidden = !names.length;
-    this.mark = null;
+    this.mark = this.contact = null;
     if (!names.length) return;
     const before = this.choice.value, named = motion.contacts.find((each) => each.signal === signal && names.includes(each.name));
     this.choice.replaceChildren(...names.map((name) => new Option(name, name)));

@@ -4,7 +4,7 @@ import { element } from "./chart.js";
 import { doing } from "./friction.js";
 
 const SECONDS = 2; // that a forcing period lasts on the screen
-const REACH = 13; // pixels that the body with the largest motion moves to either side
+const REACH = 10; // pixels that the body with the largest motion moves to either side
 const FREE = 9; // pixels that a tongue moves to the side on which there is no stop
 
 export class MachineView {
@@ -77,7 +77,7 @@ export class MachineView {
     const scene = (this.scene = this.scenes.findLast(({ width }) => width <= room * 1.02) ?? this.scenes[0]);
     const { width, height } = scene;
     const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "machine", role: "group", "aria-label": scene.words });
-    svg.style.maxWidth = `${1.4 * width}px`;
+    svg.style.maxWidth = `${1.3 * width}px`;
     this.moves = [];
     const groups = new Map([[-1, svg]]), states = new Map(), tongues = new Map();
     for (const shape of scene.shapes) {
@@ -86,7 +86,12 @@ export class MachineView {
         svg.append(groups.get(shape.part));
       }
       const drawn = shapeOf(shape);
-      groups.get(shape.part).append(drawn);
+      const group = groups.get(shape.part), moves = shape.points[0][2];
+      if (scene.parts[shape.part]?.kind === "body" && moves.length && !group.dataset.moves) {
+        group.dataset.moves = true; // what shows that it is chosen moves along with it
+        this.moves.push(moving({ points: [[0, 0, moves]] }, group.querySelector(".touch")));
+      }
+      group.append(drawn);
       if (shape.look === "state") states.set(shape.part, drawn);
       for (const [, , moves] of shape.points) for (const [mover] of moves) if (scene.movers[mover].kind !== "body") tongues.set(shape.part, mover);
       if (shape.points.some(([, , moves]) => moves.length)) this.moves.push(moving(shape, drawn));
@@ -156,7 +161,7 @@ export class MachineView {
     let last = null;
     return (i) => {
       const d = contact.deflection[i], mode = now(part.contact, this.motion.theta[i]);
-      const above = high !== null && d > high, below = low !== null && d < low;
+      const above = high !== null && d > high, below = low !== null && d < -low;
       const near = low === null || (high !== null && d >= 0) ? "high" : "low";
       let words = rest, kind = "";
       if (mode) [words, kind] = [mode.words, `${mode.kind}${part.kind === "gap" ? ` at-${near}` : ""}`];

@@ -178,8 +178,8 @@ def _stages(system: System, form: ContactForm, name: str, signal: str, varying: 
             words, is_curved = f"{whole}: spring that never opens{varying}", bool(system.parameters.get(cubic))
             yield Element("spring", own, words, form.name, signal, is_curved=is_curved)
             continue
-        detail = _edge_words(system, form, left, right)
-        words = f"{whole}: {what} with a gap of {detail}{varying}"
+        detail = _edge_words(system, form, left, right) if any(edges) else "no gap"
+        words = f"{whole}: {what} {f'with a gap of {detail}' if any(edges) else 'without a gap'}{varying}"
         yield Element("gap", own, words, form.name, signal, edges, detail, rigid)
 
 

@@ -15,7 +15,7 @@ LEAD = 9.0  # pixels between an end and the symbol
 HEIGHT = 18.0
 """Height of a symbol, in pixels."""
 
-_WIDEST, _NARROWEST = 15.0, 5.0  # gap on a drawing, in pixels
+_WIDEST, _NARROWEST = 12.0, 5.0  # gap on a drawing, in pixels
 _PLATE = 30.0  # length of a plate of friction
 
 Moves = tuple[tuple[int, float], ...]
@@ -167,7 +167,8 @@ def _gap(pen: Pen, element: Element, span: Span) -> None:
     if near is not None:
         pen.line(f"stop {names[0]}", span.on_left(start, -9), span.on_left(start, 9))
     pen.line("tongue", span.within(number, tongue, -6), span.within(number, tongue, 6))
-    spring = tongue + (wide_far + 7.0 if far is not None else 6.0)
+    # the rod reaches out of the fork also when the tongue is at the near stop
+    spring = tongue + (wide_far + wide + 7.0 if far is not None else 6.0)
     pen.line("stroke", span.within(number, tongue), span.within(number, spring))
 
     def behind(x: float, dy: float) -> Point:
@@ -180,7 +181,7 @@ def _gap(pen: Pen, element: Element, span: Span) -> None:
             *(behind(x, dy) for x, dy in ((spring + 5, -5), (span.x1 - 8, -5), (span.x1 - 8, 5), (spring + 5, 5))),
         )
     else:
-        pen.line("stroke", *_zigzag(behind, spring, span.x1 - LEAD), behind(span.x1, 0.0))
+        pen.line("stroke", *_zigzag(behind, spring, span.x1 - 5.0), behind(span.x1, 0.0))
 
 
 def _friction(pen: Pen, element: Element, span: Span) -> None:

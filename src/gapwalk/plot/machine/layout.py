@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
@@ -13,12 +13,12 @@ from gapwalk.plot.machine.glyphs import HEIGHT, LETTER, Moves, Pen, Span, draw_e
 from gapwalk.plot.machine.of_matrices import machine_of_matrices
 from gapwalk.plot.machine.of_train import machine_of_train
 from gapwalk.plot.machine.rows import BODY, STUB, WALL, Node, Row, Slot, rows_of
-from gapwalk.plot.machine.scene import Mover, Part, Point, Scene
+from gapwalk.plot.machine.scene import Mover, Part, Point, Scene, Shape
 
 NARROW, WIDE = 330.0, 660.0
 """Widths of a drawing, in pixels: of a panel of the explorer, and of a page."""
 
-_SLOT = 58.0, 92.0  # least and largest width between two bodies
+_SLOT = 58.0, 94.0  # least and largest width between two bodies
 _WALL, _STUB, _PLACE = 10.0, 12.0, 34.0  # widths
 _BODY = 26.0, 38.0  # least and largest width of a body, the latter of the heaviest
 _MARGIN, _APART = 8.0, 22.0  # round the drawing, and between two rows side by side
@@ -58,7 +58,7 @@ def scene_of(system: System, width: float = WIDE) -> Scene:
     system
         The system.
     width
-        Width of the drawing in pixels; longer chains go on in further rows.
+        Width of the drawing in pixels, at most; longer chains go on in further rows.
 
     Examples
     --------
@@ -81,9 +81,15 @@ def scene_of(system: System, width: float = WIDE) -> Scene:
             top += LETTER + 3.0
             pen.part = -1
             pen.text("note", _MARGIN, top, text, "start")
-    return Scene(
-        width, top + _MARGIN, _words(machine), tuple(pen.movers), tuple(pen.parts), tuple(pen.shapes), machine.notes
-    )
+    drawn = tuple(pen.movers), tuple(pen.parts), tuple(pen.shapes)
+    right = min(width, _right(pen.shapes) + _MARGIN)
+    return Scene(right, top + _MARGIN, _words(machine), *drawn, machine.notes)
+
+
+def _right(shapes: Sequence[Shape]) -> float:
+    """Return where a drawing ends on the right."""
+    texts = (each.points[0].x + length_of(each.text) * (0.5 + 0.5 * (each.anchor == "start")) for each in shapes)
+    return max((*texts, *(point.x for each in shapes for point in each.points)), default=0.0)
 
 
 def _width(mass: float, heaviest: float) -> float:
@@ -161,7 +167,7 @@ def _draw_line(pen: Pen, machine: Machine, line: Sequence[_Piece], top: float, r
 
 def _slot_width(slot: Slot) -> float:
     elements = [each for link in (*slot.links, *slot.to_base) for each in link.elements]
-    room = max([_SLOT[0], *(length_of(each.name) + 12.0 for each in elements)])
+    room = max([_SLOT[0], *(length_of(each.name) + 16.0 for each in elements)])
     if any(each.contact for each in elements):
         room = _SLOT[1]
     return min(_SLOT[1], room) + _LOCAL * bool(slot.to_base)
@@ -203,7 +209,7 @@ def _draw_one(pen: Pen, element: Element, span: Span) -> None:
         Part(element.kind, element.name or element.kind, element.words, element.contact, element.signal, box)
     )
     pen.part = len(pen.parts) - 1
-    room, middle = span.x1 - span.x0 - 6.0, 0.5 * (span.x0 + span.x1)
+    room, middle = span.x1 - span.x0 - 14.0, 0.5 * (span.x0 + span.x1)
     if element.name:
         pen.text("name", middle, top + 10.0, fitted(element.name, room))
     draw_element(
@@ -231,18 +237,27 @@ def _draw_nodes(
     height: float,
     end: float,
 ) -> None:
-    named = [k for k, node in enumerate(piece.row.nodes) if node.kind != WALL]
-    centres = [0.5 * sum(places[k]) for k in named]
-    for order, place in enumerate(named):
-        node, (x0, x1) = piece.row.nodes[place], places[place]
-        low = 0.5 * (centres[order - 1] + centres[order]) if order else _MARGIN + piece.x - 2.0
-        high = 0.5 * (centres[order] + centres[order + 1]) if order + 1 < len(named) else end
-        _draw_body(pen, machine, node, (x0, x1), (top, height), (low + 2.0, high - 2.0))
+    nodes, whole = piece.row.nodes, (_MARGIN + piece.x - 2.0, end)
+    names = _rooms({k: places[k] for k, node in enumerate(nodes) if node.kind != WALL}, whole)
+    loaded = (k for k, node in enumerate(nodes) if node.kind == BODY and machine.bodies[node.body].loads)
+    loads = _rooms({k: places[k] for k in loaded}, whole)
+    for place, node in enumerate(nodes):
+        if node.kind != WALL:
+            _draw_body(pen, machine, node, places[place], (top, height), names[place])
+        if place in loads:
+            _draw_loads(pen, machine.bodies[node.body].loads, node.body, places[place], top, loads[place])
     pen.part = -1
     for place, node in enumerate(piece.row.nodes):
         if node.kind == WALL:
             x0, x1 = places[place]
             _wall(pen, x1 if not place else x0, top, top + height, left=not place)
+
+
+def _rooms(places: dict[int, _Pair], whole: _Pair) -> dict[int, _Pair]:
+    """Share a row among texts below or above some of its places: each has the room half way to the next."""
+    centres = [0.5 * sum(place) for place in places.values()]
+    edges = [whole[0], *(0.5 * (a + b) for a, b in pairwise(centres)), whole[1]]
+    return {k: (low + 2.0, high - 2.0) for k, (low, high) in zip(places, pairwise(edges), strict=False)}
 
 
 def _draw_body(
@@ -273,13 +288,18 @@ def _draw_body(
             for x in (x0 + 5.0, x1 - 5.0):
                 pen.line("thin", Point(x, top + 1.0, moves), Point(x, bottom - 1.0, moves))
     _beside(pen, "name", body.name, middle, bottom + 12.0, room)
-    if body.loads and not stub:
-        x, y = middle, top - 6.0
-        pen.line("load", Point(x - 15.0, y, moves), Point(x + 9.0, y, moves))
-        pen.area("load-head", *(Point(x + dx, y + dy, moves) for dx, dy in ((16.0, 0.0), (8.0, -3.5), (8.0, 3.5))))
-        names, more = ", ".join(body.loads), f"{fitted(body.loads[0], room[1] - room[0] - 30.0)} +{len(body.loads) - 1}"
-        names = names if length_of(names) <= room[1] - room[0] or not body.loads[1:] else more
-        _beside(pen, "load-name", names, middle, top - 13.0, room)
+
+
+def _draw_loads(pen: Pen, names: Sequence[str], body: int, across: _Pair, top: float, room: _Pair) -> None:
+    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are."""
+    x, y, moves = 0.5 * sum(across), top - 6.0, ((body, 1.0),)
+    pen.line("load", Point(x - 15.0, y, moves), Point(x + 9.0, y, moves))
+    pen.area("load-head", *(Point(x + dx, y + dy, moves) for dx, dy in ((16.0, 0.0), (8.0, -3.5), (8.0, 3.5))))
+    text, wide = ", ".join(names), room[1] - room[0]
+    if length_of(text) > wide and names[1:]:
+        more = f" +{len(names) - 1}"
+        text = fitted(names[0], wide - length_of(more)) + more
+    _beside(pen, "load-name", text, x, top - 13.0, room)
 
 
 def _beside(pen: Pen, look: str, text: str, x: float, y: float, room: _Pair) -> None:

@@ -84,19 +84,21 @@ def _short(value: float) -> str:
     return f"{value:.1f}".removesuffix(".0")
 
 
-def draw_scene(ax: Axes, scene: Scene, scale: float) -> None:
+def draw_scene(ax: Axes, scene: Scene, width: float, scale: float) -> None:
     """Draw a machine in axes, without their frame.
 
     Parameters
     ----------
     ax, scene
         The axes and the drawing.
+    width
+        Width of the axes in pixels of the drawing, which may be narrower.
     scale
         Points of the sheet in a pixel of the drawing, by which letters and lines are scaled.
     """
     ax.set_axis_off()
     ax.set_aspect("equal", anchor="W")
-    ax.set_xlim(0.0, scene.width)
+    ax.set_xlim(0.0, width)
     ax.set_ylim(scene.height, 0.0)
     for order, shape in enumerate(scene.shapes):
         _draw_shape(ax, shape, scale, 2.0 + 1e-4 * order)

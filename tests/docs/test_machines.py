@@ -1,0 +1,12 @@
+"""The machines in the gallery are those that their models draw, one on each page."""
+
+import pytest
+
+from docs._ext.machines import GALLERY, PAGES, drawing, file_of
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_machine_is_up_to_date_and_shown_on_its_page(page) -> None:
+    file = file_of(page)
+    assert file.read_text(encoding="utf-8") == drawing(page), "make it again: python -m docs._ext.machines"
+    assert f"pictures/{file.name})" in (GALLERY / f"{page}.md").read_text(encoding="utf-8")
