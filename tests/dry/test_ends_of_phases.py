@@ -103,3 +103,11 @@ def test_a_motion_that_begins_at_rest_leaves_a_stop_that_held_it() -> None:
     orbit = gw.find_orbit(system)
     (around,) = carry([orbit], lambda _: None)
     assert around.closure < 1e-9
+
+
+def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
+    """A stage closes, and friction of the contact turns round 2e-12 rad beside it."""
+    system = random_system(92)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.005 * system.frequency)
+    assert branch.ends[-1].reason is EndReason.STEP
+    assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail
