@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from gapwalk.errors import GapwalkError
 
@@ -16,7 +16,7 @@ from gapwalk.errors import GapwalkError
 class Compared(Protocol):
     """Outcome of one comparison: a dataclass that can be made with a name and a note alone."""
 
-    __dataclass_fields__: Any
+    __dataclass_fields__: ClassVar[Any]
 
     @property
     def agrees(self) -> bool:

@@ -15,6 +15,7 @@ from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Hysteretic
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
+from gapwalk.verification.dry_dop853 import carry
 from tests.dry.trials.random_systems import random_system
 
 LEAVES = math.sqrt(1.0 + math.pi**2)  # load over weight at which a plastic body is thrown for just one period
@@ -92,3 +93,21 @@ def test_a_stage_opens_for_a_moment_in_which_friction_stops_within_rounding_of_i
     assert (opened.enters, closed.enters) == (False, True)
     assert 0.0 < closed.theta - opened.theta < 1e-6
     assert closed.velocity == pytest.approx(-opened.velocity, rel=1e-3)
+
+
+def test_a_motion_that_begins_at_rest_leaves_a_stop_that_held_it() -> None:
+    """It leaves within rounding of its breakpoint; its speed there is small, but not as small as that of the start."""
+    system = random_system(96)
+    arc = flow_of(system).integrate(coefficients_of(system), np.zeros(system.structure.state_size))
+    assert [event.enters for event in arc.contacts[:4]] == [True, False, True, False]
+    orbit = gw.find_orbit(system)
+    (around,) = carry([orbit], lambda _: None)
+    assert around.closure < 1e-9
+
+
+def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
+    """A stage closes, and friction of the contact turns round 2e-12 rad beside it."""
+    system = random_system(92)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.005 * system.frequency)
+    assert branch.ends[-1].reason is EndReason.STEP
+    assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail

@@ -59,8 +59,8 @@ def test_the_branch_has_the_special_points_and_ends_of_one_with_shifted_excitati
 
 def test_orbits_are_found_and_known_where_the_state_jumps(branches: tuple[gw.Branch, gw.Branch]) -> None:
     passing, free = branches
-    ends = [passing.points[jump(passing) + each].value for each in (0, 1)]
-    for value in np.linspace(*ends, 7):
+    first, last = (passing.points[jump(passing) + each].value for each in (0, 1))
+    for value in np.linspace(first, last, 7):
         (own,), (other,) = Curve(passing).orbits_at(value), Curve(free).orbits_at(value)
         assert own.extremes == pytest.approx(other.extremes, abs=1e-9)
         assert np.poly(own.multipliers) == pytest.approx(np.poly(other.multipliers), abs=1e-8)
@@ -70,7 +70,7 @@ def test_orbits_are_found_and_known_where_the_state_jumps(branches: tuple[gw.Bra
 def test_verification_finds_no_gap_at_the_jump(branches: tuple[gw.Branch, gw.Branch]) -> None:
     branch, ledger = branches[0], Ledger()
     _verify_gaps(ledger, Track("branch", branch))
-    assert ledger.verification.ok
+    assert ledger.verification.ok, ledger.verification.words
     assert ledger.verification.worst(Check.GAPS).size <= 1.0
 
 

@@ -18,7 +18,7 @@ from gapwalk.bifurcation.branch_start import (
     value_between,
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
-from gapwalk.bifurcation.discontinuity import discontinuity_ahead
+from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
@@ -430,3 +430,5 @@ class BranchTracer(Iterator[Step]):
             contact = describe_switch(last.orbit, depths.index(min(depths)))
             advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
+        elif words := coincidence(last.orbit):
+            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {words}"))

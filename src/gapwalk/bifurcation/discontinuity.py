@@ -12,6 +12,7 @@ large; and just before it there is nothing of it.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -96,6 +97,17 @@ def _difference(first: Orbit, last: Orbit) -> str:
     if more and PERIOD * first.period - more[0].theta < _MOVED:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at {_ELSEWHERE}"
     return "beyond it, its last events are others"
+
+
+def coincidence(orbit: Orbit) -> str:
+    """Return a sentence part on two events of different contacts or friction that coincide; empty if none do."""
+    events = sorted([*orbit.events, *(each for each in orbit.slips if each.theta)], key=lambda event: event.theta)
+    for first, last in pairwise(events):
+        names = _name(orbit, first), _name(orbit, last)
+        if last.theta - first.theta <= _AT_ONCE and names[0] != names[1]:
+            advice = "beyond, the second may come first, and the motion is another one: start there"
+            return f"{names[0]} and {names[1]} change at once at theta = {first.theta:.6g}, and {advice}"
+    return ""
 
 
 def _key(event: ContactEvent | SlipEvent) -> tuple[int, int, int]:

@@ -178,7 +178,7 @@ class Switchboard(BreakpointGeometry):
         self._parameters[self._first : self._first + self.count] = self._inside
         self.modes.start(coefficients, theta, unit)
         self._changed, self._speeds = [theta] * self.count, [math.inf] * self.count
-        self._left = self._changed.copy()
+        self._left, self._opened = self._changed.copy(), [-math.inf] * self.count
         self._start_dry(theta)
         near = self._are_near(depths, state, _ON)
         if any(near):
@@ -242,8 +242,8 @@ class Switchboard(BreakpointGeometry):
         velocity, before = self._rate(switch, theta), self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
-            if reported and inside is before and not self._repeats(switch, velocity, theta):
-                self.missed += 1
+            if reported and inside is before:
+                self.missed += not (self._repeats(switch, velocity, theta) or self._leaves(switch, velocity, theta))
         else:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
@@ -279,9 +279,20 @@ class Switchboard(BreakpointGeometry):
         passed = theta - self._changed[switch]
         if passed <= _REPEATED:
             return True
-        state = self._state[: 2 * self.n].tolist()
-        near = 4.0 * _ON * (self._scales[switch] + self._size(state))
-        return max(abs(velocity), self._speeds[switch]) * passed * float(self._coefficients[0]) <= near
+        return max(abs(velocity), self._speeds[switch]) * passed <= self._rounding(switch)
+
+    def _leaves(self, switch: int, velocity: float, theta: float) -> bool:
+        """Return True if a motion crosses the breakpoint of a stop that has let go, but has not left it yet.
+
+        It leaves in the third order of time, and rounding of its position may be a crossing until then.
+        """
+        outwards = self._signs[switch] * velocity < 0.0
+        return outwards and abs(velocity) * (theta - self._opened[switch]) <= self._rounding(switch)
+
+    def _rounding(self, switch: int) -> float:
+        """Return the product of speed and angle of a motion that has hardly left a breakpoint."""
+        near = 4.0 * _ON * (self._scales[switch] + self._size(self._state[: 2 * self.n].tolist()))
+        return near / float(self._coefficients[0])
 
     def _refresh_modes(self, theta: float) -> None:
         if self.modes.mode_count:
@@ -415,8 +426,10 @@ class Switchboard(BreakpointGeometry):
         held = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
         for switch in sorted(self._holding - held):
             self.log.append(ContactEvent(theta, switch, False, 0.0))
-            if abs(self._rate(switch, theta)) <= self._speed:
+            fastest = max(map(abs, self._state[self.n : 2 * self.n].tolist()))  # at the start it may have been at rest
+            if abs(self._rate(switch, theta)) <= max(self._speed, _SLOW * fastest):
                 self._left[switch] = theta + _LEAVING
+                self._opened[switch] = theta
         self._holding = held
 
     def _go_on(self, theta: float) -> bool:
