@@ -82,6 +82,7 @@ PERMITTED = {
     ("orbit/energy.py", "plot", "plot"): "energy.plot() is a convenience; booking energy never draws",
     ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("summary.py", "to_dict", "results"): "plain values follow the type hints that the codec of results knows",
+    ("summary.py", "to_xarray", "results"): "labelled arrays know the units of measures and states, as files do",
     ("studies/family.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
     ("studies/map.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
     ("studies/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import rich.console
     import rich.table
     import rich.tree
+    import xarray
 
 _WIDTH = 1000  # of text, where tables are not folded
 
@@ -101,6 +102,34 @@ Tables = Mapping[str, Callable[[], Rows]]
 """Functions that return the rows of tables, by the names of the tables; the most important one is the first."""
 
 
+@dataclass(frozen=True)
+class TableRows:
+    """Rows of a table, with what its headings do not say: the axes of its columns, and their units.
+
+    Parameters
+    ----------
+    rows
+        Function that returns the rows.
+    axes
+        Number of columns, the first ones, that are axes of a grid: files with labelled arrays (netCDF, MAT) keep it.
+        The rows of two axes run along the first one fastest.
+    signal
+        Signal of a motion whose amplitudes the columns ``order 1``, ``order 2`` ... have; empty if there are none.
+    units
+        By headings (or by their beginnings, with a point at the end) a parameter, or a signal as ``stop.force``, in
+        whose unit the column is; or the unit itself. It counts in systems with units.
+    """
+
+    rows: Callable[[], Rows]
+    axes: int = 0
+    signal: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __call__(self) -> Rows:
+        """Return the rows."""
+        return self.rows()
+
+
 class Described:
     """A record that describes itself.
 
@@ -144,6 +173,33 @@ class Described:
         from gapwalk.results.plain import plain
 
         return plain(self)
+
+    def to_xarray(self) -> xarray.DataTree:
+        """Return the tables of the record as labelled arrays, with units as attributes.
+
+        Needs xarray (``pip install "gapwalk[data]"``).
+
+        Returns
+        -------
+        xarray.DataTree
+            A group for each table of `tables`, and ``parameters`` with those of the system. Maps over a plane are
+            arrays over both parameters. Columns that differ by a coordinate, a contact or an order are one array
+            over it. Attributes ``units`` are missing where numbers are plain or the system has no units.
+
+        Raises
+        ------
+        ModelError
+            If xarray is not installed.
+
+        Examples
+        --------
+        >>> tree = gw.load("clutch.gapwalk").to_xarray()
+        >>> tree["points"]["half"].sel(coordinate="q1")
+        >>> tree.to_netcdf("clutch.nc", engine="h5netcdf")
+        """
+        from gapwalk.results.labelled import to_xarray
+
+        return to_xarray(self)
 
 
 def row_of(record: Any) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _APART = 1 / 40  # of the range: the least distance of two motions of a stretch whose severity is computed
 _WATCHED = 16  # forcing periods over which the severity of a motion without period is computed
@@ -205,7 +205,14 @@ class RattleBands(Shown):
 
     def tables(self) -> Tables:
         """Return the tables of bands, of what moves their ends, and of severity."""
-        return {"bands": self._band_rows, "movers": self._mover_rows, "severity": self._severity_rows}
+        along = self.parameter
+        ends = dict.fromkeys(("from", "from.error", "to", "to.error"), along)
+        severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "rms": "''"}
+        return {
+            "bands": TableRows(self._band_rows, units=ends),
+            "movers": TableRows(self._mover_rows, units={"value": along}),
+            "severity": TableRows(self._severity_rows, units=severity),
+        }
 
     def plot(self, gap: str | None = None, **options: Any):
         """Draw the bands over the response, and severity below; see `gapwalk.plot.rattle_picture.draw_rattle`."""

@@ -27,7 +27,7 @@ from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.summary import Rows, SummaryParts, Table, Tables, remarks, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _BEYOND = 60  # points of a walk after the first change of all gaps
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
@@ -110,7 +110,7 @@ class RattleMap(Shown):
     def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
         for gap in self.gaps:
-            shares = ", ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
+            shares = "; ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
         if self.loci:
             yield ""
@@ -128,7 +128,7 @@ class RattleMap(Shown):
 
     def tables(self) -> Tables:
         """Return the table of cells, and that of the points of the loci."""
-        return {"cells": self._cell_rows, "borders": self._locus_rows}
+        return {"cells": TableRows(self._cell_rows, 2, units={"peak.": ".force"}), "borders": self._locus_rows}
 
     def plot(self, gap: str | None = None, **options: Any):
         """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`."""
@@ -158,7 +158,7 @@ class RattleMap(Shown):
 
     def __repr__(self) -> str:
         columns, rows = self.resolution
-        shares = "; ".join(f"{gap}: {', '.join(self.cells(gap))}" for gap in self.gaps)
+        shares = "; ".join(f"{gap}: {' | '.join(self.cells(gap))}" for gap in self.gaps)
         return f"RattleMap({self.first}, {self.second}; {columns} x {rows} cells; {shares})"
 
 

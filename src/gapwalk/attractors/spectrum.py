@@ -24,6 +24,7 @@ from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
 from gapwalk.model.units import Units
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Described, Rows, TableRows, Tables
 
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
 _SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
@@ -31,7 +32,7 @@ _CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing a
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class Spectrum(Described):
     """The spectrum of one signal.
 
     Attributes
@@ -66,6 +67,15 @@ class Spectrum:
     def amplitudes(self) -> NDArray[np.float64]:
         """Amplitude of each line, shape (lines,)."""
         return np.abs(self.values)
+
+    def tables(self) -> Tables:
+        """Return the table of lines: their orders, amplitudes and complex amplitudes."""
+        return {"lines": TableRows(self._rows, 1)}
+
+    def _rows(self) -> Rows:
+        yield ["order", f"amplitude.{self.signal}", f"re.{self.signal}", f"im.{self.signal}"]
+        columns = self.orders, self.amplitudes, self.values.real, self.values.imag
+        yield from map(list, np.column_stack(columns).tolist())
 
     def amplitude(self, order: float) -> float:
         """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none."""
@@ -144,7 +154,7 @@ class Peak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Waterfall:
+class Waterfall(Described):
     """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
 
     Attributes
@@ -175,6 +185,17 @@ class Waterfall:
     stable: NDArray[np.bool_]
     turns: int | Fraction | None = None
     units: Units | None = None
+
+    def tables(self) -> Tables:
+        """Return the table of amplitudes: a row for each orbit, a column for each order."""
+        return {"amplitudes": TableRows(self._rows, 1, self.signal)}
+
+    def _rows(self) -> Rows:
+        yield [self.parameter, "stable", *map(order_heading, self.orders)]
+        for value, stable, row in zip(
+            self.values.tolist(), self.stable.tolist(), self.amplitudes.tolist(), strict=True
+        ):
+            yield [value, stable, *row]
 
     def plot(self, **options):
         """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
@@ -329,6 +350,11 @@ def waterfall(
         turns,
         orbits[0].system.units,
     )
+
+
+def order_heading(order: float) -> str:
+    """Return the heading of the amplitudes at an order, with all digits."""
+    return f"order {float(order)!r}".removesuffix(".0")
 
 
 def line_name(

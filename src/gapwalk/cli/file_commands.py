@@ -130,12 +130,14 @@ def export_result(
     path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
 ) -> int:
     """Write the tables or the picture of a result, or a page with its motions."""
-    from gapwalk.studies.export import export_csv
+    from gapwalk.studies.export import export_data
+    from gapwalk.studies.formats.data_format import canonical, format_names, format_of
     from gapwalk.studies.read_result import load_result
 
-    form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
-    if form not in ("csv", "html", *_PICTURES):
-        raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png, svg, pdf or html")
+    form = canonical(form or (output.suffix.lstrip(".") if output and output.suffix else "csv"))
+    if form not in (*format_names(), "html", *_PICTURES):
+        known = ", ".join((*format_names(), *_PICTURES))
+        raise ModelError(f"nothing can be exported as {form!r}; write --format {known} or html")
     if size is not None and form not in _PICTURES:
         raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
     if output is not None and output.resolve() == path.resolve():
@@ -143,14 +145,11 @@ def export_result(
     result = load_result(path)
     if result.finding is not None and result.finding.record is None:
         raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
-    if form == "csv":
+    if form in format_names():
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
-        names, stem = list(result.tables()), path if output is None else output
-        written = [stem.with_name(f"{stem.stem}-{name}.csv") for name in names]
-        if output is not None:
-            written[0] = output
-        export_csv(result, dict(zip(names, written, strict=True)))
+        target = output or path.with_suffix(format_of(form).endings[0])
+        written = list(export_data(result, target, form, named=output is None))
     else:
         written = [output or path.with_suffix(f".{form}")]
         if form == "html":

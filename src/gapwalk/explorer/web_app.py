@@ -29,7 +29,7 @@ from gapwalk.explorer.request_guard import Guard, TooLargeError
 from gapwalk.explorer.script import script_of
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.workspace import model_file
-from gapwalk.studies.export import table_of
+from gapwalk.studies.formats.csv_format import table_of
 
 _PAGE = files("gapwalk.explorer") / "page"
 _NAME = 200  # longest name of a quantity in a request

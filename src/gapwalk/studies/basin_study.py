@@ -23,7 +23,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 _WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}
 
@@ -82,7 +82,7 @@ class BasinFinding(CellFinding):
         """Return the tables of the cells, each with its attractor, and of the attractors."""
         if (found := self.map) is None:
             return {}
-        return {"cells": lambda: _cell_rows(found), "attractors": lambda: _attractor_rows(found)}
+        return {"cells": TableRows(lambda: _cell_rows(found), 2), "attractors": lambda: _attractor_rows(found)}
 
 
 def _cell_rows(found: Basins) -> Iterator[list[object]]:

@@ -71,27 +71,6 @@ def table_rows(rows: Iterable[Mapping[str, Any]], *parameters: str, system: Syst
 _EMPTY = ("branch", "name", "period", "kind")  # headings of a table without any special point
 
 
-def with_units(headings: Iterable[str], system: System) -> list[str]:
-    """Add units to the headings of columns, as in ``speed [rpm]``; leave them unchanged if the system has no units.
-
-    Units are known for parameters, measures of coordinates, and states.
-    """
-    return [f"{heading} [{unit}]" if (unit := _unit(heading, system)) else heading for heading in headings]
-
-
-def _unit(heading: str, system: System) -> str:
-    if system.units is None:
-        return ""
-    kind, _, signal = heading.partition(".")
-    if kind in MEASURES and signal in system.coordinates:
-        return system.units.signal(signal)[1]
-    state = heading.removesuffix("(0)")
-    if state in system.state_names:
-        return system.units.state(state)
-    name = heading.removeprefix("parameter ")
-    return system.units.parameter(name) if name in system.structure.names else ""
-
-
 def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
     """Return headings of parameters: their names, but ``parameter mean.q1`` if a measure is called ``mean.q1``."""
     taken = measure_names(coordinates)

@@ -1,22 +1,21 @@
-"""Records as CSV tables, and files that are written completely or not at all."""
+"""Records written in the formats of other programs, and files that are written completely or not at all."""
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import check_place
-from gapwalk.studies.columns import with_units
+from gapwalk.studies.formats.csv_format import table_of
+from gapwalk.studies.formats.data_format import format_of
 from gapwalk.summary import Described
 
 
-def save_tables(record: Described, stem: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Write all tables of a record as CSV files: of a result points, special points, and others of its kind of study.
+def save_tables(record: Described, stem: str | os.PathLike[str], form: str = "csv") -> tuple[Path, ...]:
+    """Write all tables of a record: of a result points, special points, and others of its kind of study.
 
     Numbers have all digits, so that reading restores them exactly.
 
@@ -25,7 +24,11 @@ def save_tables(record: Described, stem: str | os.PathLike[str]) -> tuple[Path, 
     record
         The result of a study, or another record with tables, such as a branch.
     stem
-        Beginning of the file names; a hyphen, the name of the table and ``.csv`` follow.
+        Beginning of the file names. If a file has one table, a hyphen and the name of the table follow; then the
+        ending.
+    form
+        The format: ``"csv"``, ``"json"`` (one document), ``"netcdf"``, ``"mat"``, ``"parquet"`` or ``"xlsx"``. The
+        formats netcdf, parquet and xlsx need ``pip install "gapwalk[data]"``.
 
     Returns
     -------
@@ -34,6 +37,8 @@ def save_tables(record: Described, stem: str | os.PathLike[str]) -> tuple[Path, 
 
     Raises
     ------
+    ModelError
+        If there is no such format, it cannot hold the tables, or a library is missing.
     StoreError
         If a file cannot be written.
 
@@ -41,23 +46,25 @@ def save_tables(record: Described, stem: str | os.PathLike[str]) -> tuple[Path, 
     --------
     >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch")
     (PosixPath('out/clutch-points.csv'), PosixPath('out/clutch-special-points.csv'))
+    >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch", "netcdf")
+    (PosixPath('out/clutch.nc'),)
     """
-    paths = {name: Path(f"{os.fspath(stem)}-{name}.csv") for name in record.tables()}
-    export_csv(record, paths)
-    return tuple(paths.values())
+    path = Path(f"{os.fspath(stem)}{format_of(form).endings[0]}")
+    return export_data(record, path, form, named=True)
+
+
+def export_data(record: Described, path: Path, form: str, *, named: bool = False) -> tuple[Path, ...]:
+    """Write a record in a format; return the files. Parameters as `DataFormat.contents`, errors as `save_tables`."""
+    contents = format_of(form).contents(record, path, named=named)
+    for each, content in contents.items():
+        write_whole(each, content)
+    return tuple(contents)
 
 
 def export_csv(record: Described, paths: Mapping[str, str | os.PathLike[str]]) -> None:
     """Write tables of a record into the files that are given by the names of the tables; errors as `save_tables`."""
     for name, path in paths.items():
         write_whole(path, table_of(record, name).encode())
-
-
-def table_of(record: Described, name: str) -> str:
-    """Return one of the tables of a record as comma-separated values; headings have units if its system has some."""
-    header, *rows = record.tables()[name]()
-    system = getattr(record, "system", None)
-    return table_csv(map(str, header) if system is None else with_units(map(str, header), system), rows)
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
@@ -86,12 +93,3 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
         if not final.parent.is_dir():
             raise StoreError(f"{final} cannot be written: there is no folder {final.parent}; make it") from None
         raise StoreError(f"{final} cannot be written: {error.strerror or error}") from None
-
-
-def table_csv(header: Iterable[object], rows: Iterable[Sequence[object]]) -> str:
-    """Return one table as comma-separated values."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([str(value).lower() if isinstance(value, bool) else value for value in row] for row in rows)
-    return text.getvalue()

@@ -32,7 +32,7 @@ from gapwalk.studies.runner import Report, call
 from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 
 class Carry(StrEnum):
@@ -200,7 +200,7 @@ class RegimeFinding(CellFinding):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the table of the cells."""
-        return {"cells": lambda: _cell_rows(self.map)}
+        return {"cells": TableRows(lambda: _cell_rows(self.map), 2, units={"peak.force.": ".force"})}
 
 
 def _cell_rows(found: Regimes) -> Iterator[list[object]]:

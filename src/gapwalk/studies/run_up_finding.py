@@ -12,11 +12,12 @@ import numpy as np
 from gapwalk.answers.jump_delay import JumpDelay
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import LEVELS, RunUps
+from gapwalk.attractors.spectrum import order_heading
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.system import System
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.study_kind import Finding, Rows, plain_numbers
-from gapwalk.summary import SummaryParts, summarizes
+from gapwalk.summary import SummaryParts, TableRows, summarizes
 
 if TYPE_CHECKING:
     from gapwalk.studies.run_up_study import RunUpStudy
@@ -130,16 +131,25 @@ class RunUpFinding(Finding):
             return {}
         if isinstance(found, RunUp):
             tables: dict[str, Callable[[], Rows]] = {
-                "peaks": lambda: _peak_rows(found),
-                "history": lambda: self._history_rows(found),
+                "peaks": TableRows(lambda: _peak_rows(found), units={"force": ".force", "fastest": "'"}),
+                "history": TableRows(lambda: self._history_rows(found), 1, self.signal),
                 "envelope": lambda: self._envelope_rows(found),
             }
             if self.response is not None:
-                tables["jumps"] = self._jump_rows
+                pace = found.system.structure.pace
+                tables["jumps"] = TableRows(self._jump_rows, units=dict.fromkeys(("fold", "jump", "delay"), pace))
             if self.asked.orders:
-                tables["orders"] = lambda: self._order_rows(found)
+                tables["orders"] = TableRows(lambda: self._order_rows(found), 1, self.signal)
             return tables
-        return {"peaks": lambda: _run_rows(found), "rates": lambda: _rate_rows(found)}
+        system, pace = found.system, found.system.structure.pace
+        rate = f"{system.units.parameter(pace)}/s" if system.units else ""
+        shares = {f"{name} {level:.0%}": ".force" for name in found.touching for level in LEVELS}
+        return {
+            "peaks": TableRows(
+                lambda: _run_rows(found), units={"rate": rate, "phase": "rad", "peak.": ".force", f"{pace}.": pace}
+            ),
+            "rates": TableRows(lambda: _rate_rows(found), 1, units={"rate": rate, **shares}),
+        }
 
     def _history_rows(self, found: RunUp) -> Iterator[list[object]]:
         signal = self.signal
@@ -161,7 +171,7 @@ class RunUpFinding(Finding):
     def _order_rows(self, found: RunUp) -> Iterator[list[object]]:
         spectra = found.waterfall(self.signal, self.asked.orders, self.asked.window)
         heading = [spectra.parameter] if spectra.parameter == "time" else _pace_heading(found.system)
-        yield [*heading, *(f"order {each:g}" for each in spectra.orders)]
+        yield [*heading, *map(order_heading, spectra.orders)]
         yield from map(list, np.column_stack((spectra.values, spectra.amplitudes)).tolist())
 
 

@@ -32,7 +32,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.study_kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
 from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -211,10 +211,15 @@ class SettleFinding(Finding):
         return {
             "section": self._section_rows,
             "lines": lambda: [("line", "order", f"amplitude.{self.options.signal}"), *self.lines],
-            "sides": lambda: _rows(SideRattle, rattle.sides),
-            "contacts": lambda: _rows(ContactLoad, rattle.contacts),
-            "signals": lambda: _rows(Impulsiveness, rattle.coordinates),
-            **{name: partial(_rows, EnergyItem, items) for name, items in energies.items()},
+            "sides": TableRows(lambda: _rows(SideRattle, rattle.sides), units=_OF_SIDES),
+            "contacts": TableRows(
+                lambda: _rows(ContactLoad, rattle.contacts), units={"peak": ".force", "rms": ".force", "power": "W"}
+            ),
+            "signals": TableRows(lambda: _rows(Impulsiveness, rattle.coordinates), units={"rms": "''", "peak": "''"}),
+            **{
+                name: TableRows(partial(_rows, EnergyItem, items), units={"energy": "J", "power": "W"})
+                for name, items in energies.items()
+            },
         }
 
     def _section_rows(self) -> Iterator[list[object]]:
@@ -222,6 +227,8 @@ class SettleFinding(Finding):
         for number, state in enumerate(self.section.tolist()):
             yield [number, *state]
 
+
+_OF_SIDES = {"velocity": "'", "fastest": "'", "peak": ".force", "loss": "J", "costliest": "J"}
 
 SETTLED = Part("settled", SettleFinding)
 

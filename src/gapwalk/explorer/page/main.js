@@ -68,6 +68,7 @@ async function open(file) {
   $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
   $("walk-to").value = about.range.at(-1) ?? "";
   showPlan();
+  motion.rest(about.machine);
   parameters.show(about.parameters, about.values);
   showLocusRange();
   diagram.range = null;

@@ -34,6 +34,7 @@ async function begin() {
   const motion = (page.motion = new MotionView(tell));
   document.body.classList.toggle("alone", Boolean(about.motion));
   window.gapwalk = { page, curves, motion }; // for the curious, and for the tests
+  motion.rest(about.machine);
   if (about.motion) return motion.show({}, about.title);
   const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, chooseStored));
   const keyboard = (page.keyboard = new Keyboard($("diagram"), curves, chooseStored, {

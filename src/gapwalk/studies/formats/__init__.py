@@ -1,0 +1,1 @@
+"""Formats in which the tables of results are written: one file a format."""

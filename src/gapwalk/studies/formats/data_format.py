@@ -1,0 +1,134 @@
+"""The protocol of a format in which tables are written, and the formats by name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import ClassVar
+
+from gapwalk.errors import ModelError
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.registry import Registry
+from gapwalk.results.labelled import needed
+from gapwalk.summary import Described
+
+
+class DataFormat(ABC):
+    """A format in which a record is written.
+
+    A format is one object in one file: it names itself and makes the contents. `gapwalk.studies.export` writes them,
+    each file completely or not at all. A format of your own is known after ``register(MyFormat())``.
+    """
+
+    name: ClassVar[str]
+    """What ``--format`` calls it."""
+
+    endings: ClassVar[tuple[str, ...]]
+    """Endings of its files, the usual one first."""
+
+    table_by_table: ClassVar[bool] = False
+    """True if a file has one table: the others are then in files next to it."""
+
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Modules that it needs of the extra ``data``."""
+
+    @abstractmethod
+    def content(self, record: Described, table: str) -> bytes:
+        """Return the content of the file.
+
+        Parameters
+        ----------
+        record
+            A result, or another record with tables.
+        table
+            Name of the table to write; empty for all, if they share a file.
+
+        Raises
+        ------
+        ModelError
+            If the format cannot hold it; the message names a format that can.
+        """
+
+    def contents(self, record: Described, path: Path, *, named: bool) -> Mapping[Path, bytes]:
+        """Return the contents of all files by their paths.
+
+        Parameters
+        ----------
+        record
+            A result, or another record with tables.
+        path
+            The file; the names of further ones, and with `named` of the first too, end in a hyphen and the table.
+        named
+            True to end the name of the first file with its table, too.
+
+        Raises
+        ------
+        ModelError
+            If the format cannot hold it, or a library is missing; the message has the line that installs it.
+        """
+        for module in self.needs:
+            needed(module, f"the format {self.name}")
+        if not self.table_by_table:
+            return {path: self.content(record, "")}
+        names = list(record.tables())
+        paths = [path.with_name(f"{path.stem}-{name}{path.suffix or self.endings[0]}") for name in names]
+        if not named and paths:
+            paths[0] = path
+        return {each: self.content(record, name) for each, name in zip(paths, names, strict=True)}
+
+
+# Each is loaded only when it is asked for: the libraries of some take seconds.
+_HOMES = {
+    "csv": "csv_format.CsvFormat",
+    "json": "json_format.JsonFormat",
+    "netcdf": "netcdf_format.NetcdfFormat",
+    "mat": "mat_format.MatFormat",
+    "parquet": "parquet_format.ParquetFormat",
+    "xlsx": "xlsx_format.XlsxFormat",
+}
+_ENDINGS = {"nc": "netcdf", "pq": "parquet"}
+_added: Registry[DataFormat] = Registry("format")
+
+
+def format_names() -> tuple[str, ...]:
+    """Return the names of all formats."""
+    return (*_HOMES, *_added)
+
+
+def canonical(name: str) -> str:
+    """Return the name of a format by its name, or by the ending of its files without the point; unknown as it is."""
+    return _ENDINGS.get(name, name)
+
+
+def format_of(name: str) -> DataFormat:
+    """Return a format by its name, or by the ending of its files.
+
+    Raises
+    ------
+    ModelError
+        If there is none.
+    """
+    name = canonical(name)
+    if name in _added:
+        return _added[name]
+    if name not in _HOMES:
+        raise ModelError(
+            f"there is no format {name!r}; {did_you_mean(name, list(format_names()), 'the formats of tables are')}"
+        )
+    module, _, found = _HOMES[name].rpartition(".")
+    return getattr(import_module(f"gapwalk.studies.formats.{module}"), found)()
+
+
+def register(form: DataFormat) -> DataFormat:
+    """Register a format under its name.
+
+    Raises
+    ------
+    ModelError
+        If another one has the name.
+    """
+    if form.name in _HOMES:
+        raise ModelError(f"there is a format {form.name!r} already; choose another name")
+    return _added.add(form.name, form)
