@@ -72,6 +72,22 @@ def until(page: Page, condition: str, patience: float = PATIENCE) -> None:
     raise AssertionError(f"{condition} has not come true; the page says: {page.inner_text('#error')}")
 
 
+@contextmanager
+def watched(address: str, *, height: int = 720) -> Iterator[Page]:
+    """The page at an address, with an ear for errors, and for requests to anyone else: there are none."""
+    wrong: list[str] = []
+    own = (address, "blob:", "data:")
+    with browser() as chrome:
+        page = chrome.new_page(viewport={"width": 1280, "height": height}, accept_downloads=True)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+        page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
+        page.goto(address)
+        until(page, READY)
+        yield page
+    assert wrong == []
+
+
 def opened(page: Page, file: str) -> None:
     """Choose a file, and wait until it is open."""
     page.select_option("#file", file)

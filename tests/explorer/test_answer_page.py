@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
-from tests.explorer.browser import READY, browser, chromium, opened, served, until
+from tests.explorer.browser import chromium, opened, served, until, watched
 from tests.explorer.conftest import ORIGIN, STOP, about
 from tests.explorer.test_web_app import unpacked
 from tests.studies.jobs import RATTLE, RUN_UP, study_of
@@ -142,15 +142,8 @@ def test_the_script_of_an_answer_repeats_it(client, records, folder, monkeypatch
 def page(folder) -> Iterator[Page]:
     """The page of the server of that folder, with an ear for errors: there are none."""
     chromium()
-    wrong: list[str] = []
-    with served(folder / "rattle.gapwalk") as address, browser() as chrome:
-        page = chrome.new_page(viewport={"width": 1280, "height": 800}, accept_downloads=True)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
-        page.goto(address)
-        until(page, READY)
+    with served(folder / "rattle.gapwalk") as address, watched(address, height=800) as page:
         yield page
-    assert wrong == []
 
 
 def show(page: Page, file: str) -> None:

@@ -11,7 +11,16 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from gapwalk.explorer.motion_panels import details_of, panels_of
 from tests.dry.closed_forms import den_hartog
-from tests.explorer.browser import READY, boxes, browser, choose_special, chromium, opened, overlap, served, until
+from tests.explorer.browser import (
+    boxes,
+    choose_special,
+    chromium,
+    opened,
+    overlap,
+    served,
+    until,
+    watched,
+)
 
 BRAKE = """\
 title = "Den Hartog"
@@ -165,15 +174,8 @@ def workspace(tmp_path_factory) -> Path:
 def page(workspace) -> Iterator[Page]:
     """The page of the server, with an ear for errors: there are none."""
     chromium()
-    wrong: list[str] = []
-    with served(workspace / "brake.toml") as address, browser() as chrome:
-        page = chrome.new_page(viewport={"width": 1280, "height": 720})
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
-        page.goto(address)
-        until(page, READY)
+    with served(workspace / "brake.toml") as address, watched(address) as page:
         yield page
-    assert wrong == []
 
 
 def settled(page: Page) -> None:

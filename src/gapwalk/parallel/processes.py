@@ -106,7 +106,7 @@ def _begin(held: Any, environment: Mapping[str, str]) -> None:
     """Begin a process: with the environment of its holder, whose server may have an older one; it ends with it."""
     kept = {name: value for name, value in os.environ.items() if name in THREAD_VARIABLES}
     os.environ.clear()
-    os.environ.update(kept | environment)
+    os.environ.update({**kept, **environment})
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the holder, which says what is to end
     end_with_holder(held)
 

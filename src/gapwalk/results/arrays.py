@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Node = Any
-"""What JSON can write."""
+"""Values that JSON can write."""
 
 _DIMENSIONS = 8  # at most, of an array
 _KEYS = {"array", "shape"}

@@ -31,7 +31,7 @@ from gapwalk.results.codec import Packed, decode, encode
 from gapwalk.results.faults import explained, undamaged
 
 APPLICATION = 0x67617077
-"""What marks a SQLite file as a result of gapwalk: the letters gapw."""
+"""Mark of a SQLite file that is a result of gapwalk: the letters gapw."""
 
 SCHEMA = 8
 """Version of the format and of the records in it; a file of another version is refused."""

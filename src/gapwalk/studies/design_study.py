@@ -28,7 +28,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import SEARCH_KEYS, RangeStudy, is_allowed, known_parameter, with_search
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, check_integers
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings
 
@@ -263,70 +263,6 @@ ROUTE = Part("search", Route, numbered=True)
 DESIGN = Part("design", Design)
 
 
-class DesignWork(Work):
-    """The searches for the least change, each way and start by itself, then the proof."""
-
-    def __init__(self, system: System, asked: DesignStudy) -> None:
-        for value in asked.ends:
-            system.at({asked.parameter: value})  # refuses what no system can have
-        for change in asked.changes:
-            change.bounds(system)
-        for goal in asked.goals:
-            goal.check(system, asked.ends)
-        self.system, self.asked = asked.first_system(system), asked
-        self._routes: list[Route] = []
-        self._whole: Design | None = None
-
-    @cached_property
-    def problem(self) -> DesignProblem:
-        """The problem, with the orbit at the beginning of the range."""
-        asked = self.asked
-        lead: Orbit = find_orbit(self.system, asked.period, asked.start)
-        return DesignProblem(lead, asked.parameter, asked.end, asked.changes, asked.goals, asked.finding)
-
-    def take(self, known: Parts) -> None:
-        """Read the record of a file, or its searches if it is incomplete."""
-        self._whole = known.get(DESIGN)
-        self._routes = [route for _, route in known.all(ROUTE)] if self._whole is None else list(self._whole.routes)
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the remaining searches; then prove the best."""
-        for route in self.problem.routes(self._routes):
-            self._routes.append(route)
-            yield Found.part(ROUTE, route, len(self._routes) - 1)
-        self._whole = proved(self.problem, self._routes, self.asked.search_values, self.asked.search)
-        yield Found.part(DESIGN, self._whole)
-
-    @property
-    def complete(self) -> bool:
-        """True if the design is proved."""
-        return self._whole is not None
-
-    @property
-    def done(self) -> int:
-        """Number of parts that are done."""
-        return self.total if self.complete else len(self._routes)
-
-    @property
-    def total(self) -> int:
-        """Number of parts."""
-        ways = 1
-        for goal in self.asked.goals:
-            ways *= len(goal.ways(self.system))
-        return ways + min(ways, 2) * self.asked.finding.starts + 1
-
-    @property
-    def record(self) -> Design | None:
-        """The design so far; None before the first search is done."""
-        if self._whole is None and self._routes:
-            return proved(self.problem, self._routes, 0, self.asked.search, complete=False)
-        return self._whole
-
-    def finding(self) -> DesignFinding:
-        """Return the design as the finding of a study."""
-        return DesignFinding(self.record, self.done, self.total)
-
-
 @dataclass(frozen=True)
 class DesignFinding(AnswerFinding[Design]):
     """Finding of a design, complete or not."""
@@ -352,6 +288,59 @@ class DesignFinding(AnswerFinding[Design]):
             for name, branch in (("response", found.response), ("response_before", found.response_before)):
                 document[name] = {"values": branch.values.tolist(), "stable": [each.stable for each in branch.points]}
         return document
+
+
+class DesignWork(AnswerWork[Design]):
+    """The searches for the least change, each way and start by itself, then the proof."""
+
+    found_as = DesignFinding
+
+    def __init__(self, system: System, asked: DesignStudy) -> None:
+        for value in asked.ends:
+            system.at({asked.parameter: value})  # refuses what no system can have
+        for change in asked.changes:
+            change.bounds(system)
+        for goal in asked.goals:
+            goal.check(system, asked.ends)
+        self.system, self.asked = asked.first_system(system), asked
+        self._routes: list[Route] = []
+
+    @cached_property
+    def problem(self) -> DesignProblem:
+        """The problem, with the orbit at the beginning of the range."""
+        asked = self.asked
+        lead: Orbit = find_orbit(self.system, asked.period, asked.start)
+        return DesignProblem(lead, asked.parameter, asked.end, asked.changes, asked.goals, asked.finding)
+
+    def take(self, known: Parts) -> None:
+        """Read the record of a file, or its searches if it is incomplete."""
+        self.whole = known.get(DESIGN)
+        self._routes = [route for _, route in known.all(ROUTE)] if self.whole is None else list(self.whole.routes)
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Do the remaining searches; then prove the best."""
+        for route in self.problem.routes(self._routes):
+            self._routes.append(route)
+            yield Found.part(ROUTE, route, len(self._routes) - 1)
+        self.whole = proved(self.problem, self._routes, self.asked.search_values, self.asked.search)
+        yield Found.part(DESIGN, self.whole)
+
+    @property
+    def before(self) -> int:
+        """Number of parts that are done, without the record."""
+        return len(self._routes)
+
+    @property
+    def total(self) -> int:
+        """Number of parts."""
+        ways = 1
+        for goal in self.asked.goals:
+            ways *= len(goal.ways(self.system))
+        return ways + min(ways, 2) * self.asked.finding.starts + 1
+
+    def so_far(self) -> Design | None:
+        """Return the best design so far, without its proof; None before the first search is done."""
+        return proved(self.problem, self._routes, 0, self.asked.search, complete=False) if self._routes else None
 
 
 def _plain_row(record: Any) -> dict[str, Any]:

@@ -203,7 +203,7 @@ class Fate(StrEnum):
 
 
 TURN = "turn"
-"""What happens where two special points meet, if nothing else does: their locus turns back."""
+"""Event where two special points meet, if there is no other: their locus turns back."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,7 +113,7 @@ class FamilyOptions:
 
 MEMBER = Part("member", Member, numbered=True)
 JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
-"""What becomes of special points between two members, by the number of the first."""
+"""Changes of special points between two members, by the number of the first."""
 
 
 class FamilyWork(Work):

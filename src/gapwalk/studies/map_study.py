@@ -123,7 +123,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
 SECTION = Part("section", MapSection, numbered=True)
 LOCUS = Part("locus", Locus, numbered=True)
 STATE = Part("map", tuple[Map, int, int])
-"""What is known of the map as a whole, without its sections and loci; and how many of each there are."""
+"""Facts of the map as a whole, without its sections and loci, and how many of each there are."""
 
 
 class MapWork(Work):

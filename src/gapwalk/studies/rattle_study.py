@@ -25,7 +25,7 @@ from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy, Second
 from gapwalk.studies.rattle_map_work import RattleMapWork
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, OPEN, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, Surroundings
 
@@ -156,8 +156,37 @@ SWEEP = Part("sweep", SweepWithSeverity, numbered=True)
 BANDS = Part("bands", RattleBands)
 
 
-class RattleWork(Work):
+@dataclass(frozen=True)
+class RattleFinding(AnswerFinding[RattleBands]):
+    """Finding of a search for rattle, complete or not."""
+
+    def document_of(self, found: RattleBands, points: bool) -> dict[str, Any]:
+        """Return the bands as JSON values; with the severity along them if wanted."""
+        document: dict[str, Any] = {
+            "parameter": found.parameter,
+            "within": list(found.within),
+            "answers": {gap: found.sentence(gap) for gap in found.gaps},
+            "bands": [
+                {
+                    "gap": band.gap,
+                    "met": band.met,
+                    "from": _end_document(band.low),
+                    "to": _end_document(band.high),
+                    "states": [str(state) for state in band.states],
+                }
+                for band in found.bands
+            ],
+            "worst": [plain_numbers_of(each) for each in found.worst],
+        }
+        if points:
+            document["severity"] = [plain_numbers_of(row) for row in found.severities]
+        return document
+
+
+class RattleWork(AnswerWork[RattleBands]):
     """The two slow sweeps, then the bands and the worst motions."""
+
+    found_as = RattleFinding
 
     def __init__(self, system: System, asked: RattleStudy) -> None:
         for value in asked.ends:
@@ -166,12 +195,11 @@ class RattleWork(Work):
         self.gaps = chosen_gaps(system, asked.gaps)
         self._sweeps: dict[int, SweepWithSeverity] = {}
         self._others: OtherMotions | None = None
-        self._whole: RattleBands | None = None
 
     def take(self, known: Parts) -> None:
         """Read the record of a file, or its sweeps if it is incomplete."""
-        self._whole = known.get(BANDS)
-        if self._whole is None:
+        self.whole = known.get(BANDS)
+        if self.whole is None:
             self._sweeps = dict(known.all(SWEEP))
             self._others = known.get(OTHERS)
 
@@ -185,32 +213,22 @@ class RattleWork(Work):
         if self._others is None:
             self._others = self._search()
             yield Found.part(OTHERS, self._others)
-        self._whole = self._bands(complete=True)
-        yield Found.part(BANDS, self._whole)
+        self.whole = self._bands(complete=True)
+        yield Found.part(BANDS, self.whole)
 
     @property
-    def complete(self) -> bool:
-        """True if the bands are known."""
-        return self._whole is not None
-
-    @property
-    def done(self) -> int:
-        """Number of parts that are done."""
-        return self.total if self.complete else len(self._sweeps) + (self._others is not None)
+    def before(self) -> int:
+        """Number of parts that are done, without the record."""
+        return len(self._sweeps) + (self._others is not None)
 
     @property
     def total(self) -> int:
         """Number of parts."""
         return len(Direction) + 2
 
-    @property
-    def record(self) -> RattleBands | None:
-        """The bands so far; None before the first sweep is done."""
-        return self._whole or (self._bands(complete=False) if self._sweeps else None)
-
-    def finding(self) -> RattleFinding:
-        """Return the bands as the finding of a study."""
-        return RattleFinding(self.record, self.done, self.total)
+    def so_far(self) -> RattleBands | None:
+        """Return the bands of the sweeps that are done; None before the first."""
+        return self._bands(complete=False) if self._sweeps else None
 
     @property
     def _in_order(self) -> list[SweepWithSeverity]:
@@ -264,33 +282,6 @@ def _sweep_one(system: System, asked: RattleStudy, gaps: tuple[str, ...], number
     direction = list(Direction)[number]
     sweep = settled_sweep(system, asked.parameter, asked.ends, direction, asked.start, asked.sweep)
     return SweepWithSeverity(sweep, tuple(severities_of(sweep, gaps, asked.reference)))
-
-
-@dataclass(frozen=True)
-class RattleFinding(AnswerFinding[RattleBands]):
-    """Finding of a search for rattle, complete or not."""
-
-    def document_of(self, found: RattleBands, points: bool) -> dict[str, Any]:
-        """Return the bands as JSON values; with the severity along them if wanted."""
-        document: dict[str, Any] = {
-            "parameter": found.parameter,
-            "within": list(found.within),
-            "answers": {gap: found.sentence(gap) for gap in found.gaps},
-            "bands": [
-                {
-                    "gap": band.gap,
-                    "met": band.met,
-                    "from": _end_document(band.low),
-                    "to": _end_document(band.high),
-                    "states": [str(state) for state in band.states],
-                }
-                for band in found.bands
-            ],
-            "worst": [plain_numbers_of(each) for each in found.worst],
-        }
-        if points:
-            document["severity"] = [plain_numbers_of(row) for row in found.severities]
-        return document
 
 
 def _end_document(end: BandEnd) -> dict[str, Any]:

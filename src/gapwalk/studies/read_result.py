@@ -82,7 +82,7 @@ class NoFile:
 
 
 Keeper = ResultFile | NoFile
-"""What keeps the parts of a job."""
+"""File or memory that keeps the parts of a job."""
 
 
 def request_file(

@@ -42,17 +42,17 @@ class StudyKind:
     """
 
     kind: ClassVar[str]
-    """What a model file calls this kind of study."""
+    """Name of this kind of study in a model file."""
 
     reports: ClassVar[str] = "parts"
-    """What a run reports: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map, or parts
+    """Reports of a run: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map, or parts
     of the work."""
 
     gives_frequency: ClassVar[bool] = False
     """True if the study gives the frequency itself, without a parameter, so that the model need not."""
 
     table_types: ClassVar[Mapping[str, Any]] = {}
-    """What pydantic takes for the types of keys, where it does not follow from the fields; None for what is not a key.
+    """Types of keys for pydantic, where they do not follow from the fields; None for a field that is no key.
 
     A pair of a type and a default is a key that is no field of this type: `of_table` makes something of it. These keys
     are checked after all others, in this order: a validator sees the keys before it in ``info.data``."""
@@ -312,6 +312,56 @@ class AnswerFinding(Finding, Generic[A]):
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of the record."""
         return {} if self.found is None else self.found.tables()
+
+
+class AnswerWork(Work, Generic[A]):
+    """Work whose last part is a record that describes itself.
+
+    A kind of it writes `take` and `parts`, which set `whole`, and says how many parts come before the record.
+
+    Attributes
+    ----------
+    found_as
+        Class of the study's finding.
+    whole
+        The complete record; None before it is known.
+    """
+
+    found_as: ClassVar[type[AnswerFinding[Any]]]
+    whole: A | None = None
+
+    @property
+    @abstractmethod
+    def before(self) -> int:
+        """Number of parts that are done, without the record."""
+
+    @property
+    @abstractmethod
+    def total(self) -> int:
+        """Number of all parts, with the record."""
+
+    def so_far(self) -> A | None:
+        """Return the record of the parts that are done; None if they have none."""
+        return None
+
+    @property
+    def complete(self) -> bool:
+        """True if the record is complete."""
+        return self.whole is not None
+
+    @property
+    def done(self) -> int:
+        """Number of parts that are done."""
+        return self.total if self.complete else self.before
+
+    @property
+    def record(self) -> A | None:
+        """The record so far; None if there is none yet."""
+        return self.so_far() if self.whole is None else self.whole
+
+    def finding(self) -> AnswerFinding[A]:
+        """Return the record so far as the finding of a study."""
+        return self.found_as(self.record, self.done, self.total)
 
 
 def plain_numbers(values: Any) -> Any:

@@ -19,7 +19,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.options import ParameterRange, RangeStudy, is_another
 from gapwalk.studies.rattle_study import GAPS
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import AnswerFinding, Found, Work, plain_numbers
+from gapwalk.studies.study_kind import AnswerFinding, AnswerWork, Found, plain_numbers
 from gapwalk.studies.study_registry import INLINE, OPEN
 
 Over = Annotated[
@@ -81,57 +81,6 @@ ROUND = Part("round", Round, numbered=True)
 THRESHOLD = Part("threshold", Threshold)
 
 
-class ThresholdWork(Work):
-    """The search for one threshold: its rounds, then the threshold."""
-
-    def __init__(self, system: System, asked: ThresholdStudy) -> None:
-        over = asked.over
-        span = min(over.begin, over.end), max(over.begin, over.end)
-        gaps = chosen_gaps(system, asked.gaps)
-        to = asked.begin, asked.end
-        self._search = ThresholdSearch(Request(system, gaps, asked.parameter, to, over.parameter, span, asked.options))
-        self._found: Threshold | None = None
-
-    def take(self, known: Parts) -> None:
-        """Read the threshold of a file, or the rounds of the search if it is incomplete."""
-        self._found = known.get(THRESHOLD)
-        if self._found is None:
-            self._search.rounds = [each for _, each in known.all(ROUND)]
-
-    def parts(self, workers: Workers) -> Generator[Found]:
-        """Do the remaining rounds; then give the threshold."""
-        search = self._search
-        while not search.is_over:
-            latest = search.advance()
-            yield Found.part(ROUND, latest, len(search.rounds) - 1)
-        self._found = search.found()
-        yield Found.part(THRESHOLD, self._found)
-
-    @property
-    def complete(self) -> bool:
-        """True if the threshold is known."""
-        return self._found is not None
-
-    @property
-    def done(self) -> int:
-        """Number of parts that are done."""
-        return self.total if self.complete else len(self._search.rounds)
-
-    @property
-    def total(self) -> int:
-        """Number of parts: most searches need two rounds."""
-        return max(2, len(self._search.rounds) + (not self._search.is_over)) + 1
-
-    @property
-    def record(self) -> Threshold | None:
-        """The threshold; None before it is known."""
-        return self._found
-
-    def finding(self) -> ThresholdFinding:
-        """Return the threshold as the finding of a study."""
-        return ThresholdFinding(self._found, self.done, self.total)
-
-
 @dataclass(frozen=True)
 class ThresholdFinding(AnswerFinding[Threshold]):
     """Finding of the search for a threshold."""
@@ -151,6 +100,44 @@ class ThresholdFinding(AnswerFinding[Threshold]):
         if points:
             document["loci"] = [{"kind": str(locus.kind), "values": locus.values.tolist()} for locus in found.loci]
         return document
+
+
+class ThresholdWork(AnswerWork[Threshold]):
+    """The search for one threshold: its rounds, then the threshold."""
+
+    found_as = ThresholdFinding
+
+    def __init__(self, system: System, asked: ThresholdStudy) -> None:
+        over = asked.over
+        span = min(over.begin, over.end), max(over.begin, over.end)
+        gaps = chosen_gaps(system, asked.gaps)
+        to = asked.begin, asked.end
+        self._search = ThresholdSearch(Request(system, gaps, asked.parameter, to, over.parameter, span, asked.options))
+
+    def take(self, known: Parts) -> None:
+        """Read the threshold of a file, or the rounds of the search if it is incomplete."""
+        self.whole = known.get(THRESHOLD)
+        if self.whole is None:
+            self._search.rounds = [each for _, each in known.all(ROUND)]
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Do the remaining rounds; then give the threshold."""
+        search = self._search
+        while not search.is_over:
+            latest = search.advance()
+            yield Found.part(ROUND, latest, len(search.rounds) - 1)
+        self.whole = search.found()
+        yield Found.part(THRESHOLD, self.whole)
+
+    @property
+    def before(self) -> int:
+        """Number of parts that are done, without the record."""
+        return len(self._search.rounds)
+
+    @property
+    def total(self) -> int:
+        """Number of parts: most searches need two rounds."""
+        return max(2, len(self._search.rounds) + (not self._search.is_over)) + 1
 
 
 def threshold(
