@@ -65,11 +65,13 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)
 
-docs: $(STAMP)  ## build the documentation into out/docs; check its spelling, links and pictures
+docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links, pictures and words; pack it for gapwalk docs
 	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples reproductions
 	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs
 	$(PY) docs/_ext/pictures.py out/docs
+	$(PY) docs/_ext/texts.py docs out/docs
+	$(PY) docs/_ext/offline.py out/docs src/gapwalk/offline_docs.zip
 	@echo "open out/docs/index.html"
 
 screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again

@@ -1,9 +1,10 @@
 """Words that gapwalk does not use: private metaphors and stiff phrases, each with the word to write instead."""
 
-import re
 from pathlib import Path
 
 import pytest
+
+from docs._ext.texts import repeated, uses
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = [
@@ -18,43 +19,8 @@ FILES = [
         "CONTRIBUTING.md",
     )
     for file in sorted(ROOT.glob(pattern))
-    if file.is_file() and file.name != "CHANGELOG.md"
+    if file.is_file() and file.name not in ("CHANGELOG.md", "glossary.md")
 ]
-
-INSTEAD = {
-    "desk": "session",
-    "board": "exploration",
-    "errands?": "follow-up",
-    "leash": "process control",
-    "shelf": "list of results",
-    "haunts?": "attractor signature",
-    "crew": "executor",
-    "swarms?": "many motions",
-    "fleet": "block plan",
-    "trail": "branch tracer",
-    "departures?": "branch start",
-    "brink": "near grazing",
-    "strands?": "path",
-    "limbs?": "diagram branch",
-    "second opinion": "error estimate",
-    "mass flow": "batch integrator",
-    "anew": "again, from scratch",
-    "is told|are told": "is reported",
-    "hangs? (on|together)": "is connected to",
-    "runs? away": "diverges",
-    "(it|what|which|file) is no (key|result)": "is not a key, is not a result",
-}
-
-
-def uses(text: str) -> list[str]:
-    """List the lines of a text that use one of the words, with what to write instead."""
-    seen = {word: instead for word, instead in INSTEAD.items() if re.search(word, text)}  # few, and quick to find
-    return [
-        f"{number}: {found[0]!r}: write {instead}"
-        for number, line in enumerate(text.splitlines() if seen else (), start=1)
-        for word, instead in seen.items()
-        if (found := re.search(rf"(?<![\\\w])({word})(?!\w)", line))
-    ]
 
 
 def test_no_file_uses_one_of_the_words() -> None:
@@ -73,3 +39,15 @@ def test_a_use_is_seen(text: str) -> None:
 @pytest.mark.parametrize("text", ["a desktop", "$\\Omega$", "it is toldest", "boarding"])
 def test_other_words_pass(text: str) -> None:
     assert uses(text) == []
+
+
+def test_a_paragraph_that_is_repeated_is_seen(tmp_path: Path) -> None:
+    paragraph = "Every branch ends with a stated reason, and nothing that was reported is lost when a run is killed."
+    (tmp_path / "a.md").write_text(f"# A\n\n{paragraph}\n\n```toml\n{paragraph}\n```\n", encoding="utf-8")
+    assert repeated(tmp_path) == []
+    (tmp_path / "c.md").write_text(f"# C\n\n{paragraph.replace(' lost', chr(10) + '*lost*')}\n", encoding="utf-8")
+    assert [found.partition(" repeats")[0] for found in repeated(tmp_path)] == ["c.md"]
+
+
+def test_no_page_repeats_a_paragraph() -> None:
+    assert repeated(ROOT / "docs") == []

@@ -21,14 +21,15 @@ def until(look: Callable[[], T], what: str) -> T:
 
 
 def children(pid: int) -> list[int]:
-    """The worker processes of a process."""
-    found = []
+    """The worker processes of a process: those of its server of processes."""
+    workers = {}
     for status in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
-            parent = status.read_text().rpartition(")")[2].split()[1]
-            if parent == str(pid) and b"spawn_main" in (status.parent / "cmdline").read_bytes():
-                found.append(int(status.parent.name))
-    return found
+            parent = int(status.read_text().rpartition(")")[2].split()[1])
+            if b"multiprocessing.forkserver" in (status.parent / "cmdline").read_bytes():
+                workers[int(status.parent.name)] = parent
+    servers = {server for server, parent in workers.items() if parent == pid}
+    return [worker for worker, parent in workers.items() if parent in servers]
 
 
 def ticks(pid: int) -> int:

@@ -134,7 +134,7 @@ This page compares the statements of C. Padmanabhan and R. Singh, "Dynamics of a
 dual harmonic excitation using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), with
 what gapwalk computes. Each statement is a check. This command writes the page:
 
-    python -m reproductions.padmanabhan_singh_1995 --claims docs/paper.md
+    python -m reproductions.padmanabhan_singh_1995 --claims docs/explanation/paper.md
 
 The tests compare its verdicts with those of the checks. The parameters are those of the tables in the paper. Some of
 them have two readings (slope of the second stage: reduced or literal; impact damping: dissipative or as printed). The

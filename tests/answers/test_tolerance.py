@@ -20,7 +20,8 @@ from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.plot.picture import picture_of
 from gapwalk.studies.tolerance_study import ToleranceOptions, ToleranceStudy, tolerance
 
-CAMPAIGN = Path(__file__).resolve().parents[1] / "data" / "tolerance_campaign.csv"
+DATA = Path(__file__).resolve().parents[1] / "data"
+CAMPAIGN, NARROW = DATA / "tolerance_campaign.csv", DATA / "tolerance_narrow.csv"
 PERCENT = {
     "stage2.clearance": 5,
     "stage2.impact_damping": 10,
@@ -111,6 +112,22 @@ def test_a_stopped_study_continues_to_the_same_bits(found, tmp_path):
     assert gw.load(file).values.tobytes() == found.values.tobytes()
 
 
+def test_samples_without_points_that_all_walks_have_are_cleared_by_two_of_them(tmp_path):
+    weak = (Spread("harmonic1.amplitude", "uniform", low=0.098, high=0.14), Spread("stop.clearance", sd=0.003))
+    options, file = replace(OPTIONS, seed=10, check=0), tmp_path / "weak.gapwalk"
+    few = tolerance(stopped(), "frequency", (0.5, 1.5), weak, options=options, workers=1, output=file)
+    touching = (few.samples[:, 0] / few.samples[:, 1]) ** 2 > DAMPING**2 * (1.0 - DAMPING**2 / 4.0)
+    assert touching[:15].all()  # these are walked first
+    assert np.sum(~touching) == 6
+    grazing = [k for k, special in enumerate(few.points) if special.kind.value == "grazing"]
+    assert np.array_equal(~np.isnan(few.values[:, grazing]).any(axis=1), touching)
+    assert np.isnan(few.values[~touching]).all()
+    assert np.sum(few.how[~touching] == HowFound.WALKED) == 2
+    assert np.sum(few.how[~touching] == HowFound.TRACKED) == 4
+    low, high = touches(*few.samples[touching].T[::-1], DAMPING)
+    assert few.values[np.ix_(touching, grazing)] == pytest.approx(np.column_stack((low, high)), abs=5e-6)
+
+
 def campaign() -> tuple[np.ndarray, np.ndarray]:
     """Return samples and special points of the brute-force campaign; the file says how it was made."""
     table = np.genfromtxt(CAMPAIGN, delimiter=",", skip_header=5)
@@ -132,7 +149,7 @@ def test_a_walk_finds_the_counterparts_of_nominal_points_in_other_forms():
     assert work.design.values[:400] == pytest.approx(samples, rel=1e-10)
     tracker = Tracker(work._tracking(branch))
     # in sample 7 the first fold of the walk lies beyond another grazing contact, which the nominal one does not have
-    (found,) = tracker.walks(0, 6, samples[6:7]).walked
+    (found,) = tracker.walks(0, np.array([6]), samples[6:7]).walked
     values = {met.index: met.value for met in found.met if met.index >= 0}
     assert [values[j] for j in range(10)] == pytest.approx(walked[6], rel=1e-6)
     fold = next(met for met in found.met if met.index == 8)
@@ -161,7 +178,7 @@ def test_a_predicted_inverse_replaces_derivatives_of_multipliers():
 
 
 def test_forms_on_other_branches_are_known_by_what_walks_met():
-    met = Met(-1, "fold", "", "", 1.0, "()", "(0, 0, 0)", 0, 1, np.zeros(0), np.zeros((0, 0)))
+    met = Met(-1, "fold", "", "", 1.0, "()", "(0, 0, 0)", 0, 1, np.zeros(0))
     forms = [Form(-1, name, float(k), -1, met, None) for k, name in enumerate("abcd")]  # pyright: ignore
     # the walks always meet a and d; what lies between belongs together
     walks = [((0, 3), "ad"), ((0, 1, 2, 3), "abcd"), ((0, 2, 3), "ad"), ((0, 2, 3), "ad")]
@@ -171,9 +188,14 @@ def test_forms_on_other_branches_are_known_by_what_walks_met():
     assert known.on_branch((0, 2, 3)) == (0, 3)  # c alone lies elsewhere
     assert known.on_branch((0, 1, 3)) is None  # no walk has shown it
     assert known.on_branch((1, 2, 3)) is None  # a is missing
+    assert known.on_branch((0,)) is None  # d is missing, and nothing was found in its stretch
     assert known.known_share == 0.5  # two walks of four were alike: below a share, all other samples are walked
     unclear = Patterns.of(forms, [*walks, ((0, 2, 3), "acd")])
     assert unclear.on_branch((0, 2, 3)) is None
+    # a point without a form makes doubtful only the stretch in which a walk met it
+    strange = Patterns.of(forms, [((0, 3), "ad"), ((0, 1, 3), "axd")])
+    assert strange.on_branch((0, 3)) == (0, 3)
+    assert strange.on_branch((0, 1, 3)) is None
 
 
 @pytest.mark.slow
@@ -186,6 +208,31 @@ def test_quantiles_of_clutches_are_those_of_the_campaign():
     shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
     assert found.quantiles(*shares) == pytest.approx(np.nanquantile(walked, shares, axis=0), rel=5e-3)
     assert np.mean(np.isnan(found.values)) < 1e-3
+
+
+@pytest.mark.slow
+def test_all_points_of_a_thousand_clutches_are_those_of_full_walks():
+    system = gw.paper.case("13").at(frequency=1.9)
+    spreads = Spreads(tuple(spread_in_percent(system, 0.2 * sd, [name])[0] for name, sd in PERCENT.items()))
+    found = tolerance(system, "frequency", (1.9, 0.15), spreads, options=ToleranceOptions(samples=1000, check=0))
+    lines = [line.split(",")[1].split() for line in NARROW.read_text().splitlines()[4:]]
+    walks = [[(point[0], float(point[1:])) for point in line] for line in lines]
+    letters = {"grazing": "G", "flip": "P", "fold": "F", "neimark-sacker": "N"}
+    kinds, exact = [letters[special.kind.value] for special in found.points], np.full_like(found.values, np.nan)
+    further: dict[int, list[tuple[str, float]]] = {}
+    for each in found.further:
+        further.setdefault(each.sample, []).append((letters[each.kind], each.value))
+    for k, walk in enumerate(walks):
+        mine = [*zip(kinds, found.values[k].tolist(), strict=True)]
+        for j, (kind, value) in enumerate(mine):
+            if not np.isnan(value):
+                exact[k, j] = min((there for other, there in walk if other == kind), key=lambda v: abs(v - value))
+        every = sorted([each for each in mine if not np.isnan(each[1])] + further.get(k, []))
+        inside = [each for each in every if each[1] >= 0.15]
+        assert [kind for kind, _ in inside] == [kind for kind, _ in sorted(walk)], k
+        assert [value for _, value in inside] == pytest.approx([value for _, value in sorted(walk)], rel=2e-5), k
+    shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+    assert found.quantiles(*shares) == pytest.approx(np.nanquantile(exact, shares, axis=0), rel=1e-5)
 
 
 @pytest.mark.parametrize(

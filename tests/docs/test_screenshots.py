@@ -38,7 +38,7 @@ def test_a_picture_is_there_is_small_and_is_not_empty(shot) -> None:
 
 
 def test_the_pictures_stand_on_the_page_of_the_explorer() -> None:
-    text = (DOCS / "explorer.md").read_text(encoding="utf-8")
+    text = (DOCS / "howto" / "explorer.md").read_text(encoding="utf-8")
     there = {path.name for path in PICTURES.glob("explorer-*.png")}
     assert there == {shot.file for shot in SHOTS}
     assert not sorted(name for name in there if f"pictures/{name})" not in text)

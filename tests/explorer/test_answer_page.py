@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, Route
 from starlette.testclient import TestClient
 
 import gapwalk as gw
@@ -200,6 +200,37 @@ def test_a_turned_knob_is_an_arrow_of_its_shift(page) -> None:
     page.click("#movers-set")
     field = page.locator(".parameter[data-name='teeth.stiffness'] input[type=number]")
     assert float(field.input_value()) == pytest.approx(0.97 * row["value"], rel=1e-12)
+
+
+def test_a_chosen_point_comes_back_with_its_curve_however_late(page) -> None:
+    show(page, "rattle.gapwalk")
+    page.select_option("#x", "frequency")
+    page.select_option("#y", "half.x")
+    until(page, "!gapwalk.page.updating")
+    page.click("#answer-ends button")
+    until(page, "gapwalk.diagram.arrows.length > 0")
+    chosen, mark = page.evaluate("[gapwalk.page.chosen.title, gapwalk.diagram.mark]")
+    held: list[Route] = []
+    is_late = True
+    page.route("**/api/curve?*", lambda route: held.append(route) if is_late else route.continue_())
+    page.select_option("#y", "frequency")
+    until(page, "gapwalk.page.updating && gapwalk.page.chosen.curve === null")
+    page.select_option("#x", "half.x")  # while the curves over the axes before are on their way
+    now = page.evaluate("[gapwalk.page.chosen.title, gapwalk.page.chosen.curve, gapwalk.diagram.mark]")
+    assert now == [chosen, None, None]
+    is_late = False
+    for route in held:
+        route.continue_()
+    until(page, f"gapwalk.diagram.mark?.[1] === {mark[0]!r} && gapwalk.diagram.arrows.length > 0")
+    assert page.evaluate("gapwalk.page.chosen.title") == chosen
+    assert page.inner_text("#chosen") == chosen
+    # over its parameter both ways, an arrow leads along the diagonal
+    page.select_option("#x", "frequency")
+    until(page, "gapwalk.diagram.mark && gapwalk.diagram.mark[0] === gapwalk.diagram.mark[1]")
+    ((x0, y0), (x1, y1)) = page.evaluate("(({from, to}) => [from, to])(gapwalk.diagram.arrows[0])")
+    assert (x0, x1) == (y0, y1)
+    assert x1 != x0
+    page.unroute("**/api/curve?*")
 
 
 def test_the_limit_of_a_threshold_says_what_moves_it(page, records) -> None:

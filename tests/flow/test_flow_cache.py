@@ -3,6 +3,7 @@
 import errno
 import math
 import os
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -57,10 +58,10 @@ def test_a_damaged_database_is_made_again(folder: Path, damage: str) -> None:
     compiles()
     (file,) = folder.iterdir()
     content = bytearray(file.read_bytes())
-    content[content.index(b"target datalayout")] ^= 0x40  # a text; damaged code would end the tests if it were run
+    content[len(content) // 2] ^= 0x40  # damaged code would end the tests if it were run
     changed = {"cut": content[:9000], "flipped": content, "empty": b"", "nonsense": b"nonsense" * 1000}
     if damage == "name":
-        file = file.rename(file.with_name(file.name[:40] + "0" * 25 + ".db"))
+        file = file.rename(file.with_name(file.name[:40] + "0" * 25 + ".db.z"))
     else:
         file.write_bytes(changed[damage])
     assert compiles()
@@ -114,7 +115,7 @@ def test_what_was_used_longest_ago_goes(folder: Path, monkeypatch) -> None:
     for number in range(4):
         copy = folder.parent / "copy"
         folder.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(bytes([number]) * 100)
+        copy.write_bytes(random.randbytes(100))
         flow_cache._keep(folder, f"flow{number}", copy)
         (file,) = folder.glob(f"flow{number}-*")
         os.utime(file, (number, number))

@@ -88,6 +88,8 @@ def test_hysteresis_of_a_single_stage_acts_by_that_stage(spring: str, tmp_path) 
 def test_hysteresis_above_tables_of_stages_always_acts(tmp_path) -> None:
     stages = STAGE.format(0.5, 3.0) + STAGE.format(1.0, 4.0)
     alone = system_of(tmp_path, STOP + "hysteresis = 0.2\n" + stages)
+    with pytest.raises(ModelError, match=r"no parameter 'stop.hysteresis'; did you mean 'stop_friction.limit'"):
+        alone["stop.hysteresis"]
     assert laws_of(alone) == {"stop": gw.laws.Elastic(), "stop_friction": Coulomb()}
     assert alone["stop_friction.limit"] == 0.2
     both = system_of(tmp_path, STOP + "hysteresis = 0.2\n" + stages + "hysteresis = 0.5\n")

@@ -8,12 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from gapwalk.parallel.processes import undisturbed
-from gapwalk.parallel.threads import _VARIABLES
+from gapwalk.parallel.threads import THREAD_VARIABLES
 
 
 def test_threads_that_start_processes_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     """The second one took the first one's stand-in for the main script, and put that back for good."""
-    for name in _VARIABLES:
+    for name in THREAD_VARIABLES:
         monkeypatch.delenv(name, raising=False)
     main, first_is_in, inside = sys.modules["__main__"], threading.Event(), []
 
@@ -32,4 +32,4 @@ def test_threads_that_start_processes_take_turns(monkeypatch: pytest.MonkeyPatch
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(start, (0, 1)))
     assert sys.modules["__main__"] is main
-    assert not any(name in os.environ for name in _VARIABLES)
+    assert not any(name in os.environ for name in THREAD_VARIABLES)

@@ -1,4 +1,4 @@
-"""Each promise of docs/trust.md has a test that fails when it is broken: shown by breaking it."""
+"""Each promise of docs/explanation/validation.md has a test that fails when it is broken: shown by breaking it."""
 
 import os
 import re
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "trust.md"
+PAGE = ROOT / "docs" / "explanation" / "validation.md"
 BREAKS = tomllib.loads(Path(__file__).with_name("breaks.toml").read_text())["break"]
 NEEDED = ("src", "tests", "benchmarks", "docs", "examples", "pyproject.toml", "README.md", "Makefile", "SECURITY.md")
 FAILED = 1  # what pytest says of tests that fail; a broken import or a test that is not there is another number

@@ -15,8 +15,10 @@ from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.verification import Check, confirm
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_dop853 import DryRound, carry
+from gapwalk.verification.dry_equations import Key
 from gapwalk.verification.guard_samples import brackets
 
+PASSES = ("contact", 0)
 LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
 
 
@@ -155,15 +157,35 @@ def test_an_impact_at_the_section_comes_where_the_stored_motion_has_it(strikes: 
 
 
 def test_a_dip_that_the_interpolation_hides_is_found() -> None:
-    def exact(shares: np.ndarray, key: str) -> np.ndarray:
-        return (shares - 0.43) ** 2 - (1e-8 if key == "passes" else -1e-8)
+    def exact(shares: np.ndarray, key: Key) -> np.ndarray:
+        return (shares - 0.43) ** 2 - (1e-8 if key == PASSES else -1e-8)
 
-    def sample(shares: np.ndarray) -> dict[str, np.ndarray]:
-        return {key: exact(shares, key) + 1e-5 for key in ("passes", "stays")}
+    def searched() -> dict[Key, tuple[float, np.ndarray]]:
+        search = brackets()
+        shares, key = next(search)
+        try:
+            while True:
+                samples = {each: exact(shares, each) + 1e-5 for each in (PASSES, ("contact", 1))}
+                shares, key = search.send(samples if key is None else exact(shares, key))
+        except StopIteration as done:
+            return done.value
 
-    (before, after), *_ = brackets(sample, exact).values()
+    ((found, (before, after)),) = searched().items()
+    assert found == PASSES
     assert 0.4298 < before <= 0.4299 < after[0] < 0.4301
-    assert [*brackets(sample, exact)] == ["passes"]
+
+
+def test_motions_that_are_followed_together_are_those_that_are_followed_alone() -> None:
+    """They fall into modes of their own, and one of them fails."""
+    orbits = [gw.find_orbit(SYSTEMS["jenkins"].at(frequency=value), start="settle") for value in (1.0, 0.3, 1.7)]
+    broken = replace(orbits[1], state=np.full(3, np.nan))
+    together = carry([*orbits, broken])
+    assert together[-1].closure == np.inf
+    for one, (alone,) in zip(together, ([*carry([orbit])] for orbit in orbits), strict=False):
+        assert isinstance(one, DryRound)
+        assert isinstance(alone, DryRound)
+        assert [each[:3] for each in one.changes] == [each[:3] for each in alone.changes]
+        np.testing.assert_allclose(one.transition, alone.transition, atol=1e-12)
 
 
 def test_friction_that_keeps_all_at_rest_is_verified() -> None:

@@ -52,8 +52,6 @@ class Met:
         Number of unstable multipliers on either side.
     unknowns
         Solution of its equation; empty if it has none that can be tracked.
-    inverse
-        Inverse of the derivatives of the equation there.
     """
 
     index: int
@@ -66,7 +64,6 @@ class Met:
     before: int
     after: int
     unknowns: Array
-    inverse: Array
 
     @property
     def key(self) -> str:
@@ -159,17 +156,16 @@ class Form:
 def met_of(special: SpecialPoint, names: Sequence[str], index: int, turns: str) -> Met:
     """Return what forms need of a special point."""
     closings = others = ""
-    unknowns, inverse = np.zeros(0), np.zeros((0, 0))
+    unknowns = np.zeros(0)
     try:
         point = TrackedPoint.of(special, names)
         signature, unknowns = point.signature, point.unknowns
         closings, others = repr(signature[0]), repr(tuple(signature[1]))  # pyright: ignore[reportArgumentType]
-        inverse = point.inverse
     except (ModelError, NumericalError):
         pass  # it cannot be tracked: samples that have it are noticed where it breaks the chain
     counts = special.before.total, special.after.total
     kind = special.kind.value
-    return Met(index, kind, special.contact, turns, special.value, closings, others, *counts, unknowns, inverse)
+    return Met(index, kind, special.contact, turns, special.value, closings, others, *counts, unknowns)
 
 
 def names_of(walked: Walked, anchors: Iterable[int]) -> list[str]:
@@ -198,17 +194,20 @@ def anchors_of(walks: Sequence[Walked], count: int) -> list[int]:
     return [j for j in range(count) if all(any(met.index == j for met in each.met) for each in walks)]
 
 
-def forms_of(walks: Sequence[Walked], nominal: Sequence[SpecialPoint], mine: Sequence[Met]) -> tuple[Form, ...]:
+def forms_of(
+    walks: Sequence[Walked], anchors: Sequence[int], nominal: Sequence[SpecialPoint], mine: Sequence[Met]
+) -> tuple[Form, ...]:
     """Return the forms that some walks met, without predictors, in their order along the branch.
 
     Parameters
     ----------
     walks
         The walks that came to their end.
+    anchors
+        The nominal points that all of the first walks met.
     nominal, mine
         The nominal points.
     """
-    anchors = anchors_of(walks, len(nominal))
     places: dict[str, list[float]] = {}
     first: dict[str, tuple[int, Met]] = {}
     alike: dict[tuple[str, str], SpecialPoint] = {}
@@ -256,6 +255,8 @@ class Solutions:
     ----------
     number
         Number of the chunk.
+    rows
+        Numbers of the samples.
     found
         Of each sample, the numbers of the forms that were found.
     unknowns, inverses
@@ -266,6 +267,7 @@ class Solutions:
     """
 
     number: int
+    rows: NDArray[np.intp]
     found: tuple[tuple[int, ...], ...]
     unknowns: tuple[Array, ...]
     inverses: tuple[Array, ...]
@@ -276,9 +278,9 @@ def pools_of(
     forms: Sequence[Form],
     names: Sequence[Sequence[str]],
     walks: Sequence[Walked],
-    chunks: Sequence[tuple[int, Solutions]],
+    chunks: Sequence[Solutions],
 ) -> tuple[Pool, ...]:
-    """Return the solutions of all forms in walked samples, whose points have names, and in chunks."""
+    """Return the solutions of all forms in walked samples, whose points have names, and in chunks of other samples."""
     at: dict[str, list[tuple[int, Met]]] = {}
     for each, own in zip(walks, names, strict=True):
         for name, met in zip(own, each.met, strict=True):
@@ -286,18 +288,16 @@ def pools_of(
                 at.setdefault(name, []).append((each.sample, met))
     found = []
     for f, form in enumerate(forms):
-        solved = {
-            first + k for first, chunk in chunks for k in np.flatnonzero(~np.isnan(chunk.unknowns[f][:, 0])).tolist()
-        }
-        mine = [each for each in at.get(form.name, []) if each[0] not in solved]
+        mine = at.get(form.name, [])
         size = len(form.met.unknowns)
         rows = [np.array([row for row, _ in mine], dtype=int)]
         unknowns = [np.array([met.unknowns for _, met in mine]).reshape(-1, size)]
-        inverses = [np.array([met.inverse for _, met in mine]).reshape(-1, size, size)]
+        # the equations of walked points have other scales, and so other inverses
+        inverses = [np.full((len(mine), size, size), np.nan)]
         curvatures = [np.full(len(mine), np.nan)]
-        for first, chunk in chunks:
+        for chunk in chunks:
             has = np.flatnonzero(~np.isnan(chunk.unknowns[f]).any(axis=1))
-            rows.append(first + has)
+            rows.append(chunk.rows[has])
             unknowns.append(chunk.unknowns[f][has])
             inverses.append(chunk.inverses[f][has])
             curvatures.append(chunk.curvatures[f][has])
@@ -313,7 +313,7 @@ def with_predictors(
     known: NDArray[np.intp],
     scaled: tuple[Array, Array],
 ) -> tuple[Form, ...]:
-    """Return forms with predictors from their solutions.
+    """Return forms with predictors from their solutions; those that have one keep it.
 
     Parameters
     ----------
@@ -329,6 +329,9 @@ def with_predictors(
     found = []
     x = (samples - scaled[0]) / scaled[1]
     for number, (form, point, pool) in enumerate(zip(forms, points, pools, strict=True)):
+        if form.fit is not None:
+            found.append(form)
+            continue
         slopes = None
         if len(pool.rows) < _FEATURES * count_of_terms(samples.shape[1], 1):
             at = point.origin if form.sample < 0 else samples[form.sample]
@@ -403,21 +406,25 @@ class Patterns:
 
     @classmethod
     def of(cls, forms: Sequence[Form], sets: Iterable[tuple[Iterable[int], Iterable[str]]]) -> Patterns:
-        """Compare forms found in walked samples with the names of those that the walks met."""
-        sets, names = [(set(found), set(met)) for found, met in sets], {form.name: f for f, form in enumerate(forms)}
+        """Compare forms found in walked samples with the names of those that the walks met, in their order."""
+        sets, names = [(set(found), list(met)) for found, met in sets], {form.name: f for f, form in enumerate(forms)}
         fixed = [f for f, form in enumerate(forms) if sets and all(form.name in met for _, met in sets)]
         stretch = tuple(sum(g <= f for g in fixed) for f in range(len(forms)))
         pairs: dict[tuple[int, tuple[int, ...]], tuple[int, ...] | None] = {}
         counts, asked = Counter[tuple[int, tuple[int, ...]]](), list[list[tuple[int, tuple[int, ...]]]]()
         for found, met in sets:
             asked.append([])
-            on = {names.get(name, -1) for name in met}
+            on, unknown, passed = {names[name] for name in met if name in names}, set[int](), 0
+            for name in met:
+                passed += name in names and names[name] in fixed
+                if name not in names:
+                    unknown.add(passed)
             for number in range(len(fixed) + 1):
                 own = tuple(sorted(f for f in found if stretch[f] == number))
-                there = tuple(sorted(f for f in on if f >= 0 and stretch[f] == number))
+                there = tuple(sorted(f for f in on if stretch[f] == number))
                 asked[-1].append((number, own))
                 known = pairs.setdefault((number, own), there)
-                if known != there or -1 in on:  # two answers are none, and a point without a form belongs anywhere
+                if known != there or number in unknown:  # two answers are none, nor is a point without a form one
                     pairs[number, own] = None
             counts.update(asked[-1])
         told = sum(all(pairs[key] is not None and counts[key] > 1 for key in keys) for keys in asked)
@@ -430,8 +437,9 @@ class Patterns:
         for f in sorted(found):
             parts[self.stretch[f]].append(f)
         every: list[int] = []
-        for own in parts.values():
-            there = self._known.get(tuple(own), () if not own else None)
+        for number, own in parts.items():
+            # every stretch but the first begins with a point that all walks met: nothing found there is no answer
+            there = self._known.get(tuple(own), None if own or number else ())
             if there is None or not set(there) <= set(own):
                 return None
             every += there

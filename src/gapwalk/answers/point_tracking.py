@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 8  # of Newton's method at one system
 _EXACT = 1e-6  # scaled step after which the error is about the square of it, of any point
-_SEEN = 1e-4  # scaled step from which on the next one shows the curvature, and not rounding
+_SEEN = 1e-5  # scaled step from which on the next one shows the curvature, and not rounding
 _ENOUGH = 5e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
 _LONGEST, _FITTED = 0.5, 0.05  # scaled steps that leave the neighbourhood of a prediction by the gradient, or closer
 _SHRINKS = 0.5  # by which steps must shrink after the second
@@ -138,11 +138,6 @@ class TrackedPoint:
     def origin(self) -> Array:
         """Values of the parameters at the point itself."""
         return np.array([self.special.orbit.system[name] for name in self.names])
-
-    @property
-    def inverse(self) -> Array:
-        """Inverse of the derivatives of its equation, shape (unknowns, unknowns)."""
-        return self.inverse_at(Corrected(self.unknowns, self._place, self.equation))
 
     @cached_property
     def _place(self) -> Place:
@@ -398,16 +393,15 @@ class Fit:
             return cls(origin, widths, degree, coefficients, nothing)
         seen = ~np.isnan(inverses).any(axis=(1, 2))
         own = next((d for d in _DEGREES if seen.sum() >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
-        if not own or np.isnan(curvatures).all():
+        if not own:
             return cls(origin, widths, degree, coefficients, nothing)
+        own = min(own, degree)
         flat, judged = inverses[seen].reshape(-1, size * size), np.arange(seen.sum()) % _HELD == 0
         tried = polynomial(x[seen][judged], own) @ _least_squares(x[seen][~judged], flat[~judged], own)
         rest = tried.reshape(-1, size, size) @ np.linalg.inv(inverses[seen][judged]) - np.eye(size)
         mismatch = np.abs(rest[:, -1] * scales / scales[-1]).sum(axis=1)
         found = _least_squares(x[seen], flat, own)
         padded = np.zeros((coefficients.shape[0], size * size))
-        if own > degree:
-            return cls(origin, widths, degree, coefficients, nothing)
         padded[: len(found)] = found
         return cls(
             origin,
@@ -415,7 +409,8 @@ class Fit:
             degree,
             coefficients,
             padded,
-            _CLOUD * float(np.nanquantile(curvatures, 0.99)),
+            # without any, the second step shows what an inverse leaves
+            np.inf if np.isnan(curvatures).all() else _CLOUD * float(np.nanquantile(curvatures, 0.99)),
             _CLOUD * float(np.quantile(mismatch, 0.99)),
         )
 

@@ -110,7 +110,7 @@ class RattleMap(Shown):
     def summary(self, *, notes: bool = True) -> SummaryParts:
         """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
         for gap in self.gaps:
-            shares = ", ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
+            shares = "; ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
         if self.loci:
             yield ""
@@ -158,7 +158,7 @@ class RattleMap(Shown):
 
     def __repr__(self) -> str:
         columns, rows = self.resolution
-        shares = "; ".join(f"{gap}: {', '.join(self.cells(gap))}" for gap in self.gaps)
+        shares = "; ".join(f"{gap}: {' | '.join(self.cells(gap))}" for gap in self.gaps)
         return f"RattleMap({self.first}, {self.second}; {columns} x {rows} cells; {shares})"
 
 

@@ -2,7 +2,7 @@
 
 The record of the limit with its evidence; `gapwalk.answers.threshold_search` finds it.
 
-Method: docs/studies.md
+Method: docs/howto/studies.md
 """
 
 from __future__ import annotations

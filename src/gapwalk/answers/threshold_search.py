@@ -6,7 +6,7 @@ is found from both sides, and then confirmed: many motions from random starts ju
 have settled. If one of them rattles, its own border is followed in the same way. The batch integrator follows them; one
 that rattles is watched by the exact flow before it counts, and so are some of the quiet ones.
 
-Method: docs/studies.md
+Method: docs/howto/studies.md
 """
 
 from __future__ import annotations
@@ -295,7 +295,7 @@ class ThresholdSearch:
     def _first(self, orbit: Orbit, end: float, is_over) -> Iterator[SpecialPoint]:
         """Yield the point at which a branch towards a value changes: the first graze of a gap after which it is over.
 
-        Or the fold at which it turns back.
+        Or the fold at which it turns back, if the motion rattles there or jumps to one that does.
         """
         asked, last = self.request, None
         switches = {describe_switch(orbit, switch) for gap in asked.gaps for switch in innermost(orbit.system, gap)}
@@ -304,13 +304,21 @@ class ThresholdSearch:
         for point, specials in tracer:
             for special in specials:
                 if special.kind == Kind.FOLD:
-                    yield special
+                    if self._rattles(special.orbit) or self._rattles_beyond(special, end > start):
+                        yield special
                     return
                 if special.kind == Kind.GRAZING and special.contact in switches:
                     last = special
             if last is not None and is_over(point):
                 yield last
                 return
+
+    def _rattles_beyond(self, fold: SpecialPoint, rises: bool) -> bool:
+        """Return True if the motion that is reached by the jump at a fold rattles."""
+        asked = self.request
+        step = (1 if rises else -1) * _BEYOND * abs(asked.to[1] - asked.to[0])
+        hit = Hit(fold.value + step, fold.orbit.system[asked.over], fold.orbit.state)
+        return bool(self._rattles_exactly(hit))
 
     def _carried(self, best: Extremum) -> list[NDArray[np.float64]]:
         """Return states of rattling motions just inside the threshold, as further starts beyond it."""

@@ -220,6 +220,16 @@ class Tolerance(Shown):
         """Sobol indices of each point."""
         return tuple(self._influences(j) for j in range(len(self.points)))
 
+    @property
+    def varies_most(self) -> int | None:
+        """Index of the point whose middle 90 % are widest, relative to its median; None if no point has two values."""
+        low, median, high = self.quantiles(0.05, 0.5, 0.95)
+        widths = [
+            float((b - a) / abs(middle)) if len(column) > 1 and middle else -1.0
+            for a, middle, b, column in zip(low, median, high, self._columns, strict=True)
+        ]
+        return int(np.argmax(widths)) if max(widths, default=-1.0) > 0.0 else None
+
     def words(self, index: int) -> str:
         """Name the parameters that matter most for a point, with their first-order indices."""
         first = self.influences[index].first
@@ -235,6 +245,13 @@ class Tolerance(Shown):
             low, high = self.band
             chance = self.chance(low, high)
             yield f"a jump (fold) lies between {symbol} = {low:g} and {high:g} in {chance} of all parts"
+        elif (most := self.varies_most) is not None:
+            special, (low, high) = self.points[most], self.quantiles(0.05, 0.95)[:, most]
+            name = f"{special.kind}{f' of {special.contact}' if special.contact else ''}"
+            yield (
+                f"the {name} at {symbol} = {special.value:.6g} varies most: in 90 % of the parts that have it, it lies "
+                f"between {low:.6g} and {high:.6g}"
+            )
         counts = {way: int(np.sum(self.how == way)) for way in HowFound}
         yield (
             f"{len(self.samples):,} samples of {len(self.names)} parameters: {counts[HowFound.TRACKED]:,} tracked, "

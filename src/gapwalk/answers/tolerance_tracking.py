@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property, lru_cache
-from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -107,18 +106,24 @@ class ToleranceChunk:
     ----------
     number
         Number of the chunk.
+    rows
+        Numbers of the samples.
     values : shape (samples, points)
         Value of the parameter at each point; nan where it does not exist.
     how : shape (samples,)
         Values of `HowFound`.
     further
         Special points without nominal counterpart.
+    unclear
+        Of each sample that is still lost, the numbers of the forms that were found: no walk has shown them together.
     """
 
     number: int
+    rows: NDArray[np.intp]
     values: Array
     how: NDArray[np.intp]
     further: tuple[Further, ...] = ()
+    unclear: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,53 +211,58 @@ class Tracker:
         ]
         self.points = [form.point(asked.names) for form in asked.forms]
 
-    def walks(self, number: int, first: int, samples: Array) -> ToleranceWalks:
-        """Walk the branches of some samples, of which the first has the number `first`."""
+    def walks(self, number: int, rows: NDArray[np.intp], samples: Array) -> ToleranceWalks:
+        """Walk the branches of some samples with the numbers `rows`."""
         known, found = {met.alike for met in self.mine}, []
-        for k, sample in enumerate(samples):
+        for row, sample in zip(rows.tolist(), samples, strict=True):
             if not self._allows(sample):
-                found.append(Walked(first + k, HowFound.REFUSED))
+                found.append(Walked(row, HowFound.REFUSED))
                 continue
             specials = self.walked(sample)
             if specials is None:
-                found.append(Walked(first + k, HowFound.FAILED))
+                found.append(Walked(row, HowFound.FAILED))
                 continue
             indices, met = self.match(specials, sample), []
             for special, index in zip(specials, indices, strict=True):
                 met.append(met_of(special, self.asked.names, index, str(label_of(special)[2])))
             which = tuple(j for j, each in enumerate(met) if each.alike not in known)
-            found.append(Walked(first + k, HowFound.WALKED, tuple(met), which, tuple(specials[j] for j in which)))
+            found.append(Walked(row, HowFound.WALKED, tuple(met), which, tuple(specials[j] for j in which)))
         return ToleranceWalks(number, tuple(found))
 
-    def solve(self, number: int, samples: Array) -> Solutions:
-        """Find all forms in some samples, and keep their solutions."""
+    def solve(self, number: int, rows: NDArray[np.intp], samples: Array, inverses_too: bool) -> Solutions:
+        """Find all forms in some samples with the numbers `rows`; keep their solutions, with inverses if wanted."""
         sizes, count = [len(point.unknowns) for point in self.points], len(samples)
         unknowns = [np.full((count, size), np.nan) for size in sizes]
         inverses = [np.full((count, size, size), np.nan) for size in sizes]
         curvatures = [np.full(count, np.nan) for _ in sizes]
         every = []
         for k, found in enumerate(self._found(samples)):
-            for f, each in found.items():
+            for f, each in (found or {}).items():
                 if isinstance(each, Corrected):
                     unknowns[f][k], curvatures[f][k] = each.unknowns, each.curvature or np.nan
-                    inverses[f][k] = self.points[f].inverse_at(each)
-            every.append(tuple(sorted(found)))
-        return Solutions(number, tuple(every), tuple(unknowns), tuple(inverses), tuple(curvatures))
+                    if inverses_too:
+                        inverses[f][k] = self.points[f].inverse_at(each)
+            every.append(tuple(sorted(found or ())))
+        return Solutions(number, rows, tuple(every), tuple(unknowns), tuple(inverses), tuple(curvatures))
 
-    def chunk(self, number: int, first: int, samples: Array) -> ToleranceChunk:
-        """Find the points of some samples, of which the first has the number `first`."""
+    def chunk(self, number: int, rows: NDArray[np.intp], samples: Array) -> ToleranceChunk:
+        """Find the points of some samples with the numbers `rows`."""
         asked, count = self.asked, len(samples)
         values, how = np.full((count, len(asked.specials)), np.nan), np.zeros(count, dtype=int)
-        further: list[Further] = []
+        further, unclear = list[Further](), list[tuple[int, ...]]()
         assert asked.patterns is not None
-        is_worth_it = asked.patterns.known_share >= _WORTH
-        for k, found in enumerate(self._found(samples) if is_worth_it else repeat({}, count)):
-            on = asked.patterns.on_branch(found) if is_worth_it else None
-            if not self._allows(samples[k]):
+        if asked.patterns.known_share < _WORTH:
+            for k, (row, sample) in enumerate(zip(rows.tolist(), samples, strict=True)):
+                how[k], more = self.recover(sample, values[k])
+                further += [replace(each, sample=row) for each in more]
+            return ToleranceChunk(number, rows, values, how, tuple(further))
+        for k, found in enumerate(self._found(samples)):
+            on = None if found is None else asked.patterns.on_branch(found)
+            if found is None:
                 how[k] = HowFound.REFUSED
             elif on is None:
-                how[k], more = self.recover(samples[k], values[k])
-                further += [replace(each, sample=first + k) for each in more]
+                how[k] = HowFound.LOST
+                unclear.append(tuple(sorted(found)))
             else:
                 for f in on:
                     each = found[f]
@@ -260,8 +270,8 @@ class Tracker:
                     if form.index >= 0:
                         values[k, form.index] = value
                     else:
-                        further.append(Further(first + k, form.met.kind, value))
-        return ToleranceChunk(number, values, how, tuple(further))
+                        further.append(Further(int(rows[k]), form.met.kind, value))
+        return ToleranceChunk(number, rows, values, how, tuple(further), tuple(unclear))
 
     def _allows(self, sample: Array) -> bool:
         try:
@@ -272,6 +282,8 @@ class Tracker:
 
     def recover(self, sample: Array, values: Array) -> tuple[HowFound, list[Further]]:
         """Walk the branch of a sample, and write the values of its points into `values`; return the further ones."""
+        if not self._allows(sample):
+            return HowFound.REFUSED, []
         specials = self.walked(sample)
         if specials is None:
             return HowFound.FAILED, []
@@ -341,15 +353,15 @@ class Tracker:
                 found[:, f] = terms[form.degree] @ form.scores
         return found
 
-    def _found(self, samples: Array) -> Iterator[dict[int, Corrected | float]]:
-        """Yield for each sample what was found of each form; of an attached one, its value."""
+    def _found(self, samples: Array) -> Iterator[dict[int, Corrected | float] | None]:
+        """Yield for each sample what was found of each form, of an attached one its value; None if it is refused."""
         forms, x = self.asked.forms, (samples - self.nominal[0].origin) / self.asked.deviations
         guesses = [None if point.fit is None else point.fit.predicted(samples) for point in self.points]
         scores = self._scores(samples)
         for k, sample in enumerate(samples):
             found = dict[int, Corrected | float]()
             if not self._allows(sample):
-                yield found
+                yield None
                 continue
             plane = self.nominal[0].plane_at(sample)
             for f in np.argsort(-scores[k], kind="stable").tolist():
@@ -390,17 +402,17 @@ def tracker_of(asked: Tracking) -> Tracker:
     return kept[0]
 
 
-def walk_chunk(asked: Tracking, piece: tuple[int, int, Array]) -> ToleranceWalks:
+def walk_chunk(asked: Tracking, piece: tuple[int, NDArray[np.intp], Array]) -> ToleranceWalks:
     """Walk the branches of a chunk of samples; a piece of work for any process."""
     return tracker_of(asked).walks(*piece)
 
 
-def solve_chunk(asked: Tracking, piece: tuple[int, Array]) -> Solutions:
+def solve_chunk(asked: Tracking, piece: tuple[int, NDArray[np.intp], Array, bool]) -> Solutions:
     """Find all forms in a chunk of samples; a piece of work for any process."""
     return tracker_of(asked).solve(*piece)
 
 
-def track_chunk(asked: Tracking, piece: tuple[int, int, Array]) -> ToleranceChunk:
+def track_chunk(asked: Tracking, piece: tuple[int, NDArray[np.intp], Array]) -> ToleranceChunk:
     """Find the special points of a chunk of samples; a piece of work for any process."""
     return tracker_of(asked).chunk(*piece)
 

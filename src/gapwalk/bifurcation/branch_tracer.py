@@ -25,6 +25,7 @@ from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.start_of_period import AT_START, pass_start
 from gapwalk.bifurcation.stiff_graze import pass_graze
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -40,8 +41,6 @@ from gapwalk.orbit.floquet import largest_move
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection counts as grazing
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are detected
 _SHARP = 1e-6  # length of a step below which a graze is passed in terms of its depth, not of the arclength
-_BEGINNING = 1e-4  # radians from the start of the period within which a contact event coincides with it
-_BENT, _UNCHANGED = 1e-6, 1e-3  # step over a sharp bend, and the relative change of multipliers allowed in it
 _NEARER, _NEAREST = 0.1, 1e-8  # factor on _AHEAD if a contact grazes before it, and its smallest value
 
 _SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
@@ -145,7 +144,7 @@ class BranchTracer(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 stuck = self._ended(EndReason.STEP)
-                passes = (self._pass_graze, self._pass_bend, self._pass_corner) if stuck else ()
+                passes = (self._pass_start, self._pass_graze, self._pass_corner) if stuck else ()
                 step = next(filter(None, (each(state.walk) for each in passes)), None)
                 if step is not None:
                     return step
@@ -209,14 +208,15 @@ class BranchTracer(Iterator[Step]):
         if self._symmetries is None:
             if self.beginning.singular and point.arclength < _AHEAD:
                 return {}
-            within = self.beginning.within
-            place = self.first.orbit.system.structure.place(self.beginning.equation.parameter or "")
-            ends = (System.beside(self.first.orbit.system, place, value) for value in (within.low, within.high))
-            kept = set.intersection(*({*symmetries_of(system)} for system in (self.first.orbit.system, *ends)))
+            within, system = self.beginning.within, self.first.orbit.system
+            own = symmetries_of(system)
+            if own:
+                place = system.structure.place(self.beginning.equation.parameter or "")
+                ends = [System.beside(system, place, value) for value in (within.low, within.high)]
+                kept = set.intersection(*({*symmetries_of(each)} for each in ends))
+                own = tuple(each for each in own if each in kept)
             self._symmetries = {
-                each: each.moves_switches(point.orbit.system)
-                for each in symmetries_of(self.first.orbit.system)
-                if each in kept and self._defect(each, point) < _SYMMETRIC
+                each: each.moves_switches(point.orbit.system) for each in own if self._defect(each, point) < _SYMMETRIC
             }
         return self._symmetries
 
@@ -291,25 +291,24 @@ class BranchTracer(Iterator[Step]):
         self.detector = Detector(self.beginning.corrector, self._kinds)  # test functions may have jumped
         return self._until_parent(first, self._until_vertex(passage.point, passage.special))
 
-    def _pass_bend(self, state: WalkState) -> Step | None:
-        """Return the step over a sharp bend, where a contact begins or ends at the start of the period.
-
-        There the initial state moves along the motion, which has a corner where a viscous force sets in. The motion
-        itself is as smooth along the branch as elsewhere, so its multipliers do not change.
-        """
-        first = state.point
-        full = PERIOD * first.orbit.period
-        if not any(min(event.theta, full - event.theta) < _BEGINNING for event in first.orbit.events):
+    def _pass_start(self, state: WalkState) -> Step | None:
+        """Return the step over orbits with an event at the start of the period."""
+        first, corrector = state.point, self.beginning.corrector
+        if first is self.first and self.beginning.singular:
             return None
-        point = self.walk.bent_step(_BENT)
-        if point is None or any(first.orbit.closing_changes(point.orbit)):
+        passage = pass_start(corrector, first, self.beginning.within, self.walk.options, self._kinds, _change)
+        if passage is None or self._is_astray(first, passage.point):
             return None
-        off = np.abs(first.orbit.free_multipliers - point.orbit.free_multipliers).max()
-        if off > _UNCHANGED * np.abs(first.orbit.free_multipliers).max() or first.determinant * point.determinant < 0.0:
+        if self._is_doubled(first) and has_merged(passage.point):
             return None
-        self.walk.go_on(state, point, _BENT)
-        self.detector = Detector(self.beginning.corrector, self._kinds)
-        return point, []
+        self.walk.go_on(state, passage.point, passage.step)
+        self.walk.previous = None  # a cubic from there would pass over the jump of the state
+        self.detector = Detector(corrector, self._kinds)
+        if passage.end is not None:
+            self.walk.finish(passage.point, passage.end)
+        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
+        special = [each.kind.judged(each, parameter, method) for each in passage.special]
+        return self._until_parent(first, self._until_vertex(passage.point, special))
 
     def _pass_corner(self, state: WalkState) -> Step | None:
         """Return the step over a corner where the sequence of slip and stick changes."""
@@ -406,7 +405,7 @@ class BranchTracer(Iterator[Step]):
         if self._ends_at_parent(before, last) or end is None:
             return
         full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
-        at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < _BEGINNING)
+        at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < AT_START)
         if any(each.switch in rigid for each in at_start):
             advice = "there the state jumps: begin the period elsewhere, with another phase of the loads"
             detail = f"{end.detail}; an impact comes to the start of the period, and {advice}"

@@ -15,8 +15,6 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
-import numpy as np
-
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
@@ -30,7 +28,7 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.floquet import Instability, is_on_border
+from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle
 
 _SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch point
 
@@ -179,7 +177,7 @@ def unexplained(
 
 def _passes(kind: Kind, special: SpecialPoint) -> bool:
     """Return True if the test function of a kind changes its sign at a special point of another kind."""
-    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.doubles
+    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.passes_flip
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
@@ -196,9 +194,12 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 def _is_undecided(point: BranchPoint) -> bool:
     """Return True if a multiplier is so near the unit circle that its error decides on which side it lies."""
-    orbit = point.orbit
-    near = float(np.abs(np.abs(orbit.free_multipliers) - 1.0).min())
-    return is_on_border(orbit.free_multipliers) or near < orbit.multiplier_error
+    known = point.memo.get(_is_undecided)
+    if known is None:
+        orbit = point.orbit
+        near = nearest_to_circle(orbit.free_multipliers)
+        known = point.memo[_is_undecided] = is_on_border(orbit.free_multipliers) or near < orbit.multiplier_error
+    return known
 
 
 def _is_unclear(kind: Kind, point: BranchPoint) -> bool:

@@ -226,6 +226,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         sizes = value(ends[0].arclength), value(ends[1].arclength)
         if sizes[0] * sizes[1] >= 0.0:
             return None
+        # its last evaluation, just beyond the zero, has the tangent on the other side of a corner
         root = float(brentq(value, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
         if abs(value(root)) > _TOUCH * max(map(abs, sizes)):
             return None

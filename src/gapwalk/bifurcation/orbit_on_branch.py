@@ -6,8 +6,10 @@ Where a branch ends on another one, `meets` and `junction_nearby` find the orbit
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import singledispatch
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -54,11 +57,13 @@ class Curve:
         points = _knots(branch)
         self._space = space_of(points[0].orbit, branch, points)
         self._scales = self._space.scales
-        knots = [self._space.knot(point) for point in points]
+        knots, self._points = [self._space.knot(point) for point in points], list[BranchPoint | None](points)
         if len(knots) > 1:
             beyond = [_end_knot(knots[-2:], branch.ends[-1], self._scales[-1])]
             before = [_end_knot(knots[1::-1], branch.ends[0], self._scales[-1])]
+            self._points = [None] * (before != [None]) + self._points + [None] * (beyond != [None])
             knots = [knot for knot in (*before, *knots, *beyond) if knot is not None]
+        self._pieces: dict[int, _Piece] = {}
         self._x, self._tangents = np.array([knot[0] for knot in knots]), np.array([knot[1] for knot in knots])
         self._lengths = np.diff([knot[2] for knot in knots])
         self._values = self._x[:, -1]
@@ -90,8 +95,9 @@ class Curve:
         found: list[Orbit] = []
         scaled = value / self._scales[-1]
         for segment in self._bracketing(scaled):
-            for share in self._crossings(int(segment), scaled):
-                orbit = self._space.orbit_at(self._cubic(int(segment), np.array([share]))[0][0], value)
+            piece = self._piece(int(segment))
+            for share in piece.crossings(scaled):
+                orbit = piece.space.orbit_at(piece.cubic(np.array([share]))[0][0], value)
                 if orbit is not None and not any(
                     np.abs(orbit.state - other.state).max() / magnitude(other.state, other.system) <= SAME
                     for other in found
@@ -120,17 +126,19 @@ class Curve:
     ) -> bool:
         """Return True if one of the segments passes through a place at a value."""
         size = len(place)
-        target = np.append(place / self._scales[:size], value)
         for segment in segments:
-            curve, slopes = self._cubic(int(segment), _SHARES)
+            piece = self._piece(int(segment))
+            goal = piece.space.goal(orbit, place, value) if piece.space is not self._space else None
+            target = np.append(place / self._scales[:size] if goal is None else goal[:size], value)
+            curve, slopes = piece.cubic(_SHARES)
             away = np.linalg.norm(np.hstack((curve[:, :size], curve[:, -1:])) - target, axis=1)
             nearest = int(np.argmin(away))
-            if away[nearest] > (_BESIDE + 0.5 / len(_SHARES)) * self._lengths[segment]:
+            if away[nearest] > (_BESIDE + 0.5 / len(_SHARES)) * piece.length:
                 continue
-            goal = self._space.goal(orbit, place, value)
+            goal = self._space.goal(orbit, place, value) if goal is None else goal
             normal = slopes[nearest] / np.linalg.norm(slopes[nearest])
             guess = curve[nearest] + ((goal - curve[nearest]) @ normal) * normal
-            found = self._space.correct(orbit, guess, normal)
+            found = piece.space.correct(orbit, guess, normal)
             if found is None:
                 continue
             off = (found - goal) * self._scales
@@ -141,16 +149,36 @@ class Curve:
     def _size(self, place: NDArray[np.float64]) -> float:
         return magnitude(place, self.branch.system)
 
-    def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return points of a segment's cubic at shares of its length, and the slopes there (not of unit length)."""
-        ends = slice(segment, segment + 2)
-        return _cubic(self._x[ends], self._tangents[ends], self._lengths[segment], shares)
+    def _piece(self, segment: int) -> _Piece:
+        """Return a segment as a piece of a smooth curve."""
+        if segment not in self._pieces:
+            ends, space = slice(segment, segment + 2), self._space
+            x, tangents = self._x[ends], self._tangents[ends]
+            a, b = self._points[ends]
+            if a is not None and b is not None:
+                space, a, b = space.smooth_between(a, b)
+                if space is not self._space:
+                    x, tangents = np.array((a.x, b.x)), np.array((a.tangent, b.tangent))
+            self._pieces[segment] = _Piece(space, x, tangents, float(self._lengths[segment]))
+        return self._pieces[segment]
 
-    def _crossings(self, segment: int, value: float) -> Iterator[float]:
-        """Yield the shares at which a segment's cubic takes the value."""
-        a, b = self._values[segment], self._values[segment + 1]
-        length = self._lengths[segment]
-        p, q = length * self._tangents[segment, -1], length * self._tangents[segment + 1, -1]
+
+class _Piece(NamedTuple):
+    """Cubic through two neighbouring knots of a curve, in variables in which the branch is smooth between them."""
+
+    space: StateSpace
+    x: NDArray[np.float64]
+    tangents: NDArray[np.float64]
+    length: float
+
+    def cubic(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return points of the cubic at shares of its length, and the slopes there (not of unit length)."""
+        return _cubic(self.x, self.tangents, self.length, shares)
+
+    def crossings(self, value: float) -> Iterator[float]:
+        """Yield the shares at which the cubic takes a scaled value of the parameter."""
+        a, b = self.x[:, -1]
+        p, q = self.length * self.tangents[:, -1]
         roots = np.roots([2 * a - 2 * b + p + q, -3 * a + 3 * b - 2 * p - q, p, a - value])
         shares = np.sort(roots[np.abs(roots.imag) < 1e-6].real)
         yield from shares[(shares >= -1e-9) & (shares <= 1.0 + 1e-9)].tolist()
@@ -196,6 +224,8 @@ class StateSpace:
         Corrector for the branch.
     """
 
+    _is_elsewhere = False  # True if the unknowns are states elsewhere than at the start of the period
+
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self.size, self._period = branch.system.state_size, branch.period
         segments = (len(points[0].x) - 1) // self.size
@@ -205,6 +235,15 @@ class StateSpace:
         self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
         method = points[0].orbit.posed_in(len(points[0].x) - 1)
         self.corrector = Corrector(method.pose(branch.system, branch.parameter, branch.period), self.scales)
+
+    def smooth_between(self, first: BranchPoint, last: BranchPoint) -> tuple[StateSpace, BranchPoint, BranchPoint]:
+        """Return a space in which the branch is smooth between two neighbouring points, and the points in it."""
+        corrector, first, last = smooth_between(self.corrector, first, last)
+        if corrector is self.corrector:
+            return self, first, last
+        space = copy(self)
+        space.corrector, space._is_elsewhere = corrector, True
+        return space, first, last
 
     def knot(self, point: BranchPoint) -> Knot:
         """Return the knot of a point of the branch."""
@@ -216,7 +255,7 @@ class StateSpace:
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
         """Return all variables of an orbit at a place on the branch."""
-        if len(self.scales) == self.size + 1:
+        if len(self.scales) == self.size + 1 and not self._is_elsewhere:
             return np.append(place / self.scales[:-1], value)
         unknowns = self.corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
         return np.append(unknowns / self.scales[:-1], value)

@@ -114,8 +114,18 @@ class SpecialPoint(Shown):
     @property
     def turns(self) -> bool:
         """True if the branch turns back here: at a fold, and at a corner where a multiplier jumps across +1."""
-        jumps = self.kind.is_corner and (self.before.above - self.after.above) % 2 == 1
-        return self.kind.is_turning or jumps
+        return self.kind.is_turning or (self.is_corner and (self.before.above - self.after.above) % 2 == 1)
+
+    @property
+    def passes_flip(self) -> bool:
+        """True if a multiplier passes -1 here: at a flip, and at a corner where it jumps across."""
+        return self.kind is Kind.FLIP or (self.is_corner and (self.before.below - self.after.below) % 2 == 1)
+
+    @property
+    def is_corner(self) -> bool:
+        """True if multipliers jump here: where slip and stick change their sequence, or a rigid stop grazes."""
+        rigid = {contact.name for contact in self.orbit.system.structure.contacts if contact.law.rebounds}
+        return self.kind.is_corner or (self.kind is Kind.GRAZING and self.contact[:-2] in rigid)
 
     @property
     def nature_words(self) -> str:

@@ -252,6 +252,8 @@ class _Corner:
             return
         between = [0.5 * (a + b) for a, b in pairwise(label for label, _, _ in found)]
         sides = [self._beside(label) for label in (begin, *between, end)]
+        if self._least > _LEAST:  # on a rigid stop the walk is where it was, however soft its impact
+            sides[0] = self._at(begin)
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             counts = (before.instability, after.instability)
             nature = kind.nature(before, after) or ""

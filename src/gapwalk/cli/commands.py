@@ -16,6 +16,12 @@ app = App(
     version=lambda: __import__("gapwalk").__version__,
 )
 
+EXIT_CODES = (
+    "Exit codes: 0 done, 1 a bug, 2 bad input, 3 the numerics failed, 4 compared results differ, 5 a check of verify "
+    "failed, 130 Ctrl-C, 143 SIGTERM; before the last two, everything is stored."
+)
+"""The last lines of each help text."""
+
 _SWITCH = Parameter(negative=(), show_default=False)
 Flag = Annotated[bool, _SWITCH]
 Json = Annotated[bool, _SWITCH, Parameter(help="Print one JSON document.")]
@@ -24,8 +30,12 @@ Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 Names = Annotated[list[str] | None, Parameter(negative=())]
 
 
-def command(sort_key: float) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Add a function to the commands: its errors are reported, in JSON if that is wanted, and become exit codes."""
+def command(sort_key: float, *examples: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Add a function to the commands: its errors are reported, in JSON if that is wanted, and become exit codes.
+
+    The examples are shown below its help, each with a comment after ``#``.
+    """
+    shown = "\n".join(["Examples:", "", *(f"  {example}" for example in examples), "", EXIT_CODES])
 
     def add(job: Callable[..., int]) -> Callable[..., int]:
         @wraps(job)
@@ -34,12 +44,16 @@ def command(sort_key: float) -> Callable[[Callable[..., int]], Callable[..., int
 
             return guard(lambda: job(*arguments, **options), json=options.get("json", False), debug=debug)
 
-        return app.command(guarded, sort_key=sort_key)
+        return app.command(guarded, sort_key=sort_key, help_epilogue=shown)
 
     return add
 
 
-@command(1)
+@command(
+    1,
+    "gapwalk new rattle.toml",
+    "gapwalk new train.toml --from train.csv",
+)
 def new(file: Path, /, *, table: Annotated[Path | None, Parameter(name="--from")] = None, debug: Debug = False) -> int:
     """Write a template of a model file; its comments explain every key. Or make one from the table of a drive train.
 
@@ -56,7 +70,12 @@ def new(file: Path, /, *, table: Annotated[Path | None, Parameter(name="--from")
     return new_file(file, table)
 
 
-@command(2)
+@command(
+    2,
+    "gapwalk check rattle.toml",
+    "gapwalk check rattle.toml --set stage2.clearance=0.8",
+    "gapwalk check rattle.toml --picture forces.svg",
+)
 def check(
     file: Path,
     /,
@@ -82,7 +101,11 @@ def check(
     return check_file(file, changes or [], picture, json=json)
 
 
-@command(3)
+@command(
+    3,
+    "gapwalk modes examples/drivetrain.toml",
+    "gapwalk modes examples/train.toml --picture modes.png",
+)
 def modes(
     file: Path,
     /,
@@ -108,7 +131,13 @@ def modes(
     return show_modes(file, changes or [], picture, json=json)
 
 
-@command(4)
+@command(
+    4,
+    "gapwalk run examples/clutch.toml --output out/clutch.gapwalk",
+    "gapwalk run examples/idle.toml --study drag",
+    "gapwalk run rattle.toml --set study.to=0.3 --force",
+    "gapwalk run rattle.toml --resume  # after Ctrl-C or a kill",
+)
 def run(
     file: Path,
     /,
@@ -156,7 +185,12 @@ def run(
     return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
 
 
-@command(5)
+@command(
+    5,
+    "gapwalk show rattle.gapwalk",
+    "gapwalk show rattle.gapwalk --gradients  # what moves each special point",
+    "gapwalk show rattle.gapwalk --json",
+)
 def show(
     result: Path, /, *, points: Flag = False, gradients: Flag = False, json: Json = False, debug: Debug = False
 ) -> int:
@@ -176,7 +210,13 @@ def show(
     return show_result(result, points=points, gradients=gradients, json=json)
 
 
-@command(6)
+@command(
+    6,
+    "gapwalk export rattle.gapwalk --format csv",
+    "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
+    "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
+    "gapwalk export rattle.gapwalk --size column --output rattle.pdf",
+)
 def export(
     result: Path,
     /,
@@ -213,7 +253,11 @@ def export(
     return export_result(result, format, output, measure, size)
 
 
-@command(6)
+@command(
+    6,
+    "gapwalk compare before.gapwalk after.gapwalk --output both.png",
+    "gapwalk compare model.toml:light model.toml:heavy --tolerance 1e-6",
+)
 def compare(
     first: str,
     second: str,
@@ -250,7 +294,10 @@ def compare(
     return compare_files(first, second, tolerance, **options)
 
 
-@command(6)
+@command(
+    6,
+    "gapwalk verify rattle.gapwalk",
+)
 def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
     """Check a result by independent means: orbits, gaps between them, special points, and counts.
 
@@ -266,7 +313,11 @@ def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
     return verify_file(result, json=json)
 
 
-@command(7)
+@command(
+    7,
+    "gapwalk measure examples/rattle.toml examples/rattle.csv",
+    "gapwalk measure model.toml record.mat --fit stage2.impact_damping --fit mean.q1",
+)
 def measure(
     file: Path,
     record: Path | None = None,
@@ -303,7 +354,12 @@ def measure(
     return measure_file(file, record, fit or [], changes or [], output, json=json)
 
 
-@command(3.5)
+@command(
+    3.5,
+    "gapwalk explore rattle.toml",
+    "gapwalk explore results/  # a folder of models and results",
+    "gapwalk explore rattle.toml --port 8000 --no-browser",
+)
 def explore(
     file: Path | None = None,
     /,
@@ -333,3 +389,25 @@ def explore(
 
     serve(file, host, port, browser=browser)
     return 0
+
+
+@command(8, "gapwalk docs", "gapwalk docs glossary", "gapwalk docs settle --no-browser  # print where the page is")
+def docs(
+    page: str | None = None,
+    /,
+    *,
+    browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
+    debug: Debug = False,
+) -> int:
+    """Open the documentation in the browser: the copy of this version, without a network.
+
+    Parameters
+    ----------
+    page
+        The name of a page, of a function or of a class, such as glossary or follow_locus; by default the first page.
+    browser
+        Open the page in the browser.
+    """
+    from gapwalk.cli.docs_command import open_docs
+
+    return open_docs(page, browser=browser)

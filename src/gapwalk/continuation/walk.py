@@ -27,7 +27,6 @@ _BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a c
 _SHORT = 2e-8  # step at which a walk first stops, so that its caller can try another way to continue
 _SHORTER = 0.1  # share of a shorter step that another method has left, at which it stops then
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
-_BEND = 1.3  # largest turn at a sharp bend, in radians
 _NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is negligible against the branch's curvature
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
@@ -235,14 +234,7 @@ class Walk(Iterator[BranchPoint]):
         """Return the tangent at a point, as a unit vector of that metric."""
         return _unit(self._weighed(point.tangent))
 
-    def bent_step(self, step: float) -> BranchPoint | None:
-        """Return the point a short step ahead if the branch may have a sharp bend before it; None if there is none."""
-        kept, self.step = self.step, step
-        point = self._try_step(_BEND, math.tan(_BEND))[1]
-        self.step = kept
-        return point
-
-    def _try_step(self, turn: float | None = None, far: float = _FAR) -> tuple[Correction | None, BranchPoint | None]:
+    def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
         """Return the correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
@@ -250,23 +242,21 @@ class Walk(Iterator[BranchPoint]):
             correction = self.corrector.correct(guess, self.point.tangent, trust, _NEAR * self.step)
             if correction is None:
                 continue
-            point = self._accepted(correction, guess, turn or self.options.largest_turn, far)
+            point = self._accepted(correction, guess)
             if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
-    def _accepted(
-        self, correction: Correction, guess: NDArray[np.float64], largest_turn: float, far: float
-    ) -> BranchPoint | None:
+    def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> BranchPoint | None:
         """Return the corrected point; None if it may lie on another branch: too far away, or turned too much."""
         chord = correction.x - self.point.x
         step = self.step * length_of(self._weighed(self.point.tangent))
-        if length_of(self._weighed(correction.x - guess)) > far * step:
+        if length_of(self._weighed(correction.x - guess)) > _FAR * step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length_of(chord))
         first, last = self._tangent(self.point), self._tangent(point)
         turn = _angle(first, last)
-        if turn > largest_turn:
+        if turn > self.options.largest_turn:
             return None
         # on a smooth curve the chord lies between the two tangents; if not, the point is on another branch
         along = _unit(self._weighed(chord))

@@ -1,4 +1,4 @@
-"""Panels of one motion: histories, contact loops, contact log, spectrum, section, multipliers, moving bodies.
+"""Panels of one motion: histories, contact loops, contact log, spectrum, section, multipliers, the machine in motion.
 
 They are computed in one thread of the server; of several clicks only the last one is answered. What
 friction and rigid stops add to them is in `gapwalk.explorer.friction_panels`.
@@ -33,12 +33,13 @@ from gapwalk.explorer.friction_panels import (
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import Motion, force_of, integrate, signal_names, train_signals
 from gapwalk.flow.signal import contact_to_show
-from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
 from gapwalk.model.words import order_words
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.machine.layout import NARROW, WIDE, scene_of
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
+_CONTACTS = 24  # whose deflections are sent: as many as the machine shows
 _LOG = 200  # entries of the contact log
 _SAMPLES = 4096  # of a motion, at most; at least 32 a period
 _PERIODS = 24  # of a motion that does not repeat
@@ -80,7 +81,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "elements": None if found is None else elements_of(found),
         "log": log_of(sampled, found, _LOG),
         "multipliers": [[z.real, z.imag] for z in orbit.multipliers.tolist()] if orbit else [],
-        "bodies": _bodies(system, sampled),
+        "machine": _machine(sampled),
     }
 
 
@@ -127,7 +128,7 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
         return {"contacts": [], "shown": None}
     shown = contact_to_show(system, signal, np.abs(sampled.forces).max(axis=0))
     elements = [place for place, form in enumerate(forms) if is_element(form)]
-    places = sorted({*range(len(forms))[:_COORDINATES], *elements[:_COORDINATES], shown})
+    places = sorted({*range(len(forms))[:_CONTACTS], *elements[:_COORDINATES], shown})
     found = []
     for place in places:
         form, (across, up) = forms[place], axis_words(system, forms[place])
@@ -148,15 +149,24 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
     return {"contacts": found, "shown": places.index(shown)}
 
 
-def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
-    """Return the moving bodies: the inertias of a train by their angles, otherwise the coordinates."""
-    assembly = system.structure.assembly
-    names, moved, turning = system.coordinates, sampled.q, isinstance(assembly, TrainAssembly)
-    if isinstance(assembly, TrainAssembly):
-        angles = np.asarray(assembly.numbers(system.values).angles, dtype=float)
-        names, moved = assembly.form.inertias, sampled.q @ angles.T
-    shown = [{"name": str(name), "moved": _rounded(moved[:, i])} for i, name in enumerate(names[:_COORDINATES])]
-    return {"turning": turning, "parts": shown}
+def scenes_of(system: System) -> list[dict[str, Any]]:
+    """Return the drawings of the machine of a system for a narrow and a wide panel."""
+    return [scene_of(system, width).to_dict() for width in (NARROW, WIDE)]
+
+
+def _machine(sampled: Motion) -> dict[str, Any]:
+    """Return the drawings of the machine, the displacements of its bodies, and the stops of its gaps by their movers.
+
+    The stops are those of the values of this motion, which a saved page shows on the drawing of other values.
+    """
+    movers = scene_of(sampled.system, NARROW).movers
+    moved = []
+    for each in movers:
+        if each.kind == "body":
+            values = sum((factor * sampled.q[:, place] for place, factor in each.row), np.zeros(len(sampled.q)))
+            moved.append(_rounded(values))
+    stops = [[each.low, each.high] if each.kind == "gap" else None for each in movers]
+    return {"scenes": scenes_of(sampled.system), "moved": moved, "stops": stops}
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:

@@ -44,7 +44,7 @@ from gapwalk.explorer.curve_data import (
 from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.friction_panels import energy_table
 from gapwalk.explorer.gradient_panel import gradient_of
-from gapwalk.explorer.motion_panels import panels_of
+from gapwalk.explorer.motion_panels import panels_of, scenes_of
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure
@@ -302,6 +302,7 @@ def content_of(
         "quantities": quantity_words(names, system),
         "parameters": [name for name in names if name in system.parameters],
         "note": _note(nodes, kept),
+        "machine": scenes_of(system),
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
         "branches": [
@@ -363,6 +364,7 @@ def _stored(nodes: Sequence[Node], name: str, blob: Blob) -> dict[str, Any]:
 
 def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
     panels = panels_of(motion, signal, _SAMPLES) | {"energy": energy_table(motion)}
+    panels["machine"].pop("scenes")  # they are in the file once
     return blob.packed({name: value for name, value in panels.items() if name not in _LEFT_OUT})
 
 

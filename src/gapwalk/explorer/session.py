@@ -11,7 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.explorer.curve_data import locus_lines, measure_name, quantity_words
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
-from gapwalk.explorer.motion_panels import Flows
+from gapwalk.explorer.motion_panels import Flows, scenes_of
 from gapwalk.explorer.plan import read_action
 from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.workspace import Workspace
@@ -136,6 +136,7 @@ class Session:
             "range": [options.begin, options.end] if isinstance(options, RangeStudy) else [],
             "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
             "loci": locus_lines(),
+            "machine": scenes_of(system),
             "studies": [_study(each) for each in exploration.studies],
             "results": exploration_progress(exploration),
         }

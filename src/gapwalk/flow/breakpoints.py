@@ -42,14 +42,21 @@ class Gauge:
         self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
     ) -> tuple[float, float, float]:
         """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
+        turning = float(self.vector(coefficients) @ acceleration_at(self._layout, coefficients, theta, state))
+        return *self.depth(coefficients, theta, state), turning + self._sway(coefficients, theta, 2)
+
+    def depth(self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]) -> tuple[float, float]:
+        """Return the depth beyond the breakpoint, and its derivative over time."""
         n, vector = self._layout.structure.size, self.vector(coefficients)
-        motion = (state[:n], state[n : 2 * n], acceleration_at(self._layout, coefficients, theta, state))
-        depth, rate, turning = (float(vector @ each) for each in motion)
-        if self._contact.sway is not None:
-            angles = Angles(self._layout, coefficients, theta)
-            sways = [self._sign * float(angles.sway(self._contact, 0, order)) for order in range(3)]
-            depth, rate, turning = depth + sways[0], rate + sways[1], turning + sways[2]
-        return depth - float(coefficients[self._clearance]), rate, turning
+        depth, rate = (float(vector @ each) for each in (state[:n], state[n : 2 * n]))
+        depth, rate = (each + self._sway(coefficients, theta, order) for order, each in enumerate((depth, rate)))
+        return depth - float(coefficients[self._clearance]), rate
+
+    def _sway(self, coefficients: NDArray[np.float64], theta: float, order: int) -> float:
+        """Return what a prescribed displacement adds to the derivative of some order."""
+        if self._contact.sway is None:
+            return 0.0
+        return self._sign * float(Angles(self._layout, coefficients, theta).sway(self._contact, 0, order))
 
     def slopes(
         self,

@@ -297,7 +297,7 @@ class Switchboard(BreakpointGeometry):
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
         most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
-        if min([abs(depths[other]) for other in others]) > most:
+        if not any(-most <= depths[other] <= most for other in others):
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)

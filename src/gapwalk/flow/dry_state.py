@@ -105,13 +105,16 @@ def largest(values: Array) -> float:
 class _Held(NamedTuple):
     """Coefficients of the system while some contacts are held, and their derivatives along the directions.
 
-    The table has the rows of accelerations and reactions, by the values of `Equations.readings`.
+    The table has the rows of accelerations and reactions, by the values of `Equations.readings`. `active` and
+    `components` are what the integrator takes over of coefficients and directions.
     """
 
     coefficients: Array
     directions: Array
     constraint: Constraint
     table: Array
+    active: Array
+    components: Array
 
 
 class DryState:
@@ -189,6 +192,11 @@ class DryState:
         self.base, self.directions = np.zeros(0), np.zeros((0, 0))
         self._numbers = (b"", b"")
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
+        # where the integrator has 1/W, and its changes; the directions that change it
+        self._components = equations.components if equations.varying else np.zeros(0, dtype=np.intp)
+        self._rate_place = np.flatnonzero(equations.active == 0)
+        self._rate_changes = np.flatnonzero(self._components % len(equations.pattern) == 0)
+        self._with_rate = self._components[self._rate_changes] // len(equations.pattern)
         self._columns_end = layout.accelerations.shape[1]
         self.column_signs = np.ones(self._columns_end)
         self.column_signs[: 2 * self.n + len(layout.contacts)] = -1.0
@@ -235,8 +243,10 @@ class DryState:
         same, self._numbers = numbers == self._numbers and not self._sways, numbers
         self.base, self.directions = base, directions
         if same:
+            rate, changes = base[0], directions[:, 0]
             for entry in self._known.values():
-                entry.coefficients[0], entry.directions[:, 0] = base[0], directions[:, 0]
+                entry.coefficients[0], entry.directions[:, 0] = rate, changes
+                entry.active[self._rate_place], entry.components[self._rate_changes] = rate, changes[self._with_rate]
         else:
             self._known = {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
@@ -260,7 +270,8 @@ class DryState:
         coefficients = constraint.coefficients()
         table = np.vstack((coefficients[layout.accelerations], coefficients[layout.reactions]))
         table *= self.column_signs
-        self._known[held] = found = _Held(coefficients, directions, constraint, table)
+        active, components = coefficients[self.equations.active], directions.ravel()[self._components]
+        self._known[held] = found = _Held(coefficients, directions, constraint, table, active, components)
         return found
 
     def hold(self, held: Iterable[int]) -> None:
@@ -278,9 +289,9 @@ class DryState:
             self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
         if self._applied is not entry:
             equations, self._applied, self.coefficients = self.equations, entry, entry.coefficients
-            self._parameters[self._first_coefficient :] = entry.coefficients[equations.active]
+            self._parameters[self._first_coefficient :] = entry.active
             if len(entry.directions):
-                self._parameters[: equations.first_switch] = entry.directions.ravel()[equations.components]
+                self._parameters[: equations.first_switch] = entry.components
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
 
@@ -386,10 +397,13 @@ class DryState:
         depth = float(vector @ self.state[:n] + angles.sway(slots)) - self.sign_of[number] * clearance
         return depth, float(vector @ self.state[n : 2 * n] + angles.sway(slots, 0, 1)), clearance
 
-    def speed(self) -> float:
-        """Return the size of the velocities, now or a quarter of a period later."""
-        numbers = [*map(abs, self.state[: 2 * self.n].tolist())]
-        return max(*numbers[self.n :], max(numbers[: self.n]) / self.base.item(0))
+    def speed(self, moved: Array | None = None) -> float:
+        """Return the size of the velocities, now or a quarter of a period later.
+
+        `moved` are positions and velocities, if they are at hand.
+        """
+        n, numbers = self.n, (self.state[: 2 * self.n] if moved is None else moved).tolist()
+        return max(*map(abs, numbers[n:]), max(map(abs, numbers[:n])) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

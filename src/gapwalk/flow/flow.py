@@ -482,10 +482,10 @@ def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool
         return _compile(system.structure, masks, transition, survey)
 
 
-def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> Flow:
+def flow_with(layout: CoefficientLayout, coefficients: NDArray[np.float64], *, transition: bool = False) -> Flow:
     """Return the compiled flow of the system that has some coefficients."""
     with _compiling:
-        return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), False, False)
+        return _compile(layout.assembled, (reachable(layout, coefficients != 0.0).tobytes(),), transition, False)
 
 
 @lru_cache(maxsize=_MOST)

@@ -4,7 +4,9 @@ heyoka keeps machine code in a database, in which it finds a flow by its equatio
 trusts what it finds: four flipped bits in a database ended the process, another processor may not know the
 instructions, and a truncated database was never rebuilt. So each flow has a database of its own, named by the
 processor, by its equations and by a checksum of its content. Only a database whose content matches its name is given to
-heyoka, as a copy. New machine code is stored. The folder must be the user's own; otherwise nothing is stored.
+heyoka, as a copy. New machine code is stored, compressed to less than a third: beyond the size limit, flows that are
+used in turn would each be removed before they are used again. The folder must be the user's own; otherwise nothing is
+stored.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import platform
 import shutil
 import stat
 import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -27,6 +30,7 @@ _MOST_BYTES = 500_000_000
 """Size limit of all databases together; beyond it those that were used longest ago are removed."""
 
 _NAME = "cache.db"  # the name that heyoka uses
+_SUFFIX = ".db.z"  # of what is stored
 _PREFIX = "gapwalk-flow-"
 _one_at_a_time = RLock()  # the path of heyoka's database is global to the process
 
@@ -124,10 +128,10 @@ def processor() -> str:
 def _copy_unchanged(folder: Path, stem: str, copy: Path) -> None:
     """Copy the database whose content is unchanged, if there is one; remove others of its name."""
     try:
-        for file in folder.glob(f"{stem}-*.db"):
+        for file in folder.glob(f"{stem}-*{_SUFFIX}"):
             content = file.read_bytes()
             if file.name == _name(stem, content):
-                copy.write_bytes(content)
+                copy.write_bytes(zlib.decompress(content))
                 os.utime(file)  # it was used
                 return
             file.unlink(missing_ok=True)
@@ -136,7 +140,7 @@ def _copy_unchanged(folder: Path, stem: str, copy: Path) -> None:
 
 
 def _name(stem: str, content: bytes) -> str:
-    return f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.db"
+    return f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}{_SUFFIX}"
 
 
 def _opened(work: Path) -> int | None:
@@ -154,10 +158,10 @@ def _opened(work: Path) -> int | None:
 def _keep(folder: Path, stem: str, copy: Path) -> None:
     """Store a database in place of those of its name."""
     with suppress(OSError):
-        content = copy.read_bytes()
+        content = zlib.compress(copy.read_bytes(), 1)
         name = _name(stem, content)
         write_whole(folder / name, content)
-        for file in folder.glob(f"{stem}-*.db"):
+        for file in folder.glob(f"{stem}-*{_SUFFIX}"):
             if file.name != name:
                 file.unlink(missing_ok=True)
         known = sorted(((file.stat().st_mtime, file) for file in folder.iterdir()), reverse=True)

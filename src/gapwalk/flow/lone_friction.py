@@ -98,23 +98,26 @@ class LoneFriction(DryState):
         """Turn rigid friction round, or let it stick, where its slip rate vanishes and nothing else is held or stops.
 
         This is `_stop` in closed form: with the acceleration ``a`` of the deflection and its change ``EW`` by a unit of
-        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it changes
+        force, the force that sticking needs exceeds the force in slip by ``a / EW``. Return False if it decides
         nothing.
         """
         number, side = self.reaction_of[place], self.slips[place]
         if self.held or self._springs or number is None or not side:
             return False
         if theta - self._begun[place] <= SETTLING and direction != -side:
-            return False
+            return True  # its rate begins at 0
         # nothing but plain numbers of the values that decide: this happens at nearly every event
-        columns, first, push = self._columns_end, self._columns_end + 3 * place, self._push_of(place)
+        n, columns, first, push = self.n, self._columns_end, self._columns_end + 3 * place, self._push_of(place)
         found = self._values(theta)
-        accelerations = self.entry.table[: self.n].dot(found[:columns])
+        accelerations = self.entry.table[:n].dot(found[:columns])
         rate, limit, bound = found[first : first + 3].tolist()
         acceleration = push.vector.dot(accelerations).item()
         if push.sways:
             acceleration += self._swaying(self.equations.dry[place], theta)
-        if -side * acceleration <= self._slow(accelerations) or not bound > 0.0 or not push.on_itself > 0.0:
+        turning = side * acceleration
+        if turning > 0.0:
+            return True  # its rate only begins to grow
+        if -turning <= self._slow(accelerations, found[: 2 * n]) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
@@ -131,20 +134,21 @@ class LoneFriction(DryState):
             changes = rate_changes(self, self.equations.dry[place], theta)
             self.velocity_rows += changes[:, None] * ((share / acceleration) * jump)
         else:
-            velocities, positions = found[self.n : 2 * self.n], found[: self.n]
+            velocities, positions = found[n : 2 * n], found[:n]
             turning = accelerations, accelerations + share * jump
             self.kinks.append(Kink(theta, positions, (velocities, velocities), turning))
         if not turns:
-            self.state[self.n : 2 * self.n] -= rate * push.stopping
+            self.state[n : 2 * n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
 
-    def _slow(self, accelerations: Array) -> float:
+    def _slow(self, accelerations: Array, moved: Array | None = None) -> float:
         """Return the acceleration below which slip may turn round at once, by what the velocities need in a period.
 
-        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity.
+        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity. `moved`
+        are positions and velocities, if they are at hand.
         """
-        return TURNS * max(largest(accelerations), self.speed() / float(self.base[0]))
+        return TURNS * max(largest(accelerations), self.speed(moved) / self.base.item(0))
 
     def _soon(self, now: Readings, theta: float) -> Readings:
         """Return the values a moment later, under the present modes."""

@@ -92,7 +92,11 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     # at size 0 only the loads act, which large forces would hide; then at size 1, and beyond each of the clearances
     clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
     reaches = sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each)), *_formula_reaches(system)})
-    states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in reaches]
+    states, layout, coefficients = [], layout_of(system.structure), coefficients_of(system)
+    for reach in reaches:
+        q, v = reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))
+        with np.errstate(all="ignore"):  # a formula may have no value, or no finite one, at some states
+            states.append((q, v, accelerations(layout, coefficients, theta, q, v)))
     found = [Symmetry(order, signs, shift) for order, signs in _candidates(n) for shift in (0.0, 0.5)]
     identity = Symmetry(tuple(range(n)), (1,) * n, 0.0)
     return tuple(each for each in found if each != identity and _holds(each, system, theta, states))
@@ -104,19 +108,18 @@ def finds_all(system: System) -> bool:
 
 
 def _holds(
-    symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
+    symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[tuple[NDArray[np.float64], ...]]
 ) -> bool:
     """Return True if the accelerations at states that the symmetry maps onto each other are mapped likewise.
 
-    The springs of friction, the stages that host it, and rigid stops are not in the accelerations: they are compared
-    one by one.
+    `states` are positions, velocities and accelerations. The springs of friction, the stages that host it, and rigid
+    stops are not in the accelerations: they are compared one by one.
     """
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
     if not _moves_dry(symmetry, layout, coefficients, theta):
         return False
-    for q, v in states:
-        with np.errstate(all="ignore"):  # a formula may have no value, or no finite one, at some states
-            here = accelerations(layout, coefficients, theta, q, v)
+    for q, v, here in states:
+        with np.errstate(all="ignore"):
             moved = [each[:, order] * symmetry.signs for each in (q, v, here)]
             there = accelerations(layout, coefficients, theta + math.tau * symmetry.shift, moved[0], moved[1])
         known = np.isfinite(here).all(axis=1)

@@ -440,10 +440,14 @@ def _varied_at(structure: Structure, values: bytes, moved: bytes, name: str) -> 
 
 @dataclass(frozen=True)
 class ParameterPlane:
-    """The systems that differ from one another by the values of two named parameters, or of more."""
+    """The systems that differ from one another by the values of two named parameters, or of more, or of one."""
 
     system: System
     names: tuple[str, ...]
+
+    @cached_property
+    def _line(self) -> ParameterLine:
+        return ParameterLine(self.system, self.names[0])
 
     @cached_property
     def _places(self) -> list[int]:
@@ -457,4 +461,7 @@ class ParameterPlane:
 
     def coefficients(self, *point: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the coefficients at one value of each parameter, and their derivatives by each, in rows."""
+        if len(point) == 1:
+            coefficients, slope = self._line.coefficients(*point)
+            return coefficients, slope[None]
         return _with_slopes(self.system, dict(zip(self._places, point, strict=True)))

@@ -1,6 +1,6 @@
 """Answers to keys that name a known idea of mechanics: the line to write, or the reason why it cannot be modelled.
 
-An unknown key is often such an idea. The same list, in more words, is the page docs/scope.md.
+An unknown key is often such an idea. The same list, in more words, is the page docs/reference/scope.md.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-PAGE = "docs/scope.md"
+PAGE = "docs/reference/scope.md"
 
 
 class Idea(NamedTuple):

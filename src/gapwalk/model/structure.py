@@ -135,7 +135,8 @@ class ParameterNames(Sequence[str]):
 
     def _unknown(self, name: str) -> str:
         known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
-        near = near_names(name, known)
+        friction = name.replace(".hysteresis", "_friction.limit")  # hysteresis in a file is an element of its own
+        near = [friction] if friction != name and friction in known else near_names(name, known)
         if not near:
             last = name.rsplit(".", 1)[-1]
             near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
@@ -378,6 +379,12 @@ class Structure:
             for index, contact in enumerate(self.contacts)
             for stage, side in contact.sides
         )
+
+    @cached_property
+    def two_sided(self) -> tuple[tuple[int, bool], ...]:
+        """For each switch of the flow the place of its clearance, and True if another switch has the same one."""
+        places = [place for _, _, place in self.breakpoints]
+        return tuple((place, places.count(place) == 2) for place in places)
 
     @cached_property
     def driving(self) -> tuple[LoadForm, ...]:

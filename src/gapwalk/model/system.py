@@ -283,8 +283,7 @@ class System(Shown):
     @property
     def gapless(self) -> tuple[bool, ...]:
         """True for each switch of the flow whose stage acts on both sides without a gap: such a stage never opens."""
-        places = [place for _, _, place in self.structure.breakpoints]
-        return tuple(places.count(place) == 2 and self._at(place) == 0.0 for place in places)
+        return tuple([paired and self._at(place) == 0.0 for place, paired in self.structure.two_sided])
 
     def matrix(self, which: str) -> NDArray[np.float64]:
         """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
 
 _BORDER = 1e-6  # distance from the unit circle within which a multiplier may count on either side
+_FEW = 8  # number of multipliers up to which plain numbers are faster than arrays
 _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
 
 
@@ -96,7 +98,12 @@ def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -
 
 def is_on_border(values: NDArray[np.complex128]) -> bool:
     """Return True if a multiplier is so near the unit circle that it may count as stable or unstable."""
-    return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
+    return nearest_to_circle(values) < _BORDER
+
+
+def nearest_to_circle(values: NDArray[np.complex128]) -> float:
+    """Return the distance of the nearest multiplier from the unit circle; infinite without multipliers."""
+    return min([abs(abs(value) - 1.0) for value in values.tolist()], default=math.inf)
 
 
 def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
@@ -104,11 +111,29 @@ def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
 
     Multipliers outside the unit circle count relative to their size; very small ones do not count.
     """
-    count = max(int(np.sum(np.abs(each) > _SMALL)) for each in (a, b))
-    first, second = (each[np.argsort(-np.abs(each))][:count] for each in (a, b))
+    first, second = (sorted(each.tolist(), key=abs, reverse=True) for each in (a, b))
+    count = max(sum(abs(value) > _SMALL for value in each) for each in (first, second))
+    if count > _FEW:
+        return _largest_of_many(np.array(first[:count]), np.array(second[:count]))
+    moves = sorted(
+        (abs(one - other) / max(1.0, min(abs(one), abs(other))), row, column)
+        for row, one in enumerate(first[:count])
+        for column, other in enumerate(second[:count])
+    )
+    rows, columns, largest = set(range(count)), set(range(count)), 0.0
+    for move, row, column in moves:
+        if row in rows and column in columns:
+            largest = move
+            rows.remove(row)
+            columns.remove(column)
+    return largest
+
+
+def _largest_of_many(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
+    """Return the largest move from one of two equally long sets to the other, for sets that arrays suit better."""
     sizes = np.maximum(1.0, np.minimum.outer(np.abs(first), np.abs(second)))
     moves, largest = np.abs(np.subtract.outer(first, second)) / sizes, 0.0
-    for _ in range(count):
+    for _ in range(len(first)):
         row, column = np.unravel_index(int(moves.argmin()), moves.shape)
         largest = float(moves[row, column])
         moves[row], moves[:, column] = np.inf, np.inf

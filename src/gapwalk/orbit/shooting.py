@@ -84,17 +84,22 @@ class ShootingEquation(OrbitEquation):
         See `OrbitEquation`.
     marks
         Angles at which further segments begin, in addition to those of the options: see `TouchEquation`.
+    begin
+        Angle at which the first segment begins, in radians. An impact at theta = 0 makes the state there jump from one
+        orbit of a branch to the next; where the motion is free, the state is smooth. An `Orbit` has its state at theta
+        = 0 in any case, so only the unknowns depend on this angle.
     """
 
     options: Shooting = Shooting()
     marks: tuple[float, ...] = ()
+    begin: float = 0.0
 
     @property
-    def by_touches(self) -> Callable[..., TouchEquation]:
-        """Return the method with a segment that begins just before each touch."""
+    def by_touches(self) -> Callable[..., TouchEquation] | None:
+        """Function that makes the equation with a segment that begins just before each touch."""
         from gapwalk.orbit.touch_equation import TouchEquation
 
-        return partial(TouchEquation, self)
+        return None if self.begin else partial(TouchEquation, self)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return residual and derivatives; see `Equation.evaluate`.
@@ -121,13 +126,14 @@ class ShootingEquation(OrbitEquation):
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
         system = self.system_at(value)
-        closure = Closure.of(
-            layout_of(system.structure), lambda: coefficients_of(system), arcs, unknowns[: system.state_size]
-        )
+        if self.begin:
+            arcs = self._from_zero(coefficients_of(system), arcs, unknowns.reshape(len(arcs), -1))
+        state = arcs[-1].state if self.begin else unknowns[: system.state_size].copy()
+        closure = Closure.of(layout_of(system.structure), lambda: coefficients_of(system), arcs, state)
         return Orbit(
             system,
             self.period,
-            unknowns[: self.system.state_size].copy(),
+            state,
             closure.multipliers,
             tuple(event for arc in arcs for event in arc.contacts),
             max(map(abs, evaluation.residual.tolist())),
@@ -135,6 +141,19 @@ class ShootingEquation(OrbitEquation):
             slips=closure.slips,
             stuck=closure.stuck,
         )
+
+    def _from_zero(self, coefficients: NDArray[np.float64], arcs: list[Arc], states: NDArray[np.float64]) -> list[Arc]:
+        """Return the arcs of the motion from theta = 0 on; the one that passes the end of the period is cut there."""
+        full, before, after = PERIOD * self.period, list[Arc](), list[Arc]()
+        for arc, state, (start, stop) in zip(arcs, states, pairwise(self.knots), strict=True):
+            if stop <= full:
+                before.append(arc)
+            elif start >= full:
+                after.append(self._flow.integrate(coefficients, state, start - full, stop - full))
+            else:
+                before.append(self._flow.integrate(coefficients, state, start, full))
+                after.append(self._flow.integrate(coefficients, before[-1].state, 0.0, stop - full))
+        return [*after, *before]
 
     def _centre(
         self,
@@ -203,16 +222,38 @@ class ShootingEquation(OrbitEquation):
 
     def _spread(self, state: NDArray[np.float64], system: System) -> NDArray[np.float64]:
         """Return the states at the start of each segment on the motion of a system from `state`, concatenated."""
-        states = [np.asarray(state, dtype=float)]
+        flow, coefficients, states = flow_of(system), coefficients_of(system), [np.asarray(state, dtype=float)]
+        if self.begin:
+            states = [flow.integrate(coefficients, states[0], 0.0, self.begin).state]
         for start, stop in pairwise(self.knots[:-1]):
-            states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
+            states.append(flow.integrate(coefficients, states[-1], start, stop).state)
         return np.concatenate(states)
+
+    def carried(
+        self, state: NDArray[np.float64], change: NDArray[np.float64], value: float, start: float, stop: float
+    ) -> NDArray[np.float64]:
+        """Return the change of a motion and of the parameter at an angle, as the change of the state at a later one.
+
+        Parameters
+        ----------
+        state : shape (state_size,)
+            The state of the motion at `start`.
+        change : shape (state_size + 1,)
+            The change of that state, then that of the parameter.
+        value
+            Value of the parameter.
+        start, stop
+            The two angles, in radians.
+        """
+        coefficients, direction = self.coefficients(value)
+        arc = self._flow.integrate(coefficients, state, start, stop, direction)
+        return np.append(transition_of(arc) @ change[:-1] + change[-1] * _sensitivity(arc), change[-1])
 
     @cached_property
     def knots(self) -> list[float]:
         """Angles at which the segments begin, and the end."""
         count = self.options.segments
-        return sorted([*(PERIOD * self.period * j / count for j in range(count + 1)), *self.marks])
+        return sorted([*(self.begin + PERIOD * self.period * j / count for j in range(count + 1)), *self.marks])
 
     @cached_property
     def length(self) -> float:

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster that runs already; for `docs/cluster.md`."""
+"""Workers of a Dask cluster that runs already; for `docs/howto/cluster.md`."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def work_in_one_thread() -> None:
@@ -31,4 +31,4 @@ def children_in_one_thread() -> Iterator[None]:
 
 def _wanted() -> dict[str, str]:
     """Return the variables to set: none if the user has set one of them, which may be meant for all."""
-    return {} if any(name in os.environ for name in _VARIABLES) else dict.fromkeys(_VARIABLES, "1")
+    return {} if any(name in os.environ for name in THREAD_VARIABLES) else dict.fromkeys(THREAD_VARIABLES, "1")

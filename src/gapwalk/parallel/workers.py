@@ -308,7 +308,7 @@ def on_cores(count: int | None = None) -> Iterator[Workers]:
 
 @contextmanager
 def on_cluster(scheduler: str) -> Iterator[Workers]:
-    """Use the workers of a Dask cluster for all work inside the `with` block; see `docs/cluster.md`.
+    """Use the workers of a Dask cluster for all work inside the `with` block; see `docs/howto/cluster.md`.
 
     Parameters
     ----------

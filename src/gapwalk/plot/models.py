@@ -1,9 +1,9 @@
-"""The picture of a system: forces of its contacts, what varies over the angle, and its loads."""
+"""The picture of a system: its machine, forces of its contacts, what varies over the angle, and its loads."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,18 +12,37 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
 from gapwalk.flow.characteristics import AngleCurve, Characteristics, ForceCurve, characteristics_of
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import pace_words, parameter_words, signal_words
+from gapwalk.plot.machine.glyphs import LETTER
+from gapwalk.plot.machine.layout import scene_of
+from gapwalk.plot.machine.on_paper import draw_scene
+from gapwalk.plot.machine.scene import Scene
 from gapwalk.plot.picture import draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GREY, GUIDE, PURPLE, SHADE, VERMILLION, points, stroke, symbols
+from gapwalk.plot.style import (
+    AXIS,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    GUIDE,
+    PURPLE,
+    SHADE,
+    VERMILLION,
+    points,
+    sheet_size,
+    stroke,
+    symbols,
+)
 
 _PANELS = 12  # most panels of forces
 _CURVES = 5  # most curves in a panel over the angle
 _STYLES = ((BLACK, "-"), (VERMILLION, (0, (5, 1.5))), (BLUE, (0, (1.4, 1.3))), (GREEN, "-."), (PURPLE, (0, (7, 2))))
+_LETTER = 8.5  # points of the letters of the machine
+_POINTS = 72.0  # in an inch
 _FEW = 6  # breakpoints up to which each has a guide line
 
 Points = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -31,9 +50,22 @@ Points = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 def _size(system: System, **_: object) -> Inches:
-    panels = _panels(characteristics_of(system))
-    rows = -(-len(panels) // _columns(len(panels)))
-    return WIDE[0], 0.6 + (3.0 if len(panels) > 1 else 3.9) * rows
+    panels, machine = _panels(characteristics_of(system)), _machine_height(system)
+    rows = -(-len(panels) // _columns(len(panels))) if panels else 0
+    rest = (0.6 + (3.0 if len(panels) > 1 else 3.9) * rows) if panels else 0.6
+    return WIDE[0], rest + machine
+
+
+def _machine_height(system: System) -> float:
+    """Return the height of the machine, in inches of a screen."""
+    scene, scale = _machine(system)
+    return scene.height * scale / _POINTS / sheet_size(WIDE[0], 1.0)[1]
+
+
+def _machine(system: System) -> tuple[Scene, float]:
+    """Return the drawing of the machine for the present size of pictures, and the points in one of its pixels."""
+    scale = points(_LETTER) / LETTER
+    return scene_of(system, 0.96 * sheet_size(*WIDE)[0] * _POINTS / scale), scale
 
 
 def _columns(panels: int) -> int:
@@ -47,7 +79,7 @@ def _panels(found: Characteristics) -> list[ForceCurve | AngleCurve]:
 
 @draws(System, panels=True, size=_size, shows="forces and loads")
 def draw_system(system: System, figure: AnyFigure, points: Points | None = None, *, title: str = "") -> None:
-    """Draw what is in a system: the force of each contact at rest, what varies over the angle, and the loads.
+    """Draw what is in a system: the machine, the force of each contact at rest, what varies over the angle, the loads.
 
     Parameters
     ----------
@@ -57,24 +89,35 @@ def draw_system(system: System, figure: AnyFigure, points: Points | None = None,
         Measured points that are drawn beside the forces of contacts, by their names: deflections and forces.
     title
         Title above the picture.
-
-    Raises
-    ------
-    ModelError
-        If it has neither contacts nor loads.
     """
     found = characteristics_of(system)
     panels = _panels(found)
-    if not panels:
-        raise ModelError("there is nothing to draw: the model has no force of one deflection, and no periodic load")
     write_heading(figure, title)
+    scene, scale = _machine(system)
+    if not panels:
+        draw_scene(figure.add_subplot(), scene, scale)
+        return
+    whole, machine = _size(system)[1], _machine_height(system)
+    above, below = figure.subfigures(2, 1, height_ratios=(machine, whole - machine))
+    _draw_panels(system, below, found, panels, points or {})
+    draw_scene(above.add_subplot(), scene, scale)
+
+
+def _draw_panels(
+    system: System,
+    figure: AnyFigure,
+    found: Characteristics,
+    panels: Sequence[ForceCurve | AngleCurve],
+    points: Points,
+) -> None:
+    """Draw forces over deflections and numbers over the angle."""
     columns = _columns(len(panels))
     axes = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     for ax, panel in zip(axes, panels, strict=False):
         if isinstance(panel, ForceCurve):
-            _draw_force(ax, panel, system, points or {}, columns)
+            _draw_force(ax, panel, system, points, columns)
         else:
             _draw_angle(ax, panel, system, columns)
     notes = [f"{name} = {law}" for name, law in found.others]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Generator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.point_forms import (
-    Form,
     Patterns,
     Solutions,
     Walked,
@@ -52,16 +52,19 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_WALKS, _SHARE = 150, 8  # most samples that are walked first, and one of so many samples
-_SOLVED = 500  # most samples that are solved for fits, walked ones among them
-_FEW, _SOME = 5, 25  # samples in a chunk of walks, and of solutions
+_LEAST, _MOST, _SHARE = 40, 150, 8  # samples that are walked first: fewest and most, and one of so many samples
+_ROUND, _UNSEEN = 20, 0.05  # more of them, as long as so many samples have points as no walk has shown
+_CORRECTED, _SOLVED = 100, 400  # most samples that are solved for fits: by Newton's method alone, then also by chords
+_FEW, _SOME = 5, 20  # samples in a chunk of walks, and of solutions
 _CHUNK = 200  # samples in a later chunk
+_PAIR = 2  # walks that tell what a combination of forms means
 
 NOMINAL = Part("nominal", Branch)
 WALKS = Part("walks", ToleranceWalks, numbered=True)
 SOLUTIONS = Part("solutions", Solutions, numbered=True)
 PATTERNS = Part("patterns", Solutions, numbered=True)
 CHUNK = Part("samples", ToleranceChunk, numbered=True)
+LATER = Part("later walks", ToleranceWalks, numbered=True)
 TOLERANCE = Part("tolerance", Tolerance)
 
 
@@ -78,17 +81,13 @@ class ToleranceWork(Work):
         if len(set(places)) < len(places):
             raise ModelError("spread has two names of one parameter; write one law for each parameter")
         self.design = self.spreads.design(asked.samples, asked.seed)
-        self._walked = min(_WALKS, -(-asked.samples // _SHARE))
-        solved = min(_SOLVED, max(self._walked, asked.samples // 2))
-        self._walk_starts = [*range(0, self._walked, _FEW), self._walked]
-        self._solve_starts = [*range(0, solved, _SOME), solved]
-        self._set_starts = [*range(0, self._walked, _SOME), self._walked]
-        self._starts = [*range(self._walked, asked.samples, _CHUNK), asked.samples]
         self._branch: Branch | None = None
         self._walks: dict[int, ToleranceWalks] = {}
         self._solutions: dict[int, Solutions] = {}
         self._sets: dict[int, Solutions] = {}
         self._chunks: dict[int, ToleranceChunk] = {}
+        self._later: dict[int, ToleranceWalks] = {}
+        self._again: list[ToleranceChunk] = []
         self._whole: Tolerance | None = None
         self._key = uuid.uuid4().hex
         self._failures: tuple[str, ...] = ()
@@ -99,7 +98,7 @@ class ToleranceWork(Work):
         if self._whole is None:
             self._branch, self._walks = known.get(NOMINAL), dict(known.all(WALKS))
             self._solutions, self._sets = dict(known.all(SOLUTIONS)), dict(known.all(PATTERNS))
-            self._chunks = dict(known.all(CHUNK))
+            self._chunks, self._later = dict(known.all(CHUNK)), dict(known.all(LATER))
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Do the remaining work."""
@@ -113,18 +112,22 @@ class ToleranceWork(Work):
             raise NumericalError(
                 f"the branch over {asked.range_words} has no special points that can be tracked; choose another range"
             )
-        values = self.design.values
-        pieces = [(k, a, values[a:b]) for k, (a, b) in enumerate(pairwise(self._walk_starts))]
-        yield from self._done(workers, partial(walk_chunk, tracking), pieces, self._walks, WALKS)
-        tracking = self._learned(tracking, "first")
-        pieces = [(k, values[a:b]) for k, (a, b) in enumerate(pairwise(self._solve_starts))]
-        yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._solutions, SOLUTIONS)
-        tracking = self._learned(tracking, "fitted")
-        pieces = [(k, values[a:b]) for k, (a, b) in enumerate(pairwise(self._set_starts))]
+        while pieces := self._left(self._walk_starts, self._walks):
+            yield from self._done(workers, partial(walk_chunk, tracking), pieces, self._walks, WALKS)
+        corrected, solved = self._limits
+        for name, known, until in (("first", 0, corrected), ("second", corrected, solved)):
+            tracking = self._learned(tracking, name, known)
+            left = [each for each in self._left(self._solve_starts, self._solutions) if each[1][-1] < until]
+            pieces = [(*piece, name == "first") for piece in left]
+            yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._solutions, SOLUTIONS)
+        tracking = self._learned(tracking, "fitted", solved)
+        pieces = [(*piece, False) for piece in self._left(self._set_starts, self._sets)]
         yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._sets, PATTERNS)
-        tracking = replace(tracking, key=f"{self._key} last", patterns=self._patterns(tracking))
-        pieces = [(k, a, values[a:b]) for k, (a, b) in enumerate(pairwise(self._starts))]
+        patterns = self._patterns(tracking, self._sets.values(), self._ended(self._walks))
+        tracking = replace(tracking, key=f"{self._key} last", patterns=patterns)
+        pieces = self._left(self._starts, self._chunks)
         yield from self._done(workers, partial(track_chunk, tracking), pieces, self._chunks, CHUNK)
+        yield from self._cleared(workers, tracking)
         check = self._checked(workers, tracking)
         self._whole = self._tolerance(complete=True, check=check)
         yield Found.part(TOLERANCE, self._whole)
@@ -137,17 +140,14 @@ class ToleranceWork(Work):
     @property
     def done(self) -> int:
         """Number of chunks of samples that are done."""
-        return (
-            self.total
-            if self.complete
-            else len(self._walks) + len(self._solutions) + len(self._sets) + len(self._chunks)
-        )
+        every = self._walks, self._solutions, self._sets, self._chunks, self._later
+        return self.total if self.complete else sum(map(len, every))
 
     @property
     def total(self) -> int:
-        """Number of chunks of samples."""
+        """Number of chunks of samples, as far as it is known."""
         every = self._walk_starts, self._solve_starts, self._set_starts, self._starts
-        return sum(len(starts) - 1 for starts in every)
+        return sum(len(starts) - 1 for starts in every) + len(self._later)
 
     @property
     def record(self) -> Tolerance | None:
@@ -175,39 +175,142 @@ class ToleranceWork(Work):
         )
 
     @property
-    def _ended(self) -> list[Walked]:
-        """Walks that came to their end."""
-        walks = [each for _, every in sorted(self._walks.items()) for each in every.walked]
+    def _walked(self) -> int:
+        """Number of samples that are walked first, as far as the walks so far tell.
+
+        They go on while too many samples have points as no walk has shown: about the share of walks that are like no
+        other one (Good, The population frequencies of species and the estimation of population parameters, 1953).
+        """
+        most = min(_MOST, -(-self.asked.samples // _SHARE))
+        count = min(_LEAST, most)
+        walks = self._ended(self._walks)
+        while count < most and sum(len(each.walked) for each in self._walks.values()) >= count:
+            every = Counter(tuple(met.key for met in each.met) for each in walks if each.sample < count)
+            if sum(number == 1 for number in every.values()) <= _UNSEEN * count:
+                break
+            count = min(count + _ROUND, most)
+        return count
+
+    @property
+    def _limits(self) -> tuple[int, int]:
+        """Numbers of the first samples that are solved later than by Newton's method alone, and not at all."""
+        walked = self._walked
+        most = max(walked, self.asked.samples // 2)
+        return min(walked + _CORRECTED, most), min(walked + _CORRECTED + _SOLVED, most)
+
+    @property
+    def _walk_starts(self) -> list[int]:
+        return [*range(0, self._walked, _FEW), self._walked]
+
+    @property
+    def _solve_starts(self) -> list[int]:
+        corrected, solved = self._limits
+        return [*range(self._walked, corrected, _SOME), *range(corrected, solved, _SOME), solved]
+
+    @property
+    def _set_starts(self) -> list[int]:
+        return [*range(0, self._walked, _SOME), self._walked]
+
+    @property
+    def _starts(self) -> list[int]:
+        return [*range(self._walked, self.asked.samples, _CHUNK), self.asked.samples]
+
+    def _left(self, starts: list[int], done: Mapping[int, Any]) -> list[tuple[int, NDArray[np.intp], Array]]:
+        """Return number, samples and values of the pieces that are not done."""
+        return [self._piece(k, np.arange(a, b)) for k, (a, b) in enumerate(pairwise(starts)) if k not in done]
+
+    def _piece(self, number: int, rows: Sequence[int] | NDArray[np.intp]) -> tuple[int, NDArray[np.intp], Array]:
+        return number, np.asarray(rows, dtype=np.intp), self.design.values[rows]
+
+    def _ended(self, *parts: Mapping[int, ToleranceWalks]) -> list[Walked]:
+        """Return the walks that came to their end."""
+        walks = [each for every in parts for _, chunk in sorted(every.items()) for each in chunk.walked]
         return [each for each in walks if each.how == HowFound.WALKED]
 
-    def _learned(self, tracking: Tracking, name: str) -> Tracking:
-        """Return the tracking with the forms of all points, and what walks and solutions so far say of them."""
-        walks, tracker = self._ended, Tracker(replace(tracking, forms=()))
-        anchors = anchors_of(walks, len(tracking.specials))
-        forms: tuple[Form, ...] = tracking.forms or forms_of(walks, tracking.specials, tracker.mine)
+    @property
+    def _anchors(self) -> list[int]:
+        assert self._branch is not None
+        return anchors_of(self._ended(self._walks), len(trackable(self._branch, self.spreads.varied)[0]))
+
+    def _learned(self, tracking: Tracking, name: str, known: int) -> Tracking:
+        """Return the tracking with the forms of all points, and what walks and solutions of `known` samples say."""
+        walks, tracker, anchors = self._ended(self._walks), Tracker(replace(tracking, forms=())), self._anchors
+        forms = forms_of(walks, anchors, tracking.specials, tracker.mine)
         asked = replace(tracking, key=f"{self._key} {name}", forms=forms)
-        chunks = [(self._solve_starts[number], each) for number, each in sorted(self._solutions.items())]
-        if not tracking.forms:
-            chunks = []  # they are read from a file: these are still the predictions with which they were found
+        chunks = [each for _, each in sorted(self._solutions.items()) if each.rows[-1] < known]
         pools = pools_of(forms, [names_of(each, anchors) for each in walks], walks, chunks)
-        known = [first + k for first, each in chunks for k in range(len(each.found))] or [each.sample for each in walks]
+        rows = np.concatenate([[each.sample for each in walks], *(each.rows for each in chunks)]).astype(np.intp)
         scaled = tracker.nominal[0].origin, tracking.deviations
-        made = with_predictors(forms, Tracker(asked).points, pools, self.design.values, np.array(known), scaled)
+        made = with_predictors(forms, Tracker(asked).points, pools, self.design.values, rows, scaled)
         return replace(asked, forms=made)
 
-    def _patterns(self, tracking: Tracking) -> Patterns:
-        walks = self._ended
-        anchors = anchors_of(walks, len(tracking.specials))
-        names = [names_of(each, anchors) for each in walks]
-        found = [each for _, every in sorted(self._sets.items()) for each in every.found]
-        return Patterns.of(tracking.forms, [(found[each.sample], own) for each, own in zip(walks, names, strict=True)])
+    def _patterns(self, tracking: Tracking, sets: Iterable[Solutions], walks: Sequence[Walked]) -> Patterns:
+        """Compare the forms found in walked samples with what the walks met."""
+        anchors = self._anchors
+        found = {row: own for each in sets for row, own in zip(each.rows.tolist(), each.found, strict=True)}
+        return Patterns.of(tracking.forms, [(found[each.sample], names_of(each, anchors)) for each in walks])
+
+    def _cleared(self, workers: Workers, tracking: Tracking) -> Generator[Found]:
+        """Walk some of the samples in which no known combination of forms was found, and learn from them, in rounds.
+
+        Two samples of each combination are walked. They may meet further forms, which are then looked for in the
+        others too. A round that clears fewer samples than it walked is the last one: then all others are walked.
+        """
+        unclear, number, is_worth_it = self._unclear(self._chunks.values()), 0, True
+        self._again = []
+        while unclear:
+            groups: dict[tuple[int, ...], list[int]] = {}
+            for row, found in sorted(unclear.items()):
+                groups.setdefault(found, []).append(row)
+            chosen = sorted(row for rows in groups.values() for row in rows[:_PAIR])
+            if not is_worth_it or 2 * len(chosen) > len(unclear):
+                chosen = sorted(unclear)
+            pieces = [self._piece(number + k, chosen[a : a + _FEW]) for k, a in enumerate(range(0, len(chosen), _FEW))]
+            number += len(pieces)
+            pieces = [each for each in pieces if each[0] not in self._later]
+            yield from self._done(workers, partial(walk_chunk, tracking), pieces, self._later, LATER)
+            rest = sorted(set(unclear) - set(chosen))
+            if not rest:
+                break
+            tracking = self._extended(workers, tracking, f"after {number}")
+            pieces = [self._piece(k, rest[a : a + _SOME]) for k, a in enumerate(range(0, len(rest), _SOME))]
+            again = [each for _, each in workers.each(partial(track_chunk, tracking), pieces)]
+            self._again += again
+            unclear = self._unclear(again)
+            is_worth_it = len(rest) - len(unclear) >= len(chosen)
+
+    def _extended(self, workers: Workers, tracking: Tracking, name: str) -> Tracking:
+        """Return the tracking with the forms that only later walks met, and with what these walks tell."""
+        walks, anchors = self._ended(self._walks, self._later), self._anchors
+        tracker = Tracker(replace(tracking, forms=()))
+        known = {form.name: form for form in tracking.forms}
+        every = [known.get(form.name, form) for form in forms_of(walks, anchors, tracking.specials, tracker.mine)]
+        numbers = {form.name: number for number, form in enumerate(every)}
+        beside = {form.name: tracking.forms[form.companion].name for form in tracking.forms if form.companion >= 0}
+        forms = tuple(
+            replace(form, companion=numbers[beside[form.name]] if form.name in beside else -1) for form in every
+        )
+        asked = replace(tracking, key=f"{self._key} {name}", forms=forms)
+        pools = pools_of(forms, [names_of(each, anchors) for each in walks], walks, ())
+        scaled, nobody = (tracker.nominal[0].origin, tracking.deviations), np.zeros(0, dtype=np.intp)
+        asked = replace(
+            asked, forms=with_predictors(forms, Tracker(asked).points, pools, self.design.values, nobody, scaled)
+        )
+        rows = [each.sample for each in walks]
+        pieces = [(*self._piece(k, rows[a : a + _SOME]), False) for k, a in enumerate(range(0, len(rows), _SOME))]
+        sets = [each for _, each in workers.each(partial(solve_chunk, asked), pieces)]
+        return replace(asked, key=f"{asked.key} told", patterns=self._patterns(asked, sets, walks))
+
+    def _unclear(self, chunks: Iterable[ToleranceChunk]) -> dict[int, tuple[int, ...]]:
+        """Return the samples of chunks that are lost, and the forms found there."""
+        lost = [(each.rows[each.how == HowFound.LOST].tolist(), each.unclear) for each in chunks]
+        return {row: found for rows, every in lost for row, found in zip(rows, every, strict=True)}
 
     def _done(
         self, workers: Workers, function: Callable[[Any], Any], pieces: list[Any], done: dict[int, Any], part: Part
     ) -> Generator[Found]:
-        """Do the pieces that are not done yet; each begins with its number."""
-        left = [piece for piece in pieces if piece[0] not in done]
-        for _, each in workers.each(function, left, in_order=False):
+        """Do pieces of work; each begins with its number."""
+        for _, each in workers.each(function, pieces, in_order=False):
             done[each.number] = each
             yield Found.part(part, each, each.number)
 
@@ -237,7 +340,7 @@ class ToleranceWork(Work):
         count = len(trackable(branch, self.spreads.varied)[0])
         values, how = np.full((self.asked.samples, count), np.nan), np.full(self.asked.samples, int(HowFound.LOST))
         further: list[Further] = []
-        for walks in self._walks.values():
+        for walks in (*self._walks.values(), *self._later.values()):
             for each in walks.walked:
                 how[each.sample] = each.how
                 for met in each.met:
@@ -245,9 +348,9 @@ class ToleranceWork(Work):
                         values[each.sample, met.index] = met.value
                     else:
                         further.append(Further(each.sample, met.kind, met.value))
-        for number, chunk in self._chunks.items():
-            rows = slice(self._starts[number], self._starts[number + 1])
-            values[rows], how[rows] = chunk.values, chunk.how
+        for chunk in (*self._chunks.values(), *self._again):
+            known = chunk.how != HowFound.LOST
+            values[chunk.rows[known]], how[chunk.rows[known]] = chunk.values[known], chunk.how[known]
             further += chunk.further
         return values, how, tuple(sorted(further, key=lambda each: (each.sample, each.kind, each.value)))
 

@@ -86,8 +86,7 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
     ValueError
         If their systems are of different structures.
     """
-    if len({id(orbit.system.structure) for orbit in orbits}) > 1 and len({o.system.structure for o in orbits}) > 1:
-        raise ValueError("orbits of systems of different structure cannot be integrated together")
+    require_one_structure(orbits)
     rounds: list[Round] = []
     size = orbits[0].system.size if orbits else 1
     lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
@@ -419,6 +418,12 @@ class _Change(NamedTuple):
             return np.concatenate(parts)
 
         return cls(*map(join, cls._fields))
+
+
+def require_one_structure(orbits: Sequence[Orbit]) -> None:
+    """Raise a ValueError if the systems of orbits are of different structures."""
+    if len({id(orbit.system.structure) for orbit in orbits}) > 1 and len({o.system.structure for o in orbits}) > 1:
+        raise ValueError("orbits of systems of different structure cannot be integrated together")
 
 
 @cache

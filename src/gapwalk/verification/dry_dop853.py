@@ -1,4 +1,4 @@
-"""Integration of orbits with dry friction or rigid stops over one period, one at a time, by DOP853 between events.
+"""Integration of orbits with dry friction or rigid stops over one period, by DOP853 between events.
 
 Unlike `gapwalk.verification.dop853`, it finds each event, decides the modes after it on its own
 (`gapwalk.verification.dry_instant`), and compares both with those that are stored afterwards. Of these it uses only
@@ -16,8 +16,9 @@ Impacts are followed until flights take less than 1e-7 radians: then the contact
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,17 @@ from numpy.typing import NDArray
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sticking import collapses
-from gapwalk.verification.dop853 import Round, error_of, method, turn
+from gapwalk.verification.dop853 import Round, require_one_structure
 from gapwalk.verification.dop853 import carry as carry_together
+from gapwalk.verification.dry_batch import Follow, Follower, Probe, Request, Samples, Step, Stepped, follow_together
 from gapwalk.verification.dry_changes import Change, mismatch
-from gapwalk.verification.dry_equations import Values
+from gapwalk.verification.dry_equations import Key, Values
 from gapwalk.verification.dry_instant import EQUAL, SMALL, DryInstant
 from gapwalk.verification.guard_samples import FIRES, brackets
 
 Array = NDArray[np.float64]
+Found = TypeVar("Found")
+Finding = Generator[Request, Any, Found]
 
 _PERIOD = 2.0 * math.pi
 _STEP = 1e-150  # of the complex step
@@ -70,24 +74,23 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
     """
     if not orbits or not collapses(orbits[0].system):
         return carry_together(orbits, report)
-    rounds: list[Round] = []
-    for orbit in orbits:
-        rounds.append(carry_dry(orbit))
+    require_one_structure(orbits)
+    rounds: dict[int, Round] = {}
+
+    def end(number: int, motion: Follower | None) -> None:
+        assert motion is None or isinstance(motion, _Motion)
+        rounds[number] = _round(orbits[number], motion)
         if report is not None:
             report(len(rounds))
-    return rounds
+
+    follow_together([orbit.system for orbit in orbits], lambda number: _Motion(orbits[number]), end)
+    return [rounds[number] for number in range(len(orbits))]
 
 
-def carry_dry(orbit: Orbit) -> DryRound:
-    """Integrate an orbit with friction or rigid stops over one period.
-
-    Where that fails, closure and the error are infinite.
-    """
+def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
+    """Return the result of a motion; closure and the error are infinite if it failed."""
     n = orbit.system.size
-    try:
-        motion = _Motion(orbit)
-        motion.advance(_PERIOD * orbit.period)
-    except (NumericalError, np.linalg.LinAlgError):
+    if motion is None:
         return DryRound(math.inf, math.inf, math.nan, np.full((n, 2), math.nan), math.inf)
     scales = motion.scales
     end = np.real(motion.states[0])
@@ -109,13 +112,13 @@ def carry_dry(orbit: Orbit) -> DryRound:
     )
 
 
-class _Motion(DryInstant):
+class _Motion(DryInstant, Follower):
     """The motion of an orbit and of its neighbours, one for each direction of the state space."""
 
     def __init__(self, orbit: Orbit) -> None:
         super().__init__(orbit)
         equations, n = self.equations, self.equations.size
-        self.error, self._step, self._steps = 0.0, 1e-3, _STEPS * orbit.period
+        self.error, self._step, self._steps, self._to = 0.0, 1e-3, _STEPS * orbit.period, _PERIOD * orbit.period
         self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
         self._pieces = sorted(
             {float(angle) + _PERIOD * k for k in range(orbit.period) for own in equations.jumps(0) for angle in own}
@@ -133,13 +136,13 @@ class _Motion(DryInstant):
         soft = [switch for switch in range(len(equations.signs)) if switch not in equations.rigid]
         self.changes += [Change("contact", switch, int(self.modes.closed[switch]), 0.0, 0.0) for switch in soft]
 
-    def advance(self, end: float) -> None:
-        """Integrate to an angle."""
-        equations, repeated, count, last, missing = self.equations, 0, 0, -1.0, {*self._last}
+    def follow(self) -> Follow:
+        """Integrate over the period."""
+        equations, repeated, count, last, missing, end = self.equations, 0, 0, -1.0, {*self._last}, self._to
         for stop in [*(angle for angle in sorted({*self._pieces, *self._grazes}) if 0.0 < angle < end), end]:
             self.levels = equations.levels(np.array([0.5 * (self.theta + stop)]))
             while self.theta < stop:
-                key = self._advance(stop)
+                key = yield from self._advance(stop)
                 if key is None:
                     continue
                 if self.theta > end - _SECTION and self._is_impact(key):
@@ -153,18 +156,18 @@ class _Motion(DryInstant):
                     raise NumericalError("events repeat")
                 last = self.theta
                 self._slack = _BARELY if repeated else EQUAL
-                self._pass(key)
+                yield from self._pass(key)
             if stop in self._grazes and self._may_graze(*self._grazes[stop]):
-                self._pass(("contact", self._grazes[stop][0]))
+                yield from self._pass(("contact", self._grazes[stop][0]))
         for switch in missing:  # the stored motion ends after its impact
             gap, rate = self._gap(switch)
             if switch not in self.modes.held and rate < 0.0 and abs(gap) <= FIRES * self.length:
-                self._pass(("contact", switch))
+                yield from self._pass(("contact", switch))
         self._slack = EQUAL
         self.angles = np.full(len(self.states), self.theta)
         equations.set_extensions(self.angles, self.states, self.modes, self.levels)
 
-    def _is_impact(self, key: tuple[str, int]) -> bool:
+    def _is_impact(self, key: Key) -> bool:
         """Return True if an event is an impact on a rigid stop."""
         return key[0] == "contact" and key[1] in self.equations.rigid and key[1] not in self.modes.held
 
@@ -183,52 +186,41 @@ class _Motion(DryInstant):
         back = -side * self.equations.signs[switch] * float(turning[self.equations.contact_of[switch]])
         return side * rate < 0.0 < back and rate**2 < 4.0 * FIRES * self.length * back
 
-    def _stepped(self, h: float, first: Values | None = None) -> tuple[Values, Values]:
-        """Return the states after a step, and the rates at its stages and its end."""
-        tableau, states = method(), self.states
-        count = tableau.n_stages
-        rates = np.empty((count + 1, *states.shape), dtype=complex)
-        rows = rates.reshape(count + 1, -1)  # a view: `np.tensordot` does the same with more ado
-        rates[0] = self._rates(self.theta, states) if first is None else first
-        for s in range(1, count):
-            middle = states + (h * tableau.A[s, :s] @ rows[:s]).reshape(states.shape)
-            rates[s] = self._rates(self.theta + tableau.C[s] * h, middle)
-        new = states + (h * tableau.B @ rows[:count]).reshape(states.shape)
-        rates[-1] = self._rates(self.theta + h, new)
-        return new, rates
-
-    def _advance(self, stop: float) -> tuple[str, int] | None:
+    def _advance(self, stop: float) -> Finding[Key | None]:
         """Take one step, to the first event in it if there is any; return that."""
         self._steps -= 1
         if self._steps < 0:
             raise NumericalError("the motion takes too many steps")
         self._end_pauses()
         hops = self._hops()
-        most = min([stop - self.theta, *(1.5 * hop for hop in hops.values()), *(_HOP for _ in self.pausing)])
+        most = min([stop - self.theta, *(1.5 * hop for hop in hops.values()), *(_HOP for _ in self.modes.pausing)])
         h = min(self._step, most)
-        with np.errstate(over="ignore", invalid="ignore"):
-            while True:
-                new, rates = self._stepped(h)
-                error = float((np.abs(h * error_of(np.real(rates[:, 0]))) / self.scales).max())
-                if not math.isfinite(error):
-                    raise NumericalError("the motion diverges")
-                ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
-                if error <= _EXACT or h < _SHORTEST:
-                    break
-                h *= max(0.2, ratio)
+        while True:
+            stepped: Stepped = yield Step(self.theta, h, self.states)
+            error = float((stepped.error / self.scales).max())
+            if not math.isfinite(error):
+                raise NumericalError("the motion diverges")
+            ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
+            if error <= _EXACT or h < _SHORTEST:
+                break
+            h *= max(0.2, ratio)
         longer = max(self._step, h) if h == most else h
         self._step = min(longer * min(4.0, max(ratio, 0.2)), 0.5)
-        found, key = self._first_event(h, new, rates, hops), None
+        found, key = (yield from self._first_event(h, stepped, hops)), None
         if found is not None:
             h, key = found
-            new, rates = (self._stepped(h, rates[0])) if h > 0.0 else (self.states.copy(), rates[:1])
+            if h > 0.0:
+                stepped = yield Step(self.theta, h, self.states)
         if h > 0.0:
             self.error += error
-            self._watch(h, new, rates)
-        self.states, self.theta = new, self.theta + h if found is not None or h < stop - self.theta else stop
+            for seen in (stepped.turned, np.real(stepped.states[0, : self.equations.size])):
+                np.maximum(self.largest, seen, out=self.largest)
+                np.minimum(self.smallest, seen, out=self.smallest)
+            self.states = stepped.states
+        self.theta = self.theta + h if found is not None or h < stop - self.theta else stop
         return key
 
-    def _hops(self) -> dict[tuple[str, int], float]:
+    def _hops(self) -> dict[Key, float]:
         """Return the angles until rigid stops are hit that are near, by parabolas."""
         equations, found = self.equations, {}
         if not equations.rigid:
@@ -244,49 +236,54 @@ class _Motion(DryInstant):
                         found["contact", switch] = root
         return found
 
-    def _first_event(
-        self, h: float, new: Values, rates: Values, hops: dict[tuple[str, int], float]
-    ) -> tuple[float, tuple[str, int]] | None:
+    def _first_event(self, h: float, stepped: Stepped, hops: dict[Key, float]) -> Finding[tuple[float, Key] | None]:
         found = []
         for key, guess in hops.items():
             share = guess
             for _ in range(4):
-                value, slope = self._guard_after(share, key)
+                value, slope = yield from self._guard_after(share, key)
                 if slope < 0.0:
                     share = max(share - value / slope, 0.0)
             if share <= h:
                 found.append((share, key))
-        ends, slopes = np.real((self.states[0], new[0])), np.real(rates[[0, -1], 0])
-
-        def sample(shares: Array) -> dict[tuple[str, int], Values]:
-            states = self.equations.inside(shares, h, ends, slopes)
-            values = self.guards(self.theta + shares * h, states)
-            return {key: each for key, each in values.items() if key not in hops}
-
-        def exact(shares: Array, key: tuple[str, int]) -> Array:
-            return np.array([self._guard_after(share * h, key)[0] for share in shares])
-
-        for key, (last, after) in brackets(sample, exact).items():
+        for key, (last, after) in (yield from self._brackets(h, stepped, hops)).items():
             for first in after.tolist():
-                at_first = self._guard_after(first * h, key)
+                at_first = yield from self._guard_after(first * h, key)
                 if at_first[0] < -0.1 * FIRES:
                     break  # the interpolation is less exact than that: it may be above zero before
             else:
                 continue
-            at_last = self._guard_after(last * h, key)[0]
+            at_last = (yield from self._guard_after(last * h, key))[0]
             if at_last <= 0.0 < last:  # as here, in a dip that is as shallow as that
-                last, at_last = 0.0, self._guard_after(0.0, key)[0]
-            found.append((0.0 if at_last <= 0.0 else self._root(last * h, first * h, key, at_first), key))
+                last, at_last = 0.0, (yield from self._guard_after(0.0, key))[0]
+            root = 0.0 if at_last <= 0.0 else (yield from self._root(last * h, first * h, key, at_first))
+            found.append((root, key))
         return min(found) if found else None
 
-    def _root(self, low: float, high: float, key: tuple[str, int], at_high: tuple[float, float]) -> float:
+    def _brackets(self, h: float, stepped: Stepped, hops: dict[Key, float]) -> Finding[dict[Key, tuple[float, Array]]]:
+        """Answer the search for guards that pass below zero."""
+        ends, search = np.real((self.states[0], stepped.states[0])), brackets()
+        shares, key = next(search)
+        while True:
+            if key is None:
+                values = yield Samples(self.theta, h, ends, stepped.slopes, shares)
+                reply = {other: each for other, each in values.items() if other not in hops}
+            else:
+                found = yield Probe(self.theta, h * shares, np.real(self.states[0]), key)
+                reply = np.array(found)[:, 0]
+            try:
+                shares, key = search.send(reply)
+            except StopIteration as done:
+                return done.value
+
+    def _root(self, low: float, high: float, key: Key, at_high: tuple[float, float]) -> Finding[float]:
         """Locate a sign change by Newton's method within a bracket that shrinks; `at_high` are value and slope there.
 
         It ends when the next step, by the ratio of the last two, would be rounding: each evaluation costs a whole step.
         """
         exact, share, last = 4e-16 * (1.0 + self.theta), high, 0.0
         for number in range(60):
-            value, slope = self._guard_after(share, key) if number else at_high
+            value, slope = (yield from self._guard_after(share, key)) if number else at_high
             if value > 0.0:
                 low = share
             else:
@@ -301,50 +298,28 @@ class _Motion(DryInstant):
             share, last = better, step if inside else 0.0
         return share
 
-    def _guard_after(self, h: float, key: tuple[str, int]) -> tuple[float, float]:
+    def _guard_after(self, h: float, key: Key) -> Finding[tuple[float, float]]:
         """Return a guard and its slope over the angle after a step of some length."""
-        everyone, self.states = self.states, np.real(self.states[:1]).astype(complex)
-        try:
-            state = np.real(self._stepped(h)[0]) if h > 0.0 else np.real(self.states)
-        finally:
-            self.states = everyone
-        return self._slope(key, self.theta + h, state)
+        (found,) = yield Probe(self.theta, np.array([h]), np.real(self.states[0]), key)
+        return found
 
-    def _slope(self, key: tuple[str, int], angle: float, state: Array) -> tuple[float, float]:
-        aside = state + 1j * _STEP * np.real(self._rates(angle, state))
-        found = self.guards(np.array([angle + 1j * _STEP]), aside)[key][0]
-        value, slope = float(np.real(found)), float(np.imag(found) / _STEP)
-        kind, index = key
-        if kind == "slip" and self.modes.slip[index] and index in self.equations.creeping:
-            h = 1e-6  # the rate of a limit has been a complex step already
-            later = self.guards(np.array([angle + h]), state + h * np.real(self._rates(angle, state)))[key][0]
-            slope = (float(np.real(later)) - value) / h
-        return value, slope
-
-    def _watch(self, h: float, new: Values, rates: Values) -> None:
-        """Record extrema."""
-        n, omega = self.equations.size, self.equations.omega
-        y0, y1 = np.real(self.states[0]), np.real(new[0])
-        r0, r1 = h * np.real(rates[0, 0]), h * np.real(rates[-1, 0])
-        turning = turn([y0[:n], r0[:n], h * r0[n : 2 * n] / omega], [y1[:n], r1[:n], h * r1[n : 2 * n] / omega])
-        for seen in (turning, y1[:n]):
-            np.maximum(self.largest, seen, out=self.largest)
-            np.minimum(self.smallest, seen, out=self.smallest)
-
-    def _width(self, key: tuple[str, int]) -> float:
+    def _width(self, key: Key) -> float:
         """Return the change of a guard for a change of a state by the size of the motion, velocities as lengths."""
         unit, n = np.ones(len(self.states[0])), self.equations.size
         unit[n : 2 * n] = self.equations.omega
         states = np.real(self.states[:1]) + 1j * _STEP * np.diag(unit)
-        found = self.guards(np.full(len(unit), self.theta, complex), states)[key]
+        found = self._guards(np.full(len(unit), self.theta, complex), states)[key]
         return self.length * (float(np.abs(np.imag(found)).max() / _STEP) or 1.0)
 
-    def _pass(self, key: tuple[str, int]) -> None:
+    def _guards(self, angles: Values, states: Values) -> dict[Key, Values]:
+        return self.equations.mode_guards(angles, states, self.modes, self.levels, self.sizes)
+
+    def _pass(self, key: Key) -> Finding[None]:
         """Pass an event with all neighbours, each at its own time."""
         before, everyone = self._rates(self.theta, self.states), np.full(len(self.states), self.theta)
         slips, closed, held = dict(self.modes.slip), self.modes.closed.copy(), set(self.modes.held)
-        slope = self._slope(key, self.theta, np.real(self.states[:1]))[1]
-        values, width = self.guards(everyone, self.states)[key], self._width(key)
+        slope = (yield from self._guard_after(0.0, key))[1]
+        values, width = self._guards(everyone, self.states)[key], self._width(key)
         delays = -np.imag(values) / slope if slope else np.zeros(len(values))
         self.states = self.states + 1j * delays[:, None] * np.real(before)
         self.angles = everyone + 1j * delays

@@ -7,8 +7,8 @@ their imaginary parts, if small, are then changes of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +18,14 @@ from gapwalk.model.laws.closed_form import Host, Stages
 from gapwalk.model.laws.friction import Friction
 from gapwalk.model.system import System
 from gapwalk.verification.dop853 import between
-from gapwalk.verification.independent_equations import Equations
+from gapwalk.verification.independent_equations import Equations, Lanes, times
 
 Values = NDArray[Any]
+Key = tuple[str, int]
+"""An event: ``"contact"`` with the number of a switch, or ``"slip"`` with that of a contact."""
+
+PAUSE = 1e-6
+"""Slip rate, relative to the velocities, by which slip may reverse in a pause."""
 
 _ALL = slice(None)
 _STEP = 1e-150  # of the complex step
@@ -38,11 +43,20 @@ class Modes:
         1, -1 or 0, in stick, by the number of each contact with dry friction.
     held
         Switches of rigid stops that are held.
+    pausing
+        Jenkins elements that slip on, though their slip rate reverses for a moment: they would be back at their limit
+        before rounding shows.
     """
 
     closed: NDArray[np.float64]
     slip: dict[int, int]
     held: set[int]
+    pausing: set[int] = field(default_factory=set)
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal modes."""
+        return self.closed.tobytes(), *self.slip.items(), frozenset(self.held), frozenset(self.pausing)
 
 
 class Loading(NamedTuple):
@@ -67,27 +81,34 @@ class Loading(NamedTuple):
     sliding: Values
 
 
+class Sizes(NamedTuple):
+    """Sizes of motions, one or one for each lane: lengths, and velocities."""
+
+    length: Values
+    speed: Values
+
+
 class DryEquations(Equations):
-    """Equations of one system, for several of its states at once.
+    """Equations of some systems of one structure, for several states at once.
+
+    Where `lanes` is not given, there is one system, or one state for each.
 
     Parameters
     ----------
-    system
-        The system.
+    systems
+        The systems.
     """
 
-    def __init__(self, system: System) -> None:
-        super().__init__([system])
-        structure = system.equations.structure
+    def __init__(self, systems: Sequence[System]) -> None:
+        super().__init__(systems)
+        structure = systems[0].equations.structure
         forms = structure.contacts
         self.omega = float(self.frequency[0])
         self.state_size = structure.state_size
         self.dry = [index for index, form in enumerate(forms) if form.law.is_dry]
         self.memories = {contact: 2 * self.size + place for place, contact in enumerate(structure.memories)}
         self.rigid = [switch for _, switch in structure.reactions if switch >= 0]
-        self.stiffnesses = {
-            index: float(system.equations[f"{forms[index].name}.stiffness"]) for index in structure.memories
-        }
+        self.stiffnesses = {index: float(self._own[index]["stiffness"][0]) for index in structure.memories}
         self._hosts = {index: structure.host(index) for index in self.dry}
         self.unreached = [
             switch for switch, k in enumerate(self.contact_of) if forms[k].law.rebounds and switch not in self.rigid
@@ -97,9 +118,7 @@ class DryEquations(Equations):
         self.creeping = [
             index for index in self.memories if index in self._pressed or forms[index].name in self._varied_prefixes
         ]
-        # as complex numbers too, so that products with complex states, a million of them, convert nothing
-        own = -np.hstack((self._stiffness[0], self._damping[0])).T, self._shapes[0].T, -self._push[0].T
-        self._terms = own, [each.astype(complex) for each in own]
+        self._within = -np.concatenate((self._stiffness, self._damping), axis=2)
         # a contact that hosts friction comes before the friction
         self._order = sorted(range(len(forms)), key=lambda index: forms[index].law.is_dry)
 
@@ -113,12 +132,17 @@ class DryEquations(Equations):
         return self._hosts[index]
 
     def row(self, index: int) -> NDArray[np.float64]:
-        """Return the deflection vector of a contact, shape (n,)."""
+        """Return the deflection vector of a contact, shape (n,), of the first system."""
         return self._vectors[0][self._first[index]]
 
     def push(self, index: int) -> NDArray[np.float64]:
-        """Return the acceleration by the force of a contact, ``M^-1 d``, shape (n,)."""
+        """Return the acceleration by the force of a contact, ``M^-1 d``, shape (n,), of the first system."""
         return self._push[0][:, index]
+
+    def force_of(self, index: int, sizes: Sizes, lanes: Lanes = _ALL) -> Values:
+        """Return the force that would give a contact the accelerations of a motion of some size."""
+        drag = self._of(self._drag, lanes)[:, self._first[index]]
+        return sizes.speed * self.frequency[lanes] / np.abs(drag)
 
     def active(self, modes: Modes) -> list[int]:
         """Return the contacts that have a reaction: friction that sticks rigidly, and stops that are held."""
@@ -126,10 +150,19 @@ class DryEquations(Equations):
         return [*stuck, *(int(self.contact_of[switch]) for switch in sorted(modes.held))]
 
     def _named(self, prefix: str, numbers: Mapping[str, Any], loads: Values, lanes: Any) -> dict[str, Any]:
-        return super()._named(prefix, numbers, loads, lanes) if prefix in self._varied_prefixes else dict(numbers)
+        if prefix in self._varied_prefixes:
+            return super()._named(prefix, numbers, loads, lanes)
+        return {name: self._of(values, lanes) for name, values in numbers.items()}
 
     def loading(
-        self, angles: Values, states: Values, modes: Modes, levels: Values, *, breakaways: bool = True
+        self,
+        angles: Values,
+        states: Values,
+        modes: Modes,
+        levels: Values,
+        lanes: Lanes = _ALL,
+        *,
+        breakaways: bool = True,
     ) -> Loading:
         """Compute accelerations, forces and limits.
 
@@ -143,13 +176,15 @@ class DryEquations(Equations):
             The modes.
         levels : shape (L, loads that jump)
             1 for each load at its high level, otherwise 0.
+        lanes
+            Indices of the systems.
         breakaways
             False to leave them out.
         """
         n, count = self.size, len(states)
         q, v = states[:, :n], states[:, n : 2 * n]
-        loads = self._loads.at(angles, _ALL, levels)
-        x, rates = self._moves(angles, q, v, _ALL, loads)
+        loads = self._loads.at(angles, lanes, levels)
+        x, rates = self._moves(angles, q, v, lanes, loads)
         closed = modes.closed[None]
         forces = np.zeros((count, len(self._contacts)), dtype=np.result_type(states, angles))
         sliding = rates[:, self._first].copy()
@@ -158,7 +193,7 @@ class DryEquations(Equations):
         bounds: dict[int, Values] = {}
         for index in self._order:
             form, place = self._contacts[index], self._of_contact[index][0]
-            stages, numbers = self._arguments(index, loads, x, rates, closed, _ALL)
+            stages, numbers = self._arguments(index, loads, x, rates, closed, lanes)
             self._decided(form, stages, numbers, rates[:, place])
             known[index] = stages
             if isinstance(form.law, Friction):
@@ -173,52 +208,109 @@ class DryEquations(Equations):
                     stages.extension = at_limit if slip else states[:, self.memories[index]]
                 sliding[:, index] -= numbers["speed"]
             forces[:, index] = form.law.force(rates[:, place], stages, numbers)
-        within, driven, pushed = self._terms[np.iscomplexobj(forces)]
-        free = self._mean + loads[:, self._driving] @ driven + states[:, : 2 * n] @ within + forces @ pushed
+        free = (
+            self._of(self._mean, lanes)
+            + times(self._of(self._shapes, lanes), loads[:, self._driving])
+            + times(self._of(self._within, lanes), states[:, : 2 * n])
+            - times(self._of(self._push, lanes), forces)
+        )
         if active := self.active(modes):
-            rows, pushes = np.array([self.row(each) for each in active]), self._push[0][:, active]
-            turning = free @ rows.T + self._swaying(angles)[:, active]
-            reactions = np.linalg.solve(rows @ pushes, turning.T).T
-            free = free - reactions @ pushes.T
+            rows, pushes = self._of(self._vectors, lanes)[:, self._first[active]], self._of(self._push, lanes)
+            turning = times(rows, free) + self._swaying(angles, lanes)[:, active]
+            matrices = rows @ pushes[:, :, active]
+            alike = len(matrices) == 1
+            reactions = (
+                np.linalg.solve(matrices[0], turning.T).T
+                if alike
+                else np.linalg.solve(matrices, turning[:, :, None])[:, :, 0]
+            )
+            free = free - times(pushes[:, :, active], reactions)
             forces[:, active] = reactions
         return Loading(free, forces, limits, bounds, sliding)
 
     def turning(self, angles: Values, found: Loading) -> Values:
-        """Return the derivatives over time of the slip rates of all contacts, shape (L, contacts)."""
+        """Return the derivatives over time of the slip rates of all contacts, shape (L, contacts), of one system."""
         return found.accelerations @ self._vectors[0][self._first].T + self._swaying(angles)
 
-    def _swaying(self, angles: Values) -> Values:
+    def _swaying(self, angles: Values, lanes: Lanes = _ALL) -> Values:
         """Return the accelerations of what is added to the deflections, shape (L, contacts)."""
+        if not self._displaced.any():
+            return np.zeros((len(angles), len(self._contacts)))
         still = np.zeros((len(angles), self.size))
-        return self.deflections(angles, still, derivative=2) * self.omega**2 + np.zeros((len(angles), 1))
+        return self.deflections(angles, still, lanes, derivative=2) * self.frequency[lanes, None] ** 2
 
-    def derivatives(self, angles: Values, states: Values, modes: Modes, levels: Values) -> Values:
+    def derivatives(self, angles: Values, states: Values, modes: Modes, levels: Values, lanes: Lanes = _ALL) -> Values:
         """Return the derivatives of states over the angle; of an extension in slip, which its limit determines, 0."""
         n = self.size
-        found = self.loading(angles, states, modes, levels, breakaways=False)
+        found = self.loading(angles, states, modes, levels, lanes, breakaways=False)
         rates = np.zeros(states.shape, dtype=found.accelerations.dtype)
         rates[:, :n], rates[:, n : 2 * n] = states[:, n : 2 * n], found.accelerations
         for index, place in self.memories.items():
-            if not modes.slip[index] and not self.is_idle(index, found.limits[index], modes):
-                rates[:, place] = found.sliding[:, index]
-        return rates / self.omega
+            if not modes.slip[index]:
+                idle = self.is_idle(index, found.limits[index], modes)
+                rates[:, place] = np.where(idle, 0.0, found.sliding[:, index])
+        return rates / self.frequency[lanes, None]
 
-    def is_idle(self, index: int, limits: Values, modes: Modes) -> bool:
-        """Return True for friction of a contact that is open, so that it has no force."""
+    def is_idle(self, index: int, limits: Values, modes: Modes) -> NDArray[np.bool_]:
+        """Return True for each limit of friction of a contact that is open, so that it has no force."""
         host = self._hosts[index]
         if host is None:
-            return False
-        opened = not modes.closed[self.contact_of == host].any()
-        return opened if index in self._pressed else float(np.real(limits[0])) == 0.0
+            return np.zeros(len(limits), dtype=bool)
+        if index in self._pressed:
+            return np.full(len(limits), not modes.closed[self.contact_of == host].any())
+        return np.real(limits) == 0.0
 
-    def creep(self, index: int, angle: float, state: NDArray[np.float64], modes: Modes, levels: Values) -> float:
-        """Return the rate over time of the extension that belongs to the limit of an element; 0 if it is constant."""
+    def creep(
+        self, index: int, angles: Values, states: Values, modes: Modes, levels: Values, lanes: Lanes = _ALL
+    ) -> NDArray[np.float64]:
+        """Return the rates over time of the extension that belongs to the limit of an element; 0 if it is constant."""
         if index not in self.creeping:
-            return 0.0
-        rates = self.derivatives(np.array([angle]), state[None], modes, levels)[0]
-        step = 1j * _STEP
-        limits = self.loading(np.array([angle + step]), (state + step * rates)[None], modes, levels).limits[index]
-        return float(np.imag(limits[0]) / _STEP * self.omega / self.stiffnesses[index])
+            return np.zeros(len(states))
+        angles, states = np.real(angles), np.real(states)
+        rates, step = self.derivatives(angles, states, modes, levels, lanes), 1j * _STEP
+        limits = self.loading(angles + step, states + step * rates, modes, levels, lanes).limits[index]
+        stiffness = self._of(self._own[index]["stiffness"], lanes)
+        return np.imag(limits) / _STEP * self.frequency[lanes] / stiffness
+
+    def mode_guards(
+        self,
+        angles: Values,
+        states: Values,
+        modes: Modes,
+        levels: Values,
+        sizes: Sizes,
+        lanes: Lanes = _ALL,
+    ) -> dict[Key, Values]:
+        """Return the guards of some modes, as shares of their scales: a mode lasts while its guard is positive.
+
+        Of friction without force it is 1.
+        """
+        n = self.size
+        now, found = self.loading(angles, states, modes, levels, lanes), dict[Key, Values]()
+        depths = self.depths(self.deflections(angles, states[:, :n], lanes), lanes)
+        for switch, sign in enumerate(self.signs):
+            index = int(self.contact_of[switch])
+            if switch in modes.held:
+                found["contact", switch] = sign * now.forces[:, index] / self.force_of(index, sizes, lanes)
+            elif switch not in self.unreached:
+                side = 1.0 if modes.closed[switch] else -1.0
+                found["contact", switch] = side * depths[:, switch] / sizes.length
+        for index in self.dry:
+            slip, limits = modes.slip[index], now.limits[index]
+            forces = now.forces[:, index]
+            if index not in self.memories:
+                left = now.breakaways[index] - np.where(np.real(forces) > 0.0, forces, -forces)
+                size = np.maximum(self.force_of(index, sizes, lanes), np.real(now.breakaways[index]))
+                found["slip", index] = slip * now.sliding[:, index] / sizes.speed if slip else left / size
+                continue
+            if slip:
+                rates = slip * now.sliding[:, index] + (PAUSE * sizes.speed if index in modes.pausing else 0.0)
+                left = (rates - self.creep(index, angles, states, modes, levels, lanes)) / sizes.speed
+            else:
+                left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
+                left = left / (self._of(self._own[index]["stiffness"], lanes) * sizes.length)
+            found["slip", index] = np.where(self.is_idle(index, limits, modes), 1.0, left)
+        return found
 
     def set_extensions(self, angles: Values, states: Values, modes: Modes, levels: Values) -> None:
         """Set the extension of each slipping element: the one at which its force has the limit."""
@@ -262,15 +354,29 @@ class DryEquations(Equations):
         change = law.rebound(rate, numbers) - rate
         states[:, n : 2 * n] += np.outer(change / (row @ push), push)
 
-    def inside(self, shares: Values, h: float, states: Values, rates: Values) -> NDArray[np.float64]:
-        """Return the states at some shares of a step over the angle h, from states and rates at its two ends."""
-        n, (y0, y1), (r0, r1) = self.size, states, h * rates
-        first, last = ([y[:n], r[:n], h * r[n : 2 * n] / self.omega] for y, r in ((y0, r0), (y1, r1)))
+    def inside(
+        self, shares: Values, h: Values, states: Values, rates: Values, lanes: Lanes = _ALL
+    ) -> NDArray[np.float64]:
+        """Return states at some shares of steps, from states and rates at their two ends, shape (L, shares, size).
+
+        Parameters
+        ----------
+        shares
+            The shares, the same of all steps.
+        h : shape (L,)
+            Angles of the steps.
+        states, rates : shape (2, L, size)
+            At both ends.
+        lanes
+            Indices of the systems.
+        """
+        n, omega, turns = self.size, self.frequency[lanes, None, None], h[:, None, None]
+        (y0, y1), (r0, r1) = states[:, :, None], turns * rates[:, :, None]
+        first, last = ([y[..., :n], r[..., :n], turns * r[..., n : 2 * n] / omega] for y, r in ((y0, r0), (y1, r1)))
         s = shares[:, None]
         q, slope = between(first, last, s)
         # the extensions by a cubic
-        d, a, b = y1[2 * n :] - y0[2 * n :], r0[2 * n :], r1[2 * n :]
-        z = y0[2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
-        found = np.concatenate((q, slope / h * self.omega, z), axis=1)
-        found[shares == 1.0] = y1
-        return found
+        d, a, b = y1[..., 2 * n :] - y0[..., 2 * n :], r0[..., 2 * n :], r1[..., 2 * n :]
+        z = y0[..., 2 * n :] + s * (a + s * ((3.0 * d - 2.0 * a - b) + s * (a + b - 2.0 * d)))
+        found = np.concatenate((q, slope / turns * omega, z), axis=-1)
+        return np.where((shares == 1.0)[:, None], y1, found)

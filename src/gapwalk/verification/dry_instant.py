@@ -18,7 +18,7 @@ import numpy as np
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import smallness
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Values
+from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Sizes, Values
 from gapwalk.verification.guard_samples import FIRES
 
 SMALL = 1e-25
@@ -26,7 +26,6 @@ SMALL = 1e-25
 
 EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
-_PAUSE = 1e-6  # slip rate, relative to the velocities, by which slip may reverse in a pause
 _LEAST = 1e-3  # share of the small length of a system below which a motion is rest
 _HELD = 1e-7  # angle of a flight that is not made any more
 
@@ -47,15 +46,14 @@ class DryInstant:
         The states of all.
     modes, levels
         What is closed, slips and is held; and the levels of numbers that jump.
-    pausing
-        Jenkins elements that slip on, though their slip rate reverses for a moment: they would be back at their limit
-        before rounding shows.
     length, speed, scales
         The size of the motion, of its velocities, and of each part of a state.
+    sizes
+        The first two of them.
     """
 
     def __init__(self, orbit: Orbit) -> None:
-        equations = self.equations = DryEquations(orbit.system)
+        equations = self.equations = DryEquations([orbit.system])
         n, size = equations.size, equations.state_size
         self.theta, self.angles = 0.0, np.zeros(size + 1)
         self.states = np.tile(orbit.state.astype(complex), (size + 1, 1))
@@ -66,8 +64,9 @@ class DryInstant:
         self.scales = np.full(size, length)
         self.scales[n : 2 * n] = speed
         self.length, self.speed, self._slack = length, speed, EQUAL
+        self.sizes = Sizes(np.array([length]), np.array([speed]))
         self.levels = equations.levels(np.array([1e-9]))
-        self.pausing, self._stopped = set[int](), dict[int, float]()
+        self._stopped = dict[int, float]()
         self.modes = self._start()
 
     def _now(self) -> Loading:
@@ -120,7 +119,7 @@ class DryInstant:
         if grown and abs(z) < limit * (1.0 - 1e-12):
             return
         side = round(math.copysign(1.0, z if grown else self._slip_rate(index)))
-        if equations.is_idle(index, np.array([limit]), self.modes):
+        if equations.is_idle(index, np.array([limit]), self.modes)[0]:
             self.states[:, place] = 0.0
             return
         self.modes.slip[index] = side
@@ -130,9 +129,8 @@ class DryInstant:
 
     def _sliding(self, index: int) -> float:
         """Return the rate of the slider of a Jenkins element in the direction of its slip."""
-        state = np.real(self.states[0])
-        creep = self.equations.creep(index, self.theta, state, self.modes, self.levels)
-        return self.modes.slip[index] * self._slip_rate(index) - creep
+        creep = self.equations.creep(index, np.array([self.theta]), self.states[:1], self.modes, self.levels)[0]
+        return self.modes.slip[index] * self._slip_rate(index) - float(creep)
 
     def _decide(self, slipping: Sequence[int] = ()) -> None:
         """Decide which rigid friction at rest sticks: as many as can; `slipping` have just begun to slip."""
@@ -216,55 +214,17 @@ class DryInstant:
             else:
                 modes.slip[index] = round(math.copysign(1.0, z))
                 if self.theta == self._stopped.get(index):
-                    self.pausing.add(index)
+                    modes.pausing.add(index)
         elif not modes.slip[index]:
             modes.slip[index] = round(math.copysign(1.0, float(self._now().forces[0, index])))
             released = (index,)
         self._decide(released)
 
-    def guards(self, angles: Values, states: Values) -> dict[tuple[str, int], Values]:
-        """Return the guards of the present modes, as shares of their scales, at some states."""
-        equations, modes, n = self.equations, self.modes, self.equations.size
-        now, found = equations.loading(angles, states, modes, self.levels), {}
-        depths = equations.depths(equations.deflections(angles, states[:, :n]))
-        for switch, sign in enumerate(equations.signs):
-            index = int(equations.contact_of[switch])
-            if switch in modes.held:
-                found["contact", switch] = sign * now.forces[:, index] / self._force(index)
-            elif switch not in equations.unreached:
-                side = 1.0 if modes.closed[switch] else -1.0
-                found["contact", switch] = side * depths[:, switch] / self.length
-        for index in equations.dry:
-            slip, limits = modes.slip[index], now.limits[index]
-            forces = now.forces[:, index]
-            if index not in equations.memories:
-                left = now.breakaways[index] - np.where(np.real(forces) > 0.0, forces, -forces)
-                size = max(self._force(index), float(np.real(now.breakaways[index][0])))
-                found["slip", index] = slip * now.sliding[:, index] / self.speed if slip else left / size
-            elif not equations.is_idle(index, limits, modes):
-                if slip:
-                    rates = slip * now.sliding[:, index] + (_PAUSE * self.speed if index in self.pausing else 0.0)
-                    if index in equations.creeping:
-                        rates = rates - self._creeps(index, angles, states)
-                    found["slip", index] = rates / self.speed
-                else:
-                    left = limits - np.where(np.real(forces) > 0.0, forces, -forces)
-                    found["slip", index] = left / (equations.stiffnesses[index] * self.length)
-        return found
-
     def _end_pauses(self) -> None:
         """End the pauses of elements whose slip rate has its direction again."""
-        for index in [*self.pausing]:
+        for index in [*self.modes.pausing]:
             if self.modes.slip[index] * self._slip_rate(index) > FIRES * self.speed:
-                self.pausing.discard(index)
-
-    def _creeps(self, index: int, angles: Values, states: Values) -> Values:
-        rows = zip(np.real(angles), np.real(states), strict=True)
-        return np.array([self.equations.creep(index, angle, row, self.modes, self.levels) for angle, row in rows])
-
-    def _force(self, index: int) -> float:
-        """Return the force that would give a contact the accelerations of the motion."""
-        return self.speed * self.equations.omega / abs(float(self.equations.row(index) @ self.equations.push(index)))
+                self.modes.pausing.discard(index)
 
     def _rates(self, angle: float, states: Values) -> Values:
         return self.equations.derivatives(np.full(len(states), angle), states, self.modes, self.levels)

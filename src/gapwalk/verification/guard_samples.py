@@ -8,11 +8,13 @@ values, since samples are interpolated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TypeVar
+from collections.abc import Generator
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gapwalk.verification.dry_equations import Key
 
 FIRES = 1e-11
 """Share of its scale by which a guard is beyond zero once it has changed its sign."""
@@ -24,29 +26,22 @@ _ROUGH = 1e-2  # share of its scale by which an interpolated sample of a guard m
 _CLEAR = 0.5  # share of its smallest sample above which the parabola is clear of zero
 
 Array = NDArray[np.float64]
-Key = TypeVar("Key")
+Found = TypeVar("Found")
+Search = Generator[tuple[Array, Key | None], Any, Found]
 
 
-def brackets(
-    sample: Callable[[Array], Mapping[Key, Array]], exact: Callable[[Array, Key], Array]
-) -> dict[Key, tuple[float, Array]]:
+def brackets() -> Search[dict[Key, tuple[float, Array]]]:
     """Find the guards that pass below zero in a step, each with a share of the step before that, and all those after.
 
-    Parameters
-    ----------
-    sample
-        Function of increasing shares of the step, from 0 to 1, that returns the interpolated values of each guard.
-    exact
-        Function of such shares and a guard that returns its values, which may take long.
+    It is a generator. It yields increasing shares of the step, from 0 to 1, and None, and is sent the interpolated
+    values of each guard; or it yields shares and the key of a guard, and is sent its exact values, which may take long.
     """
     found = {}
-    for key, values in sample(_SHARES).items():
+    for key, values in (yield _SHARES, None).items():
         shares = _SHARES
         below = np.flatnonzero(values[1:] < -FIRES) + 1
         if not len(below):
-            shares, values = _dip(
-                lambda at, key=key: sample(at)[key], lambda at, key=key: exact(at, key), shares, values
-            )
+            shares, values = yield from _dip(key, shares, values)
             below = np.flatnonzero(values < -FIRES)
         if len(below):
             above = np.flatnonzero(values[: below[0]] > FIRES)
@@ -54,10 +49,8 @@ def brackets(
     return found
 
 
-def _dip(
-    sample: Callable[[Array], Array], exact: Callable[[Array], Array], shares: Array, values: Array
-) -> tuple[Array, Array]:
-    """Return samples near a dip below zero, or no samples."""
+def _dip(key: Key, shares: Array, values: Array) -> Search[tuple[Array, Array]]:
+    """Return samples near a dip of a guard below zero, or no samples."""
     inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1
     for place in inner:
         near, seen = shares[place - 1 : place + 2], values[place - 1 : place + 2]
@@ -67,7 +60,7 @@ def _dip(
             if (known or not is_rough) and _lowest(near, seen) > _CLEAR * seen[1]:
                 break
             closer, known = np.linspace(near[0], near[2], _CLOSER + 1), is_rough
-            again = (exact if is_rough else sample)(closer)
+            again = (yield closer, key) if is_rough else (yield closer, None)[key]
             if again.min() < -FIRES:
                 return closer, again
             middle = int(np.clip(np.argmin(again), 1, _CLOSER - 1))

@@ -8,6 +8,7 @@ act, which modes a law is in, and what varies over the angle is decided here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +127,7 @@ class Equations:
         derivative
             Order of that derivative.
         """
-        found = _times(self._of(self._vectors, lanes)[:, self._first], moved)
+        found = times(self._of(self._vectors, lanes)[:, self._first], moved)
         if self._displaced.any():
             found = found + self._loads.at(theta, lanes, None, derivative) @ self._displaced[self._first].T
         return found
@@ -159,10 +160,10 @@ class Equations:
         force, contraction = self._contact_forces(loads, *self._moves(theta, q, v, lanes, loads), closed, lanes)
         acceleration = (
             self._of(self._mean, lanes)
-            + _times(self._of(self._shapes, lanes), loads[:, self._driving])
-            - _times(self._of(self._stiffness, lanes), q)
-            - _times(self._of(self._damping, lanes), v)
-            - _times(self._of(self._push, lanes), force)
+            + times(self._of(self._shapes, lanes), loads[:, self._driving])
+            - times(self._of(self._stiffness, lanes), q)
+            - times(self._of(self._damping, lanes), v)
+            - times(self._of(self._push, lanes), force)
         )
         divergence = self._of(self._free, lanes) - contraction
         return np.column_stack((v, acceleration, divergence)) / self.frequency[lanes, None]
@@ -192,7 +193,7 @@ class Equations:
     def _moves(self, theta: Array, q: Array, v: Array, lanes: Lanes, loads: Array) -> tuple[Array, Array]:
         """Return all deflections and their rates over time, shape (L, arguments of all laws) each."""
         vectors = self._of(self._vectors, lanes)
-        x, rate = _times(vectors, q), _times(vectors, v)
+        x, rate = times(vectors, q), times(vectors, v)
         if self._displaced.any():
             x = x + loads @ self._displaced.T
             slopes = self._loads.at(theta, lanes, None, 1) * self.frequency[lanes, None]
@@ -355,7 +356,7 @@ def _targets(structure: Structure, text: str) -> Iterator[tuple[str, str, float]
                 yield prefix, "cubic", 1.0  # the whole force varies
 
 
-def _times(matrices: Array, vectors: Array) -> Array:
+def times(matrices: NDArray[Any], vectors: NDArray[Any]) -> NDArray[Any]:
     """Return products of matrices (one, or one for each vector) and vectors, shape (L, rows)."""
     if len(matrices) == 1:
         return vectors @ matrices[0].T

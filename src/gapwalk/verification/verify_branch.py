@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
-from gapwalk.continuation.corrector import hermite, length_of
+from gapwalk.bifurcation.start_of_period import smooth_between
+from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
@@ -235,26 +236,27 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
+    corrector, a, b = smooth_between(track.corrector_at(a), a, b)
     # a branch may connect any two points by a long detour
     far = abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
-    return max(far, _deviation(track, a, b, 0))
+    return max(far, _deviation(corrector, a, b, 0))
 
 
-def _deviation(track: Track, a: BranchPoint, b: BranchPoint, depth: int) -> float:
+def _deviation(corrector: Corrector, a: BranchPoint, b: BranchPoint, depth: int) -> float:
     """Return the deviation from the cubic, of a gap that was halved `depth` times."""
     if length_of(b.x - a.x) < _TOGETHER:
         return 0.0
-    middle, figure = _between(track, a, b)
+    middle, figure = _between(corrector, a, b)
     if middle is None or figure <= 1.0 or depth == _DEEPEST:
         return figure
-    return max(_deviation(track, a, middle, depth + 1), _deviation(track, middle, b, depth + 1))
+    return max(_deviation(corrector, a, middle, depth + 1), _deviation(corrector, middle, b, depth + 1))
 
 
-def _between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:
+def _between(corrector: Corrector, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:
     """Return an orbit about half-way between two points, and its deviation from the interpolated one; see `_gap`."""
     chord = b.x - a.x
     length = length_of(chord)
-    way, corrector = chord / length, track.corrector_at(a)
+    way = chord / length
     turn = max(_angle(a.tangent, way), _angle(b.tangent, way)) / _TURN
     first = BranchPoint(a.value, a.orbit, a.x, a.tangent, a.determinant, 0.0)
     last = BranchPoint(b.value, b.orbit, b.x, b.tangent, b.determinant, length)

@@ -93,19 +93,32 @@ def _verify_orbit(
         off = abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction))
         ledger.enter(Check.VOLUME, spot, off)
     off = _distance(reshot.multipliers, orbit.free_multipliers)
+    beside: list[NDArray[np.complex128]] = []
+    is_corner = kind is not None and kind.is_corner
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
-        beside = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
-        others = [_again(each, track.segments, _beside(each, around)).multipliers for each in beside]
-        varied = max(_distance(reshot.multipliers, other) for other in others)
+        beside = _beside(track, point, around)
+        varied = max(_distance(reshot.multipliers, other) for other in beside)
         off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
     # the number of unstable multipliers is known unless one is on the unit circle
     found, stored = (_not_critical(each, kind) for each in (reshot.multipliers, orbit.free_multipliers))
     if not (is_on_border(found) or is_on_border(stored)):
         counts = [int((np.abs(each) > 1.0).sum()) for each in (found, stored)]
+        off = abs(counts[0] - counts[1])
+        if off and is_corner:  # the multipliers jump there: rounding decides on which side of it each motion lies
+            sides = [int((np.abs(each) > 1.0).sum()) for each in beside or _beside(track, point, around)]
+            off = min(abs(count - counts[1]) for count in sides)
         detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"
-        ledger.enter(Check.STABILITY, spot, float(abs(counts[0] - counts[1])), detail)
+        ledger.enter(Check.STABILITY, spot, float(off), detail)
+
+
+def _beside(track: Track, point: BranchPoint, around: Round) -> list[NDArray[np.complex128]]:
+    """Return the multipliers of some motions beside a point, on all sides of it."""
+    orbit = point.orbit
+    near = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
+    arounds = carry(near) if isinstance(around, DryRound) else [around] * len(near)
+    return [_again(each, track.segments, its).multipliers for each, its in zip(near, arounds, strict=True)]
 
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
@@ -124,11 +137,6 @@ def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDA
 def _again(orbit: Orbit, segments: int, around: Round) -> Reshot:
     """Compute the multipliers of an orbit again: of motions with friction or impacts, by the other integrator."""
     return _carried(orbit, around) if isinstance(around, DryRound) else _reshoot(orbit, segments, around.contraction)
-
-
-def _beside(orbit: Orbit, around: Round) -> Round:
-    """Return the integration of an orbit beside another one, where its multipliers come from that."""
-    return carry([orbit])[0] if isinstance(around, DryRound) else around
 
 
 def _carried(orbit: Orbit, around: DryRound) -> Reshot:

@@ -155,13 +155,21 @@ class Examination:
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
     def _zero(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
-        """Return the parameter where a function of the point is zero, by a secant from the special point."""
-        point = self.special.point
+        """Return the parameter where a function of the point is zero, by a secant from the special point.
+
+        Where a contact grazes or a phase of friction vanishes, the function may have another slope on each side. Then
+        the secant is that of the side on which rounding has put the special point.
+        """
+        point, length = self.special.point, min(reach, _SECANT)
         try:
-            here, beside = self.second.at(point), self.second.at(point, min(reach, _SECANT))
+            here, beside = self.second.at(point), self.second.at(point, length)
+            first, last = function(here), function(beside)
         except NumericalError:
             return None
-        first, last = function(here), function(beside)
+        if first * last < 0.0 and not self.special.kind.by_multipliers:
+            with suppress(NumericalError):  # it may be defined on one side only
+                before = self.second.at(point, -length)
+                last, beside = function(before), before
         if first == last:
             return None
         return here.value - (beside.value - here.value) * first / (last - first)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 import traceback
@@ -15,35 +16,38 @@ import numpy as np
 import gapwalk as gw
 from gapwalk.attractors import ClassifyOptions, LyapunovOptions, SettleOptions, classify, lyapunov
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import GapwalkError
+from gapwalk.errors import GapwalkError, Interrupted
 from gapwalk.verification.dry_dop853 import carry
 
 LONGEST = 60.0
-"""Seconds of processor time after which a step counts as a hang."""
+"""Seconds of processor time after which a step counts as a hang, if the trial has no cap."""
 
 _WALK = gw.WalkOptions(max_points=400)
 _SETTLE = SettleOptions(max_periods=2000, max_period=16)
 _LYAPUNOV = LyapunovOptions(max_periods=256)
 _CLOSED, _SAME = 1e-9, 1e-6  # of the independent integrator, as in gapwalk.verification
 _STEPS, _POINTS = 5, 20  # of the sweep
+_SHARE = 0.5  # of the time that is left, for one step
 Result = TypeVar("Result")
 
 
-class HangError(Exception):
-    """A step that took too long."""
+class HangError(KeyboardInterrupt):
+    """A step that took too long; as after Ctrl-C, what it has found is kept."""
 
 
 @contextmanager
-def at_most(seconds: float) -> Iterator[None]:
-    """Raise a HangError in the middle of what takes more processor time."""
+def at_most(seconds: float) -> Iterator[list[float]]:
+    """Raise a HangError in the middle of what takes more processor time; the list then has the number of seconds."""
+    fired: list[float] = []
 
     def stop(*_: object) -> None:
+        fired.append(seconds)
         raise HangError
 
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
     try:
-        yield
+        yield fired
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
@@ -65,6 +69,12 @@ class Trial:
         Processor time of each step.
     note
         An error before the first step.
+    cap
+        Processor time, in seconds, that all steps take at most; a step has half of what the steps before it have left.
+    slow
+        True if a step was cut off, since it took longer than that.
+    outcome
+        What became of the branch: why it ended, or why there is none.
     """
 
     name: str
@@ -72,6 +82,9 @@ class Trial:
     ends: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     note: str = ""
+    cap: float = math.inf
+    slow: bool = False
+    outcome: str = ""
 
     @property
     def agrees(self) -> bool:
@@ -84,14 +97,20 @@ class Trial:
 
     def step(self, name: str, work: Callable[[], Result], words: Callable[[Result], str]) -> Result | None:
         """Do one step; None if there is no result."""
-        begin, found = time.process_time(), None
+        is_capped = math.isfinite(self.cap)
+        longest = _SHARE * (self.cap - sum(self.seconds.values())) if is_capped else LONGEST
+        begin, found, fired = time.process_time(), None, list[float]()
         try:
-            with at_most(LONGEST):
+            with at_most(longest) as fired:
                 found = work()
             self.ends[name] = words(found)
-        except HangError:
-            self.ends[name] = "hang"
-            self.faults.append(f"{name}: it took more than {LONGEST:g} s")
+        except (HangError, Interrupted) as stop:
+            if not fired:
+                raise
+            found = getattr(stop, "found", None)
+            self.slow, self.ends[name] = True, f"too slow: it was cut off after {fired[0]:.0f} s"
+            if not is_capped:
+                self.faults.append(f"{name}: it took more than {LONGEST:g} s")
         except GapwalkError as error:
             self.ends[name] = f"{type(error).__name__}: {error}"
             if len(str(error)) < 20:
@@ -103,19 +122,24 @@ class Trial:
         return found
 
 
-def attempt(name: str, system: gw.System, factor: float = 1.3, sampled: int = 0) -> Trial:
+def attempt(name: str, system: gw.System, factor: float = 1.3, sampled: int = 0, cap: float = math.inf) -> Trial:
     """Search an orbit, walk and verify its branch, classify the settled motion, and sweep.
 
     The range is from its frequency to `factor` times as much. A number `sampled` of orbits are
-    integrated by the independent integrator in place of the whole verification.
+    integrated by the independent integrator in place of the whole verification. All that takes at most `cap` seconds
+    of processor time.
     """
-    trial = Trial(name)
+    trial = Trial(name, cap=cap)
     orbit = trial.step("orbit", lambda: gw.find_orbit(system), repr)
     if orbit is not None:
         to = factor * system["frequency"]
         branch = trial.step("branch", lambda: gw.follow(orbit, "frequency", to, walk=_WALK), _branch_words)
+        trial.outcome = "too slow" if trial.slow else trial.ends["branch"]
         if branch is not None:
+            trial.outcome = trial.outcome if trial.slow else branch.ends[-1].reason.value
             _judge(trial, branch, sampled)
+    else:
+        trial.outcome = "too slow" if trial.slow else trial.ends["orbit"]
     kept = ClassifyOptions(settle=_SETTLE, lyapunov=_LYAPUNOV)
     attractor = trial.step("motion", lambda: classify(system, options=kept), lambda found: str(found.kind))
     if attractor is not None and attractor.orbit is not None:

@@ -11,7 +11,7 @@ from reproductions.padmanabhan_singh_1995.page import claims_page, html_page
 from reproductions.padmanabhan_singh_1995.report import Report
 from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED
 
-DOCS = Path(__file__).resolve().parents[3] / "docs" / "paper.md"
+DOCS = Path(__file__).resolve().parents[3] / "docs" / "explanation" / "paper.md"
 
 
 def checked(holds: bool = True, evidence: str = "found"):

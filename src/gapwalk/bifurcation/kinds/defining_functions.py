@@ -87,7 +87,7 @@ def smallest_singular_value(matrix: NDArray[np.float64]) -> Criticality:
     for the best choice of borders, the singular vectors themselves; so borders need not be updated along a locus.
     """
     left, values, right = np.linalg.svd(matrix)
-    sign = 1.0 if np.linalg.det(left) * np.linalg.det(right) > 0.0 else -1.0
+    sign = 1.0 if np.linalg.det(left @ right) > 0.0 else -1.0  # both are orthogonal
     return Criticality(sign * float(values[-1]), right[-1:], sign * left[:, -1:].T)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero, zero_between
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
@@ -232,8 +232,6 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
 
     Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
     """
-    from scipy.optimize import brentq  # imported late, because the import is slow
-
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
 
@@ -246,7 +244,7 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     ends = depth(richer.arclength), depth(fewer.arclength)
     if ends[0] * ends[1] >= 0.0:
         return None
-    root = float(brentq(depth, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
+    root = zero_between(depth, first.arclength, last.arclength)[0]
     if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
         return None
     point = interval.at(root)

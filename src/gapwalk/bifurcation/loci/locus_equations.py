@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.defining_functions import Criticality
-from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place, ShotPlane
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.orbit.orbit import Orbit
@@ -55,9 +55,9 @@ class LocusEquation:
         raise NotImplementedError
 
     def residual(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], Place]:
-        """Return the residual of a point in the plane of one parameter, and the place.
+        """Return the residual of a point in the plane of one parameter, and the place, without derivatives by it.
 
-        The residual of a condition on multipliers is not divided by its slope, so it needs no derivatives.
+        The residual of a condition on multipliers is not divided by its slope, so it needs none of the multipliers.
         """
         residual, _, place = self.linearised(unknowns)
         return residual, place
@@ -139,6 +139,15 @@ class GrazingEquation(LocusEquation):
         turning[0] -= self.depth
         return np.concatenate((place.residual, turning)), jacobian, place
 
+    def residual(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], Place]:
+        """See `LocusEquation.residual`."""
+        if not isinstance(self.plane, ShotPlane):
+            return super().residual(unknowns)
+        theta = float(unknowns[-2])
+        place, there = self.plane.closed(unknowns[:-2], float(unknowns[-1]), theta=theta)
+        depth, rate = self.plane.depth(self.switch, place, theta, there)
+        return np.concatenate((place.residual, [depth - self.depth, rate])), place
+
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the unknowns of an orbit, with the angle of the turning point nearest to the breakpoint."""
         thetas, depths = orbit.turning_depths[self.switch]
@@ -196,7 +205,12 @@ class MultiplierEquation(LocusEquation):
 
     def residual(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], Place]:
         """See `LocusEquation.residual`."""
-        place = self.place(unknowns)
+        plane = self.plane
+        place = (
+            plane.closed(unknowns[:-1], float(unknowns[-1]))[0]
+            if isinstance(plane, ShotPlane)
+            else self.place(unknowns)
+        )
         return np.append(place.residual, self.criticality(place).value), place
 
     def inverse(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -17,7 +17,7 @@ from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.flow.breakpoints import Gauge
-from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of, flow_with
 from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -194,6 +194,35 @@ class ShotPlane(OrbitPlane):
         jacobian[:, :size].flat[:: size + 1] -= 1.0
         return Place(unknowns, coefficients, slopes, closed.state - unknowns, jacobian, arc)
 
+    def closed(
+        self, unknowns: NDArray[np.float64], *point: float, theta: float | None = None
+    ) -> tuple[Place, NDArray[np.float64]]:
+        """Evaluate the equations without derivatives by the parameters, which take a third of the time of `place`.
+
+        Returns the place, and the state at the angle `theta` on the way; at the start if there is none.
+        """
+        flow, stop = _without_directions(self._flow), PERIOD * self.period
+        coefficients, there = self._parameters.coefficients(*point)[0], unknowns
+        angle = 0.0 if theta is None else theta % stop
+        if angle > 0.0:
+            found = flow.vary(coefficients, unknowns, np.array([0.0, angle, stop]))
+            arc, there = (
+                Arc(found.states[-1], found.transitions[-1], None, found.contacts, 0, *found.logs[1:]),
+                found.states[1],
+            )
+        else:
+            arc = flow.integrate(coefficients, unknowns, 0.0, stop)
+        ended = self._released(coefficients, arc, unknowns)
+        jacobian = transition_of(ended).copy()
+        jacobian.flat[:: len(unknowns) + 1] -= 1.0
+        nothing = np.zeros((0, len(coefficients)))
+        return Place(unknowns, coefficients, nothing, ended.state - unknowns, jacobian, arc), there
+
+    def depth(self, switch: int, place: Place, theta: float, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the depth of a motion beyond the breakpoint of a switch, and its rate over time, at one state."""
+        angle = theta % (PERIOD * self.period)
+        return np.array(Gauge(self._layout, switch).depth(place.coefficients, angle, state))
+
     def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
         """See `OrbitPlane.orbit`."""
         arc: Arc = evaluation.evidence.evidence
@@ -326,6 +355,12 @@ class ShotPlane(OrbitPlane):
     def _flow(self) -> Flow:
         others = [self.alike] * (len(self.names) - 1) if self.alike else self.names[1:]
         return flow_of(self.system, self.names[0], *others, transition=True)
+
+
+@lru_cache(maxsize=8)
+def _without_directions(flow: Flow) -> Flow:
+    """Return the flow of the same systems, with the transition matrix, but without derivatives by parameters."""
+    return flow_with(flow.equations.layout, flow.equations.pattern.astype(float), transition=True)
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:

@@ -20,9 +20,10 @@ export class Answer {
 
   /** Show the answer of a result; return it. */
   async show(file, { key, version }) {
-    [this.key, this.version] = [key, version];
+    const asked = {}; // results of two files may have one key
+    Object.assign(this, { key, version, asked });
     const content = await get("/api/answer", { file, result: key });
-    if (this.key !== key) return null;
+    if (this.asked !== asked) return null;
     Object.assign(this, { content, hadRoom: false });
     $("answer-details").open = true;
     $("answer").hidden = $("answer-details").hidden = false;
@@ -34,7 +35,7 @@ export class Answer {
   }
 
   clear() {
-    Object.assign(this, { key: null, content: null });
+    Object.assign(this, { key: null, content: null, asked: null });
     $("answer").hidden = $("answer-details").hidden = true;
     $("below").replaceChildren();
   }

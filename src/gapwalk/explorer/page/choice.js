@@ -37,20 +37,23 @@ export class Choice {
     this.changed();
   }
 
-  /** Mark the chosen point again, on the curves over other axes; choose nothing if its curve is not among them. */
+  /** Find the chosen point on the curves of now. It stays chosen where its curve is not among them, or not yet. */
   keep() {
-    const { chosen } = this.page, curve = chosen?.curve && this.curves.all.get(chosen.curve.key);
-    if (curve) {
-      chosen.curve = curve;
-      this.diagram.choose(curve, chosen.index);
-    } else if (chosen?.curve) this.clear();
+    const { chosen } = this.page, curve = this.curves.all.get(chosen?.key), index = curve ? curve.node.indexOf(chosen.node) : -1;
+    if (chosen?.key) [chosen.curve, chosen.index] = index < 0 ? [null, -1] : [curve, index];
+    const settled = this.curves.settled.get(chosen?.start.result)?.place ?? null;
+    this.diagram.mark = index < 0 ? settled : [curve.x[index], curve.y[index]];
   }
 }
 
-/** A node of a curve: its place in the results, and its name; `x` is the name of what the diagram is over. */
+/**
+ * A node of a curve: its place in the results, and its name; `x` is the name of what the diagram is over.
+ *
+ * `key` and `node` say which point it is whatever the axes are; `curve` and `index` say where it is over those of now.
+ */
 function pointAt({ curve, index }, x) {
   const node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
   const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
   const at = `${x === "frequency" ? "Ω" : x.replace(/^measure:/, "")} = ${curve.x[index].toPrecision(8)}`;
-  return { start, special, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
+  return { start, special, key: curve.key, node, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
 }

@@ -93,6 +93,12 @@ export class Elements {
     this.draw();
   }
 
+  /** Show another element. */
+  choose(name) {
+    this.choice.value = name;
+    this.draw();
+  }
+
   /** Take the energy, which comes later than the motion. */
   book(energy) {
     this.energy = energy;

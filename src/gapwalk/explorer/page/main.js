@@ -17,6 +17,7 @@ const $ = (id) => document.getElementById(id);
 
 const page = { about: null, results: [], chosen: null, wanted: null }; // wanted: the result to show at its end
 const curves = new Curves();
+let updated = null; // the end of what is being fetched: for all who wait for it
 const diagram = new Diagram($("diagram"), curves, (found) => choice.choose(found));
 const motion = new MotionView(tell);
 const parameters = new Parameters($("parameters"), $("filter"));
@@ -67,12 +68,13 @@ async function open(file) {
   $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
   $("walk-to").value = about.range.at(-1) ?? "";
   showPlan();
+  motion.rest(about.machine);
   parameters.show(about.parameters, about.values);
   showLocusRange();
   diagram.range = null;
   await show(about.results);
   const last = about.results.at(-1);
-  if (last?.answer && last.state === "done" && page.about === about) await showResult(last);
+  if (last?.answer && last.state === "done" && page.about?.file === file) await showResult(last);
 }
 
 /** Read the file again after an edit or a restart of the server; what is shown and chosen stays. */
@@ -112,26 +114,33 @@ async function show(results) {
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
   $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
-  if (page.updating) return void (page.again = true);
+  page.again = true;
+  if (!page.updating) updated = update();
+  await updated;
+  enable();
+  await showAnswers().catch(tell);
+}
+
+/** Fetch curves, over the axes of now, until there is nothing new. */
+async function update() {
   page.updating = true;
   try {
-    do {
+    while (page.again) {
       page.again = false;
       const file = page.about?.file;
       if (!file) break;
       const fresh = await curves.update(file, axes(), isPlane(), page.results);
       if (page.about?.file !== file) continue; // another file was opened meanwhile, and shows itself
       const turned = markEarlier();
+      if (fresh) choice.keep();
       if (fresh || turned || !diagram.ready) drawDiagram();
       showEmpty();
-    } while (page.again);
+    }
   } catch (error) {
     tell(error);
   } finally {
     page.updating = false;
   }
-  enable();
-  await showAnswers().catch(tell);
 }
 
 /** Show the answer that was asked for once it is there, and the shown one again if it has changed. */
@@ -367,7 +376,7 @@ async function showResult(result) {
 /** Show an answer over its own axes. */
 async function showAnswer(result) {
   const { about } = page, content = await answer.show(about.file, result);
-  if (!content || page.about !== about) return;
+  if (!content || page.about?.file !== about.file) return; // the same file may have been read again
   const [x, y] = content.axes ?? [$("x").value, $("y").value];
   for (const [id, name] of [["x", x], ["y", y]]) if (![...$(id).options].some(({ value }) => value === name)) $(id).append(new Option(name));
   await showAxes(x, y);
@@ -382,13 +391,12 @@ async function showAxes(x, y) {
   await changeAxes();
 }
 
-/** Other axes: the chosen point stays chosen. */
+/** Other axes: the chosen point stays chosen, also where its curve has no place. */
 async function changeAxes() {
-  const { chosen } = page;
   curves.clear();
-  diagram.mark = diagram.range = null;
+  choice.keep();
+  diagram.range = null;
   await show(page.results);
-  if (page.chosen === chosen) choice.keep();
 }
 
 $("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); showResults($("results"), [], actOn); tell(error); }));

@@ -1,9 +1,9 @@
 // The motion at the chosen point, panel by panel; it is dropped when another point is chosen.
 
 import { get } from "./api.js";
-import { Bodies } from "./bodies.js";
 import { chart } from "./chart.js";
 import { Elements, legend, rests, showEnergy, strip } from "./friction.js";
+import { MachineView } from "./machine.js";
 
 const $ = (id) => document.getElementById(id);
 const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
@@ -13,10 +13,13 @@ export class MotionView {
     this.tell = tell;
     this.sound = new Sound();
     this.elements = new Elements();
-    this.bodies = new Bodies($("bodies"), (sample) => this.follow(sample));
-    $("play").textContent = this.bodies.playing ? "Pause" : "Play";
+    this.machine = new MachineView($("machine"), {
+      moved: (sample) => this.follow(sample), chosen: (part) => this.choose(part), canChoose: (part) => canChoose(part),
+    });
+    $("log-of").querySelector("button").addEventListener("click", () => this.showLog(""));
+    $("play").textContent = this.machine.playing ? "Pause" : "Play";
     $("play").addEventListener("click", () => {
-      const playing = this.bodies.toggle();
+      const playing = this.machine.toggle();
       $("play").textContent = playing ? "Pause" : "Play";
       $("play").setAttribute("aria-pressed", playing);
     });
@@ -25,12 +28,57 @@ export class MotionView {
       $("sound").textContent = on ? "Silence" : "Listen";
       $("sound").setAttribute("aria-pressed", on);
     });
+    for (const id of ["panels", "machine"]) this.watch(id);
+    $("signal").addEventListener("change", () => {
+      this.wanted = "";
+      if (this.place) this.show(this.place, this.title);
+    });
+  }
+
+  /** Draw again for another width of a place. */
+  watch(id) {
     let width = 0;
     new ResizeObserver(([{ contentRect }]) => {
-      if (this.motion && Math.abs(contentRect.width - width) > 2) this.redraw();
+      const isOther = Math.abs(contentRect.width - width) > 2;
       width = contentRect.width;
-    }).observe($("panels"));
-    $("signal").addEventListener("change", () => this.place && this.show(this.place, this.title));
+      if (isOther && this.motion) this.redraw();
+      else if (isOther && id === "machine" && this.machine.scenes) this.machine.draw();
+    }).observe($(id));
+  }
+
+  /** Show the machine of a file at rest, until a motion is shown. */
+  rest(scenes) {
+    $("machine-figure").hidden = false;
+    $("machine-note").textContent = HOW;
+    this.scenes = scenes;
+    this.machine.rest(scenes);
+  }
+
+  /** Show what a part of the machine does: the force of a spring, the impacts in a gap, the loop of friction, a motion. */
+  choose(part) {
+    const { motion } = this, contact = motion?.contacts.find(({ name }) => name === part.contact);
+    const names = [...$("signal").options].map(({ value }) => value);
+    if (contact && contact.is !== "spring") this.elements.choose(contact.name);
+    if (contact?.is === "spring") {
+      this.wanted = contact.name;
+      this.draw();
+    } else if (!contact && names.includes(part.signal)) {
+      $("signal").value = part.signal;
+      $("signal").dispatchEvent(new Event("change"));
+    }
+    if (part.kind === "gap") this.showLog(part.contact);
+    const place = part.kind === "gap" ? "log" : !contact ? "history" : contact.is === "spring" ? "loop" : "element-loop";
+    if (motion) reveal($(place).closest("figure"));
+  }
+
+  /** Show the contact log of one contact, or of all. */
+  showLog(name) {
+    const { log } = this.motion ?? { log: [] };
+    this.logged = name;
+    $("log-of").hidden = !name;
+    $("log-of").querySelector("span").textContent = name;
+    const own = log.filter(({ contact }) => !name || contact.replace(/ [+-]$/, "") === name || contact.startsWith(`${name}.`));
+    $("log").replaceChildren(table(own));
   }
 
   get signal() {
@@ -46,6 +94,8 @@ export class MotionView {
     this.request?.abort();
     this.place = this.motion = null;
     $("panels").hidden = true;
+    this.wanted = this.logged = "";
+    if (this.scenes) this.rest(this.scenes);
     $("motion-title").textContent = "The motion";
     $("motion-text").textContent = "It is shown here once a point is chosen.";
   }
@@ -79,7 +129,9 @@ export class MotionView {
     const { motion } = this, name = this.coordinate, signal = this.signal;
     $("panels").hidden = false;
     $("motion-text").textContent = motion.text;
-    this.bodies.show(motion);
+    $("machine-figure").hidden = false;
+    this.machine.show(motion);
+    $("machine-note").textContent = [this.machine.note, HOW].join(" ");
     const dashes = signal.length - name.length, own = signal.replace(/'+$/, "") === name;
     const contact = motion.contacts.find((c) => c.signal === signal);
     const other = motion.others?.[signal] ?? motion.q[name];
@@ -94,7 +146,8 @@ export class MotionView {
       phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'`, padded: true }),
     };
     $("modes").replaceChildren(...legend(motion));
-    const shown = [contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
+    const wanted = motion.contacts.find((c) => c.name === this.wanted);
+    const shown = [wanted, contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
     this.shownContact = shown;
     if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
     else $("loop").textContent = "no contact";
@@ -103,7 +156,7 @@ export class MotionView {
     const dots = motion.multipliers.map(([re, im]) => [re, im, re * re + im * im > 1 ? "out" : ""]);
     if (dots.length) chart($("multipliers"), { dots, x: "real part", y: "imaginary part", square: true, label: `Multipliers: ${motion.multipliers.map(complex).join(", ")}` });
     else $("multipliers").textContent = "none: this motion is not periodic";
-    $("log").replaceChildren(table(motion.log));
+    this.showLog(this.logged ?? "");
   }
 
   /** Draw again for another width. */
@@ -132,6 +185,20 @@ export class MotionView {
     marks.loop?.(this.shownContact.deflection[sample], this.shownContact.force[sample]);
     this.elements.follow(sample);
   }
+}
+
+const HOW = "Click a spring or friction to see its force, a gap to see its impacts, a body to see its motion.";
+
+/** A part can be chosen if a panel or a signal shows it. */
+function canChoose({ contact, signal }) {
+  return Boolean(contact) || [...$("signal").options].some(({ value }) => value === signal);
+}
+
+/** Bring a panel into view, and mark it for a moment. */
+function reveal(panel) {
+  panel.scrollIntoView({ block: "nearest" });
+  panel.classList.remove("revealed");
+  requestAnimationFrame(() => panel.classList.add("revealed"));
 }
 
 function complex([re, im]) {

@@ -49,7 +49,7 @@ export class Movers {
     }
     if (!isStill()) return;
     if (!found) return this.clear();
-    this.show(found, () => { const { x, y } = chosen.curve.special[chosen.start.special]; return [x, y]; });
+    this.show(found, () => { const at = chosen.curve?.special[chosen.start.special]; return at ? [at.x, at.y] : null; });
   }
 
   clear() {
@@ -114,7 +114,7 @@ export class Movers {
     if (!at || (x !== found.parameter && y !== found.parameter)) return [];
     const moving = found.rows.filter(({ share }) => share), shown = moving.filter((row, k) => k < ARROWS || row.name === this.name);
     return shown.map((row) => {
-      const shift = this.shift(row), to = x === found.parameter ? [at[0] + shift, at[1]] : [at[0], at[1] + shift];
+      const shift = this.shift(row), to = [x, y].map((name, k) => at[k] + (name === found.parameter ? shift : 0));
       return { from: at, to, text: `${row.name} ${signed(this.percent)} %`, chosen: row.name === this.name };
     });
   }

@@ -34,6 +34,7 @@ async function begin() {
   const motion = (page.motion = new MotionView(tell));
   document.body.classList.toggle("alone", Boolean(about.motion));
   window.gapwalk = { page, curves, motion }; // for the curious, and for the tests
+  motion.rest(about.machine);
   if (about.motion) return motion.show({}, about.title);
   const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, chooseStored));
   const keyboard = (page.keyboard = new Keyboard($("diagram"), curves, chooseStored, {
@@ -68,15 +69,14 @@ async function show(diagram) {
   curves.clear();
   await curves.update("", axes, plane, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
-  diagram.mark = null;
   const before = new Set(page.about.branches.flatMap(({ earlier }, number) => (earlier ? [`/${number}`] : [])));
   for (const curve of curves.all.values()) curve.earlier = before.has(curve.key);
+  page.choice.keep();
   diagram.fit();
   page.extras.showLegend();
   page.extras.showPale(before);
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
-  page.choice.keep();
 }
 
 /** Choose the nearest point whose motion is stored; a step by key goes to the next one. */

@@ -23,7 +23,7 @@ export async function unzipped(id) {
 /** Answer a request as the server does. */
 export async function get(path, query = {}) {
   if (path === "/api/curve") return data.shown.motion ? { settled: null } : curve(query);
-  if (path === "/api/motion") return unpacked(motionAt(query));
+  if (path === "/api/motion") return withScenes(unpacked(motionAt(query)));
   if (path === "/api/answer") return unpacked(data.shown.answer);
   if (path === "/api/gradient") return data.shown.branches[query.branch].gradients[query.special] ?? null;
   return null; // spectrum and section need the equations of motion
@@ -53,6 +53,11 @@ function curve({ branch, x, y }) {
 function motionAt({ branch, point, special }) {
   if (data.shown.motion) return data.shown.motion;
   return data.shown.branches[branch].motions[special === undefined ? point : -1 - special];
+}
+
+/** The drawings of the machine are in the file once. */
+function withScenes(motion) {
+  return motion && { ...motion, machine: { ...motion.machine, scenes: data.shown.machine } };
 }
 
 function unpacked(value) {

@@ -1,0 +1,392 @@
+"""Writes the reference of model files and of the command line into docs/reference/generated, from the code.
+
+Keys, types, defaults and bounds come from the schema that reads the files; words from the docstrings of the records
+that the tables describe, from the schema, and from ``keys.toml`` for what neither says; examples from the example files
+of the repository. ``tests/docs/test_file_reference.py`` fails where a key has no words or no example.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, is_dataclass
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import annotated_types
+from pydantic import WrapValidator
+from pydantic.fields import FieldInfo
+from rich.console import Console
+from sphinx.application import Sphinx
+
+from gapwalk.bifurcation.kinds import Kind
+from gapwalk.cli.commands import app as commands
+from gapwalk.model.drivetrain.train_file import train_part
+from gapwalk.model.laws import LAWS, law_parameters
+from gapwalk.model.model_tables import system_part
+from gapwalk.model.schema import Part
+from gapwalk.model.units import QuantityKind
+from gapwalk.studies.derived_schema import study_schema, table_schema
+from gapwalk.studies.measure import Measurement as RecordMeasurement
+from gapwalk.studies.measure_points import SweptMeasurement
+from gapwalk.studies.reduced import ReductionPart
+from gapwalk.studies.study_registry import INLINE, kind_of, kinds
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs" / "reference" / "generated"
+ASIDE = ("study", "measurement", "reduction")  # tables of their own kind, below
+NAMED = {int: "integer", float: "number", str: "text", bool: "true, false", Any: "any", NoneType: ""}
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a table: its row in the reference."""
+
+    table: str
+    name: str
+    type: str
+    unit: str
+    default: str
+    bound: str
+    words: str
+    example: str
+
+    def row(self) -> str:
+        """Return its row in Markdown."""
+        cells = (f"`{self.name}`", self.type, self.unit, self.default, self.bound, self.words, self.example)
+        return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
+
+
+@cache
+def _given() -> dict[str, dict[str, list[str]]]:
+    """Words (and an example) by table and key; the table ``any`` holds for all of them."""
+    return tomllib.loads(Path(__file__).with_name("keys.toml").read_text(encoding="utf-8"))
+
+
+def _tables_of_words(table: str) -> Iterator[dict[str, list[str]]]:
+    for name in (table, table.rpartition(".")[2], "any"):
+        yield _given().get(name, {})
+
+
+@cache
+def _files() -> tuple[dict[str, Any], ...]:
+    folders = (ROOT / "examples", ROOT / "docs", ROOT / "tests" / "machines")
+    paths = [path for folder in folders for path in folder.rglob("*.toml")]
+    return tuple(tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(paths) if "_ext" not in path.parts)
+
+
+def _example_in_files(table: str, key: str) -> Any:
+    """Find the first use of a key in an example file: of a table such as ``contact.stage`` or ``response.walk``."""
+    first, *rest = table.split(".") if table else [""]
+    for file in _files():
+        found: list[Any] = [file]
+        if first in kinds():
+            found = [each for each in _listed(file.get("study")) if each.get("kind") == first]
+        elif first:
+            found = _listed(file.get(first))
+        for part in rest:
+            found = [inner for each in found if isinstance(each, Mapping) for inner in _listed(each.get(part))]
+        for each in found:
+            if isinstance(each, Mapping) and key in each:
+                return each[key]
+    return None
+
+
+def _listed(value: Any) -> list[Any]:
+    return [] if value is None else value if isinstance(value, list) else [value]
+
+
+def _toml(value: Any, depth: int = 0) -> str:
+    """Write a short value as in a file; an empty text if it is long, or a table of its own."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list):
+        inner = [_toml(each, depth + 1) for each in value]
+        return f"[{', '.join(inner)}]" if all(inner) and sum(map(len, inner)) < 50 else ""
+    if isinstance(value, Mapping):
+        inner = [f"{_bare(key)} = {_toml(each, depth + 1)}" for key, each in value.items()]
+        return f"{{ {', '.join(inner)} }}" if sum(map(len, inner)) < 70 else ""
+    return repr(value)
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'
+
+
+def _type(hint: Any) -> str:
+    """Name the type of a key."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _type(arguments[0])
+    if origin in (Union, UnionType):
+        return " or ".join(dict.fromkeys(filter(None, (_type(each) for each in arguments))))
+    if origin in (list, tuple):
+        return f"list of {_type(arguments[0])}" if arguments else "list"
+    if origin is dict:
+        return "table"
+    if origin is Literal:
+        return ", ".join(f'`"{each}"`' for each in arguments)
+    if isinstance(hint, type) and issubclass(hint, Kind):
+        return ", ".join(f'`"{each}"`' for each in Kind.known())
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return ", ".join(f'`"{each.value}"`' for each in hint)
+    if isinstance(hint, type) and (issubclass(hint, Part) or hint.__name__ == "Start"):
+        return "table" if issubclass(hint, Part) else '`"rest"`, `"settle"`'
+    return NAMED.get(hint, getattr(hint, "__name__", str(hint)))
+
+
+def _marks(hint: Any) -> Iterator[Any]:
+    """List what annotates a type, inside of it too."""
+    if get_origin(hint) is Annotated:
+        inner, *marks = get_args(hint)
+        yield from _marks(inner)
+        for mark in marks:
+            yield from mark.metadata if isinstance(mark, FieldInfo) else (mark,)
+    elif get_origin(hint) in (Union, UnionType):
+        for each in get_args(hint):
+            yield from _marks(each)
+
+
+def _unit(marks: list[Any]) -> str:
+    """Name the kind of quantity that a key has in a file with units, with its usual unit."""
+    for mark in marks:
+        if isinstance(mark, WrapValidator):
+            found = inspect.getclosurevars(mark.func).nonlocals.get("kind")  # pyright: ignore[reportArgumentType]
+            if isinstance(found, QuantityKind):
+                return found.usual[0] if found.usual else found.words
+            if mark.func.__name__ == "_with_unit":
+                return "of the parameter"
+    return ""
+
+
+_SIGNS = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+
+
+def _bound(marks: list[Any]) -> str:
+    found = []
+    for mark in marks:
+        for name, sign in _SIGNS.items():
+            value = getattr(mark, name, None)
+            if value is not None and isinstance(mark, annotated_types.BaseMetadata):
+                found.append(f"{sign} {value:g}")
+        if isinstance(mark, annotated_types.MinLen) and mark.min_length > 0:
+            found.append(f"{mark.min_length} or more")
+    return ", ".join(dict.fromkeys(found))
+
+
+def _default(info: FieldInfo) -> str:
+    if info.is_required():
+        return "required"
+    value = info.default
+    if value is None or repr(value) == "PydanticUndefined" or is_dataclass(value):
+        return ""
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, tuple):
+        value = list(value)
+    if value == "" or (isinstance(value, list | dict) and not value):
+        return ""
+    if isinstance(value, list):
+        value = [str(each) if isinstance(each, Kind) else each for each in value]
+    return f"`{_toml(value)}`" if _toml(value) else "all"
+
+
+def docstring_words(record: type) -> dict[str, str]:
+    """Return the words of each parameter in the numpydoc docstrings of a class and of its base classes."""
+    found: dict[str, str] = {}
+    for kind in reversed(record.__mro__):
+        text = inspect.cleandoc(kind.__dict__.get("__doc__") or "")
+        _, _, section = text.partition("Parameters\n----------\n")
+        section = re.split(r"\n\w[\w ]*\n-{3,}\n", section)[0]
+        for match in re.finditer(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", section + "\n", re.M):
+            for name in match[1].partition(":")[0].split(","):
+                found[name.strip()] = " ".join(match[2].split())
+    for inner in _inlined(record):
+        found = docstring_words(inner) | found
+    return found
+
+
+def _inlined(record: type) -> list[type]:
+    """List the dataclasses whose fields are written into the table of another one."""
+    hints = get_type_hints(record, include_extras=True) if is_dataclass(record) else {}
+    return [get_args(hint)[0] for hint in hints.values() if get_origin(hint) is Annotated and INLINE in get_args(hint)]
+
+
+def _nested(hint: Any) -> type[Part] | None:
+    """Return the schema of the tables in a key, if it has tables."""
+    if isinstance(hint, type):
+        return hint if issubclass(hint, Part) else None
+    return next((found for each in get_args(hint) if (found := _nested(each))), None)
+
+
+def keys_of(schema: type[Part], table: str, words: Mapping[str, str]) -> Iterator[Key]:
+    """List the keys of a table and of the tables in it.
+
+    Parameters
+    ----------
+    schema
+        Its schema.
+    table
+        Its name: ``contact.stage``, or the kind of a study; empty for the top of a file.
+    words
+        Words of its keys, for which the schema has none.
+    """
+    inside = []
+    law = law_parameters("parameters", "stage_parameters")
+    for name, info in schema.model_fields.items():
+        key = info.alias or name
+        if key in ASIDE and not table:
+            continue
+        marks = [*_marks(info.annotation), *info.metadata]
+        known = next((words[key] for words in _tables_of_words(table) if key in words), [])
+        said = words.get(name) or (known[0] if known else "") or (info.description or "")
+        if not said and key in law:
+            said = law[key].words
+        used = _example_in_files(table, key)
+        first, _, rest = table.partition(".")
+        for other in kinds() if used is None and first in kinds() else ():
+            used = _example_in_files(f"{other}.{rest}".rstrip("."), key) if used is None else used
+        example = _toml(used) if used is not None else ""
+        if len(known) > 1 and (not example or known[0]):
+            example = known[1]
+        nested = _nested(info.annotation)
+        if not example and nested is None:
+            example = _default(info).strip("`")
+        shown = f"`{key} = {example}`" if example not in ("", "required", "all") else "below" if nested else ""
+        unit = _unit(marks)
+        if not unit and key in law and law[key].kind is not None:
+            unit = law[key].kind.usual[0]
+        bound = _bound(marks) or (f">= {law[key].least:g}" if key in law and law[key].least is not None else "")
+        said = re.sub(r"^(write|name|list|it is) ", "", said).rstrip(".")
+        said = said[:1].upper() + said[1:]
+        yield Key(table, key, _type(info.annotation), unit, _default(info), bound, said, shown)
+        if nested is not None and not any(nested.__name__ == other.__name__ for other, _ in inside):
+            inside.append((nested, f"{table}.{key}".lstrip(".")))
+    for nested, place in inside:
+        record = getattr(nested, "kind", None) or _RECORDS.get(nested.__name__)
+        yield from keys_of(nested, place, docstring_words(record) if record else {})
+
+
+def _records() -> dict[str, type]:
+    """Find the dataclasses that tables describe, by the names of their schemas."""
+    seen: dict[str, type] = {}
+
+    def look(kind: type) -> None:
+        for each in kind.__subclasses__():
+            seen[each.__name__] = each
+            look(each)
+
+    look(Part)
+    found = {}
+    for name, schema in seen.items():
+        module = inspect.getmodule(schema)
+        record = getattr(module, name.removesuffix("Table"), None) if name.endswith("Table") else None
+        if isinstance(record, type):
+            found[name] = record
+    return found
+
+
+for _kind in kinds():
+    study_schema(kind_of(_kind))
+_RECORDS = _records()
+
+HEAD = "| key | type | unit | default | bound | what it is | example |\n|---|---|---|---|---|---|---|"
+
+
+def all_keys() -> dict[str, list[Key]]:
+    """Return the keys of model files, by page."""
+    pages = {
+        "model-file": [*keys_of(system_part(), "", {})],
+        "train-file": [*keys_of(train_part(), "", {})],
+        "study-file": [
+            key
+            for kind in kinds()
+            for key in keys_of(study_schema(kind_of(kind)), kind, docstring_words(kind_of(kind)))
+        ],
+        "more-tables": [
+            *keys_of(ReductionPart, "reduction", docstring_words(ReductionPart)),
+            *keys_of(table_schema(SweptMeasurement), "measurement", docstring_words(SweptMeasurement)),
+            *keys_of(table_schema(RecordMeasurement), "measurement", docstring_words(RecordMeasurement)),
+        ],
+    }
+    return {page: list({(key.table, key.name): key for key in keys}.values()) for page, keys in pages.items()}
+
+
+INTRODUCTIONS = {
+    "model-file": (
+        "Keys of a model file",
+        "Every key of a model file with coordinates and matrices, as the program reads it. Numbers are in consistent "
+        "units of your choice. `gapwalk new FILE` writes a commented file to start from.",
+    ),
+    "train-file": (
+        "Keys of a drive train",
+        "Every key of a model file with inertias, shafts and gears. Quantities may be texts with units, such as "
+        '`"30 N m/deg"`: all of a file, or none. The column *unit* has the usual one.',
+    ),
+    "study-file": (
+        "Keys of a study",
+        "Every key of the table `[study]` (or of several, `[[study]]`), for each `kind`, with its default. "
+        "[What can be computed](../../howto/studies.md) says what each kind is for.",
+    ),
+    "more-tables": (
+        "Keys of reductions and measurements",
+        "The tables `[reduction]` of large systems, and `[measurement]` of measured special points.",
+    ),
+}
+
+
+def page(name: str, keys: list[Key]) -> str:
+    """Write a page of keys in Markdown: a table for each table of a file."""
+    title, words = INTRODUCTIONS[name]
+    lines = [f"# {title}", "", words, ""]
+    for table in dict.fromkeys(key.table for key in keys):
+        first, _, rest = table.partition(".")
+        if first in kinds():
+            heading = f'kind = "{first}"' if not rest else f'{rest} of kind = "{first}"'
+        else:
+            heading = f"[{table}]" if table else "Top of the file"
+        lines += [f"## {heading}", "", HEAD, *(key.row() for key in keys if key.table == table), ""]
+    if name in ("model-file", "train-file"):
+        lines += ["## Laws of contacts", "", "| `law =` | what it is | numbers of its own |", "|---|---|---|"]
+        for law in LAWS.values():
+            numbers = ", ".join(f"`{each.name}` ({each.words.removeprefix('it is ')})" for each in law.parameters)
+            lines.append(f"| `{law.name}` | {law.words} | {numbers} |")
+    return "\n".join(lines) + "\n"
+
+
+def command_page() -> str:
+    """Write the page of the command line: the help text of each command, exit codes, variables of the environment."""
+    lines = ["# Command line", "", "The help texts of all commands, as `gapwalk COMMAND --help` prints them.", ""]
+    for name in (name for name in commands if not name.startswith("-")):
+        screen = Console(width=100, record=True, file=io.StringIO())
+        commands.help_print([name], console=screen)
+        lines += [f"## gapwalk {name}", "", "```text", screen.export_text().strip(), "```", ""]
+    lines += ["## Exit codes", "", "| code | meaning |", "|---|---|"]
+    lines += [f"| {code} | {words} |" for code, words in _given()["exit"]["codes"]]
+    lines += ["", "## Variables of the environment", "", "| variable | effect |", "|---|---|"]
+    lines += [f"| `{name}` | {words} |" for name, words in _given()["environment"]["variables"]]
+    return "\n".join(lines) + "\n"
+
+
+def write(_: Sphinx | None = None) -> None:
+    """Write all pages."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    texts = {f"{name}.md": page(name, keys) for name, keys in all_keys().items()} | {"command-line.md": command_page()}
+    for name, text in texts.items():
+        path = FOLDER / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:  # Sphinx reads again what is newer
+            path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for them."""
+    app.connect("builder-inited", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,226 @@
+"""Step over the orbits of a branch at which an event passes the start of the period.
+
+The unknowns of shooting are the state at theta = 0. Where an impact passes theta = 0 along a branch, this state jumps,
+from the one before the impact to the one after it; where a viscous force sets in there, its path along the branch has a
+corner. The motion itself, and what it does, are as smooth as elsewhere. Therefore a few steps are taken with another
+section: the state at an angle at which the motion is free, in the middle between two events. Their special points and
+the last of them become points of the branch with their states at theta = 0, which are a part of the same motions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.detector import Detector, unexplained
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import End, EndReason, Walk
+from gapwalk.continuation.walk_scales import Range
+from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import ShootingEquation
+
+AT_START = 1e-4  # radians from the start of the period within which an event coincides with it
+_CLEAR = 1e-3  # radians from the start at which the last event that passed it leaves the state there free
+_FIRST, _LARGEST, _SHORTEST = 1e-4, 2e-3, 1e-11  # first, largest and smallest step of the walk with another section
+_STEPS = 60  # largest number of its steps
+_SAME = 1e-7  # distance, in scaled variables, within which a point found at theta = 0 is that of the other section
+
+Vector = NDArray[np.float64]
+Change = Callable[[BranchPoint, BranchPoint], float]
+
+
+class Passage(NamedTuple):
+    """Result of the steps with another section.
+
+    Attributes
+    ----------
+    point
+        The last point.
+    special
+        The special points before it.
+    step
+        Length of the next step.
+    end
+        End of the branch at the point; None if it continues.
+    """
+
+    point: BranchPoint
+    special: list[SpecialPoint]
+    step: float
+    end: End | None
+
+
+def starts_at_event(orbit: Orbit) -> bool:
+    """Return True if an event of an orbit coincides with the start of its period."""
+    return _clearance(orbit) < AT_START
+
+
+def pass_start(
+    corrector: Corrector,
+    point: BranchPoint,
+    within: Range,
+    options: WalkOptions,
+    kinds: Sequence[Kind],
+    change: Change,
+) -> Passage | None:
+    """Return steps from a point of a walk until the event at the start of the period has passed it.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    point
+        Point of the walk, with an event at the start of its period.
+    within, options, change
+        As of the walk.
+    kinds
+        Kinds of special points to detect.
+
+    Returns
+    -------
+    Passage or None
+        None if no event is at the start, or if no orbit is found beyond.
+    """
+    equation = corrector.equation
+    if not isinstance(equation, ShootingEquation) or not _may_pass(equation, point.orbit):
+        return None
+    try:
+        return _Section(corrector, equation, point).passage(point, within, options, kinds, change)
+    except NumericalError:
+        return None
+
+
+def smooth_between(
+    corrector: Corrector, first: BranchPoint, last: BranchPoint
+) -> tuple[Corrector, BranchPoint, BranchPoint]:
+    """Return a section in which the orbits between two neighbouring points of a branch are smooth.
+
+    That is the start of the period, unless an event of one of them is there.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    first, last
+        The points.
+
+    Returns
+    -------
+    Corrector, BranchPoint, BranchPoint
+        The corrector and both points with that section. Their orbits are those that were given.
+    """
+    equation = corrector.equation
+    if isinstance(equation, ShootingEquation) and _may_pass(equation, first.orbit, last.orbit):
+        section = _Section(corrector, equation, first)
+        try:
+            return section.corrector, section.entered(first), section.entered(last)
+        except NumericalError:
+            pass  # both may be on one side of the event, and what follows tells
+    return corrector, first, last
+
+
+def _may_pass(equation: ShootingEquation, *orbits: Orbit) -> bool:
+    """Return True if an event may pass the start of the period at some orbits, and another section is possible."""
+    return equation.options.segments == 1 and not equation.begin and any(map(starts_at_event, orbits))
+
+
+class _Section:
+    """Another section for the orbits near a point of a branch, and the way from one section to the other."""
+
+    def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint) -> None:
+        self._own, self._equation = corrector, equation
+        self._posed = replace(equation, begin=_free_angle(point.orbit))
+        self.corrector = Corrector(self._posed, corrector.scales)
+
+    def passage(
+        self, first: BranchPoint, within: Range, options: WalkOptions, kinds: Sequence[Kind], change: Change
+    ) -> Passage:
+        """Walk from a point until the state at theta = 0 is free; see `pass_start`."""
+        options = replace(
+            options,
+            initial_step=_FIRST,
+            smallest_step=min(options.smallest_step, _SHORTEST),
+            largest_step=min(_LARGEST, options.largest_step),
+            max_points=_STEPS,
+        )
+        begin = self.entered(first)
+        walk, special = Walk(begin, within, self.corrector, options, change=change), list[SpecialPoint]()
+        walk.persist()  # in a narrow range the first step may be below that at which a walk asks for another way
+        detector, before, last = Detector(self.corrector, kinds), None, begin
+        for ahead in walk:
+            found = detector.inspect(last, ahead, before)
+            for text in unexplained(last, ahead, found):
+                raise NumericalError(text)
+            special += found
+            before, last = last, ahead
+            if _clearance(last.orbit) > _CLEAR:
+                break
+        end = None if walk.end is None or walk.end.reason is EndReason.POINTS else walk.end
+        if last is begin or (end is not None and end.reason.is_failure):
+            raise ConvergenceError("no orbit is found beyond the event at the start of the period")
+        found = [replace(each, point=self._at_zero(each.point)) for each in special]
+        return Passage(self._left(last), found, walk.step, end)
+
+    def entered(self, point: BranchPoint) -> BranchPoint:
+        """Return a point with this section."""
+        x = np.append(self._posed.unknowns(point.orbit), point.value) / self._own.scales
+        along = self._carried(point.tangent, point.orbit.state, point.value, 0.0, self._posed.begin)
+        correction = self.corrector.correct(x, along)
+        if correction is None or length_of(correction.x - x) > _SAME * max(1.0, length_of(x)):
+            raise ConvergenceError("the orbit is not found with the other section")
+        return self.corrector.point(correction, along, point.arclength)
+
+    def _left(self, point: BranchPoint) -> BranchPoint:
+        """Return a point of this section with its state at theta = 0, corrected there."""
+        moved = self._at_zero(point)
+        correction = self._own.correct(moved.x, moved.tangent)
+        if correction is None or length_of(correction.x - moved.x) > _SAME * max(1.0, length_of(moved.x)):
+            raise ConvergenceError("the orbit is not found with its state at theta = 0")
+        return self._own.point(correction, moved.tangent, point.arclength)
+
+    def _at_zero(self, point: BranchPoint) -> BranchPoint:
+        """Return a point of this section with its state at theta = 0."""
+        full, scales = PERIOD * self._equation.period, self._own.scales
+        along = self._carried(point.tangent, point.x[:-1] * scales[:-1], point.value, self._posed.begin, full)
+        x = np.append(self._equation.unknowns(point.orbit), point.value) / scales
+        return replace(point, x=x, tangent=along, memo={})
+
+    def _carried(self, tangent: Vector, state: Vector, value: float, start: float, stop: float) -> Vector:
+        """Return a scaled tangent at one angle as a unit tangent at a later one."""
+        scales = self._own.scales
+        moved = self._equation.carried(state, tangent * scales, value, start, stop) / scales
+        return moved / length_of(moved)
+
+
+def _angles(orbit: Orbit) -> list[float]:
+    """Return the angles of all events of an orbit; modes of friction that only go on at its start are none."""
+    full = PERIOD * orbit.period
+    found = [event.theta % full for event in orbit.events]
+    for phases in orbit.friction.values():
+        found += [phase.start % full for phase in phases if len(phases) > 1]
+    return found
+
+
+def _clearance(orbit: Orbit) -> float:
+    """Return the angle between the start of the period and the nearest event."""
+    full = PERIOD * orbit.period
+    return min((min(theta, full - theta) for theta in _angles(orbit)), default=math.inf)
+
+
+def _free_angle(orbit: Orbit) -> float:
+    """Return the angle in the middle of the longest part of the period without events that does not hold its start."""
+    angles = sorted([0.0, *_angles(orbit), PERIOD * orbit.period])
+    start, stop = max(pairwise(angles), key=lambda pair: pair[1] - pair[0])
+    return 0.5 * (start + stop)

@@ -1,0 +1,85 @@
+"""The command that opens the documentation: a copy in one file of the package, unpacked once for each version."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+import webbrowser
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+
+from gapwalk.cli.output import DONE, console
+from gapwalk.errors import GapwalkError
+from gapwalk.flow.flow_cache import cache_folder, is_private
+from gapwalk.model.problems import did_you_mean
+
+ARCHIVE = Path(__file__).parents[1] / "offline_docs.zip"
+"""The built pages; ``make docs`` writes this file, and a wheel that is built afterwards has it."""
+
+
+def open_docs(page: str | None, *, browser: bool = True, archive: Path = ARCHIVE) -> int:
+    """Print where a page is, and open it.
+
+    Parameters
+    ----------
+    page
+        Its name, or that of a function or class; None for the first page.
+    browser
+        True to open it in the browser.
+    archive
+        The built pages.
+
+    Raises
+    ------
+    GapwalkError
+        If this installation has no pages, or none of that name.
+    """
+    if not archive.exists():
+        raise GapwalkError(
+            "this installation has no copy of the documentation; in the folder with gapwalk's sources, `make docs` "
+            "makes it, and `pip install .` installs it then"
+        )
+    with zipfile.ZipFile(archive) as packed:
+        name = _page_named(page, packed.namelist()) if page else "index.html"
+    path = _unpacked(archive) / name
+    console().print(str(path), soft_wrap=True)
+    if browser:
+        webbrowser.open(path.as_uri())
+    return DONE
+
+
+def _page_named(page: str, names: list[str]) -> str:
+    """Return the file of a page: that of its whole name, or of the last part of one, the shortest first."""
+    stems = {name.removesuffix(".html"): name for name in sorted(names, key=len) if name.endswith(".html")}
+    wanted = page.removesuffix(".html").removeprefix("gw.")
+    for stem, name in stems.items():
+        if wanted == stem or wanted in (stem.rpartition("/")[2], stem.rpartition(".")[2]):
+            return name
+    known = sorted({stem.rpartition("/")[2].rpartition(".")[2] for stem in stems})
+    raise GapwalkError(f"the documentation has no page {page!r}; {did_you_mean(page, known)}")
+
+
+def _unpacked(archive: Path) -> Path:
+    """Return the folder with the pages, unpacked if they are not yet: in the cache, or else in a temporary folder."""
+    digest = hashlib.sha256(archive.read_bytes()).hexdigest()[:16]
+    try:
+        home = cache_folder("docs")
+        home.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private = is_private(home)
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
+        private = False
+    if not private:
+        home = Path(tempfile.mkdtemp(prefix="gapwalk-docs-"))
+    folder = home / digest
+    if not folder.exists():
+        for old in home.iterdir():  # of earlier versions
+            shutil.rmtree(old, ignore_errors=True)
+        new = Path(tempfile.mkdtemp(dir=home))
+        with zipfile.ZipFile(archive) as packed:
+            packed.extractall(new)
+        with suppress(OSError):  # another process was faster
+            os.replace(new, folder)
+    return folder

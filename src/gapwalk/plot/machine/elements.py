@@ -1,0 +1,208 @@
+"""Bodies of a machine and the elements between them, as they are read from a model, without places on a drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+
+from gapwalk.flow.motion import force_of
+from gapwalk.model.structure import ContactForm, StageForm
+from gapwalk.model.system import System
+
+BASE = -1
+"""The number of the base, which does not move."""
+
+STAGES = ("2nd stage", "3rd stage", "4th stage")
+"""Names of the stages of a contact after the first one."""
+
+_PAIRS = 3  # of stages that are drawn one by one
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body that moves, or a place at which a contact acts.
+
+    Parameters
+    ----------
+    name
+        Its name, or the combination of coordinates by which it moves.
+    row
+        Its displacement by the coordinates, as (number, factor). In a train it is divided by the speed at which the
+        inertia turns with the first one, so that a link without deflection keeps its length.
+    mass
+        Its mass or inertia; 0 if it is only a place.
+    signal
+        Signal that says how it moves; empty if there is none.
+    loads
+        Names of the loads on it.
+    """
+
+    name: str
+    row: tuple[tuple[int, float], ...]
+    mass: float = 0.0
+    signal: str = ""
+    loads: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element between two bodies.
+
+    Parameters
+    ----------
+    kind
+        ``"spring"``, ``"damper"``, ``"gap"``, ``"friction"``, ``"slider"`` (friction in series with a spring),
+        ``"formula"``, ``"gear"`` (rigid), or ``"coupling"``, which is an entry of a matrix that is no spring.
+    name
+        Its name or its value; empty for none.
+    words
+        Description, for readers who do not see the drawing.
+    contact, signal
+        Name of its contact, and of the signal that is its force; empty for none.
+    edges
+        Clearances on the negative and the positive side of the deflection; None where it has no stop.
+    detail
+        The clearances, or the limit, with their unit.
+    is_rigid
+        True for a rigid stop.
+    is_curved
+        True for a spring whose force is no straight line.
+    """
+
+    kind: str
+    name: str
+    words: str
+    contact: str = ""
+    signal: str = ""
+    edges: tuple[float | None, float | None] = (None, None)
+    detail: str = ""
+    is_rigid: bool = False
+    is_curved: bool = False
+
+
+@dataclass(frozen=True)
+class Link:
+    """The elements between two bodies.
+
+    Parameters
+    ----------
+    ends
+        Numbers of the two bodies; `BASE` for the base, as the second one.
+    sign
+        Sign of the deflection of its contacts while the first end moves ahead of the second.
+    elements
+        The elements, in parallel.
+    """
+
+    ends: tuple[int, int]
+    sign: int
+    elements: tuple[Element, ...]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Bodies and the links between them.
+
+    Parameters
+    ----------
+    bodies, links
+        What there is.
+    notes
+        Sentences on what is drawn in another way than it is in the model.
+    turns
+        True if displacements are angles.
+    """
+
+    bodies: tuple[Body, ...]
+    links: tuple[Link, ...]
+    notes: tuple[str, ...] = ()
+    turns: bool = False
+
+
+def elements_of(system: System, form: ContactForm, name: str = "") -> Iterator[Element]:
+    """Give the elements of a contact: its stages in pairs of both sides, or friction, or a formula.
+
+    Parameters
+    ----------
+    system, form
+        The system and the contact.
+    name
+        Name on the drawing; by default that of the contact, with the angle sign of numbers that vary.
+    """
+    law, signal = form.law, force_of(form)
+    index = system.structure.contacts.index(form)
+    varies = "(θ)" if any(each.contact == index for each in system.structure.variations) else ""
+    name = (name or form.name) + varies
+    varying = ", varies over the angle" * bool(varies)
+    if law.is_dry:
+        kind, what = ("slider", "friction in series with a spring") if law.has_memory else ("friction", "dry friction")
+        detail = _friction_detail(system, form)
+        words = f"{form.name}: {what}{f', {detail}' if detail else ''}{varying}"
+        yield Element(kind, name, words, form.name, signal, detail=detail)
+    elif not form.stages:
+        yield Element("formula", name, f"{form.name}: force by a formula{varying}", form.name, signal)
+    else:
+        yield from _stages(system, form, name, signal, varying)
+
+
+def _friction_detail(system: System, form: ContactForm) -> str:
+    limit, speed = f"{form.name}.limit", f"{form.name}.speed"
+    if speed in system.parameters and system[speed]:
+        return f"moves at {_number(system, speed)}"
+    if form.law.host:
+        return f"by {form.law.host}"
+    return f"limit {_number(system, limit)}" if limit in system.parameters else ""
+
+
+def _stages(system: System, form: ContactForm, name: str, signal: str, varying: str) -> Iterator[Element]:
+    sides: dict[int, list[tuple[float, StageForm]]] = {-1: [], 1: []}
+    for stage, sign in form.sides:
+        sides[sign].append((system[f"{form.stage_prefix(stage)}.clearance"], stage))
+    for each in sides.values():
+        each.sort(key=lambda found: found[0])
+    low, high = sides[-1], sides[1]
+    pairs = [*zip_longest(low, high)]
+    what, rigid = ("rigid stop", True) if form.law.rebounds else ("spring", False)
+    if len(pairs) > _PAIRS:
+        words = f"{form.name}: spring by a curve of {len(form.stages)} stages{varying}"
+        yield Element("spring", name, words, form.name, signal, detail=f"{len(form.stages)} stages", is_curved=True)
+        return
+    for number, (left, right) in enumerate(pairs):
+        edges = (left[0] if left else None, right[0] if right else None)
+        stage = (right or left)[1].name  # type: ignore[index]
+        own = STAGES[number - 1] if number else name
+        whole = f"{form.name}{f', {stage}' if stage and number else ''}"
+        if edges == (0.0, 0.0) and not rigid:
+            cubic = f"{form.stage_prefix((right or left)[1])}.cubic"  # type: ignore[index]
+            words, is_curved = f"{whole}: spring that never opens{varying}", bool(system.parameters.get(cubic))
+            yield Element("spring", own, words, form.name, signal, is_curved=is_curved)
+            continue
+        detail = _edge_words(system, form, left, right)
+        words = f"{whole}: {what} with a gap of {detail}{varying}"
+        yield Element("gap", own, words, form.name, signal, edges, detail, rigid)
+
+
+def _edge_words(
+    system: System, form: ContactForm, left: tuple[float, StageForm] | None, right: tuple[float, StageForm] | None
+) -> str:
+    parts = [each and f"{form.stage_prefix(each[1])}.clearance" for each in (left, right)]
+    unit = system.units.parameter(next(filter(None, parts))) if system.units else ""
+    low, high = left and f"{left[0]:.3g}", right and f"{right[0]:.3g}"
+    text = f"±{high}" if low == high else " / ".join(filter(None, (high and f"+{high}", low and f"−{low}")))
+    return f"{text} {unit}".strip()
+
+
+def _number(system: System, name: str) -> str:
+    unit = system.units.parameter(name) if system.units else ""
+    return f"{system[name]:.3g} {unit}".strip()
+
+
+def combination(terms: tuple[tuple[str, float], ...]) -> str:
+    """Write a combination of coordinates: ``q1 − 2 q2``."""
+    text = ""
+    for name, factor in terms:
+        size = "" if abs(factor) == 1.0 else f"{abs(factor):.3g} "
+        sign = "−" if factor < 0.0 else "+"
+        text += f" {sign} {size}{name}" if text else f"{'−' if factor < 0.0 else ''}{size}{name}"
+    return text
