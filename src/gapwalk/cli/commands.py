@@ -213,6 +213,7 @@ def show(
 @command(
     6,
     "gapwalk export rattle.gapwalk --format csv",
+    "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
     "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
     "gapwalk export rattle.gapwalk --size column --output rattle.pdf",
 )

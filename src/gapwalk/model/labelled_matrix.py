@@ -70,7 +70,7 @@ def assembled(entries: Mapping[tuple[Any, Any], float], *, symmetric: bool | Non
     """
     if not entries:
         raise UnusableError("which holds no entries")
-    labels = sorted({label for pair in entries for label in pair})
+    labels: list[Any] = sorted({label for pair in entries for label in pair})
     is_indexed = isinstance(labels[0], int)
     count = labels[-1] if is_indexed else len(labels)
     if count > MAX_COORDINATES:
