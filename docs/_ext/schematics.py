@@ -426,8 +426,8 @@ def clearance() -> Sketch:
     s = Sketch(
         520, 250, "A tooth in the middle between two flanks: the clearance b on each side, the backlash 2b in all"
     )
-    s.wall((110, 190), (110, 50), side=-1)
-    s.wall((410, 50), (410, 190), side=-1)
+    s.wall((110, 190), (110, 50), side=1)
+    s.wall((410, 50), (410, 190), side=1)
     s.box(260, 120, 90, 110)
     s.line((260, 40), (260, 200), color=GREY, width=1, dashes="5 4")
     s.arrow(260, 30, 320, 30)
@@ -459,7 +459,7 @@ def architecture() -> Sketch:
     for number, (names, words) in enumerate(layers):
         y = 34 + 44 * number
         s.add("rect", x=12, y=y - 18, width=696, height=36, rx=5, fill=STEEL, stroke=GREY, stroke_width=1)
-        s.text(24, y + 5, names, anchor="start", color=BLUE)
+        s.text(24, y + 5, names.replace("   ", " · "), anchor="start", color=BLUE)
         s.text(696, y + 5, words, anchor="end")
     return s
 
