@@ -39,7 +39,15 @@ def link(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.
     return make_refnode(app.builder, node["refdoc"], entry.docname, entry.node_id, content, name)
 
 
+def unlink_names(app: Sphinx, doctree: nodes.document) -> None:
+    """Leave the names in lists of attributes without links: several classes may have one of that name."""
+    for node in list(doctree.findall(pending_xref)):
+        if node.get("refdomain") == "py" and node.get("reftype") == "obj" and node.get("refspecific"):
+            node.replace_self(node.children)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect the search for names."""
+    """Connect both."""
     app.connect("missing-reference", link)
+    app.connect("doctree-read", unlink_names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
