@@ -40,9 +40,12 @@ def link(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.
 
 
 def unlink_names(app: Sphinx, doctree: nodes.document) -> None:
-    """Leave the names in lists of attributes without links: several classes may have one of that name."""
+    """Leave the names and shapes in lists of attributes without links: several classes have a `count`.
+
+    Classes, whose names begin with a capital, stay links.
+    """
     for node in list(doctree.findall(pending_xref)):
-        if node.get("refdomain") == "py" and node.get("reftype") == "obj" and node.get("refspecific"):
+        if node.get("refdomain") == "py" and node.get("refspecific") and not node["reftarget"][:1].isupper():
             node.replace_self(node.children)
 
 
