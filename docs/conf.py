@@ -8,13 +8,25 @@ from pathlib import Path
 os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+from api_links import enumerations
+
 project = "gapwalk"
 author = "the gapwalk developers"
 version = release = version_of("gapwalk")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "mathml"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "mathml",
+    "file_reference",
+    "api_links",
+]
 root_doc = "index"
-exclude_patterns = ["_ext"]
+exclude_patterns = ["_ext", "_templates"]
+templates_path = ["_templates"]
+default_role = "py:obj"  # single backticks in docstrings link what has a page
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "deflist"]
 myst_heading_anchors = 3
@@ -26,6 +38,7 @@ nb_execution_timeout = 600
 nb_merge_streams = True
 
 autosummary_generate = True
+autosummary_context = {"enumerations": enumerations()}
 autodoc_typehints = "none"  # the docstrings say shapes and units, which types do not
 napoleon_google_docstring = False
 napoleon_use_rtype = False

@@ -366,7 +366,7 @@ def command_page() -> str:
     """Write the page of the command line: the help text of each command, exit codes, variables of the environment."""
     lines = ["# Command line", "", "The help texts of all commands, as `gapwalk COMMAND --help` prints them.", ""]
     for name in (name for name in commands if not name.startswith("-")):
-        screen = Console(width=100, record=True, file=io.StringIO())
+        screen = Console(width=86, record=True, file=io.StringIO())
         commands.help_print([name], console=screen)
         lines += [f"## gapwalk {name}", "", "```text", screen.export_text().strip(), "```", ""]
     lines += ["## Exit codes", "", "| code | meaning |", "|---|---|"]

@@ -270,11 +270,56 @@ def pendulum() -> Sketch:
     return s
 
 
+def clearance() -> Sketch:
+    """Draw a tooth between two flanks, with half the backlash on each side."""
+    s = Sketch(
+        520, 250, "A tooth in the middle between two flanks: the clearance b on each side, the backlash 2b in all"
+    )
+    s.wall((110, 190), (110, 50), side=1)
+    s.wall((410, 50), (410, 190), side=1)
+    s.box(260, 120, 90, 110)
+    s.line((260, 40), (260, 200), color=GREY, width=1, dashes="5 4")
+    s.arrow(260, 30, 320, 30)
+    s.text(332, 35, "x", math=True, color=BLUE)
+    for x0, x1 in ((110, 215), (305, 410)):
+        s.arrow(x0, 120, x1, 120, color=ORANGE, both=True)
+        s.text((x0 + x1) / 2, 108, "b", math=True, color=ORANGE)
+    s.text(162, 145, "clearance", color=ORANGE)
+    s.text(357, 145, "clearance", color=ORANGE)
+    s.text(260, 222, "total backlash, left and right of the tooth together: 2b", color=INK)
+    return s
+
+
+def architecture() -> Sketch:
+    """Draw the packages of the code in layers: each imports those below it only."""
+    layers = (
+        ("cli   explorer   plot", "what a user sees"),
+        ("studies   results   parallel", "whole jobs, kept and resumed"),
+        ("answers   measurement   attractors   reduction   verification", "what is made of branches"),
+        ("bifurcation", "where a branch changes, two parameters, diagrams"),
+        ("continuation", "one branch"),
+        ("orbit", "one periodic motion: shooting, harmonic balance"),
+        ("ensemble   flow", "many motions; one motion, exactly"),
+        ("model", "what vibrates: contacts, loads, drive trains, files"),
+    )
+    s = Sketch(
+        720, 44 * len(layers) + 24, "The packages in layers, from the model at the bottom to the commands at the top"
+    )
+    for number, (names, words) in enumerate(layers):
+        y = 34 + 44 * number
+        s.add("rect", x=12, y=y - 18, width=696, height=36, rx=5, fill=STEEL, stroke=GREY, stroke_width=1)
+        s.text(24, y + 5, names.replace("   ", " · "), anchor="start", color=BLUE)
+        s.text(696, y + 5, words, anchor="end")
+    return s
+
+
 DRAWINGS: dict[str, Callable[[], Sketch]] = {
     "bearing": bearing,
     "mesh": mesh,
     "rub": rub,
     "pendulum": pendulum,
+    "clearance": clearance,
+    "architecture": architecture,
 }
 """The drawings by the name of their page."""
 

@@ -51,9 +51,7 @@ def test_its_figures_are_those_that_the_tests_measure() -> None:
     words = ("**reproduced**", "**reproduced under", "**not reproduced")
     yes, partly, no = (sum(verdict.startswith(word) for verdict in verdicts) for word in words)
     assert yes + partly + no == len(verdicts)
-    said = (
-        f"Of {len(verdicts)} statements of the paper below, {yes} are reproduced, {partly} under another reading, {no}"
-    )
+    said = f"Of {len(verdicts)} statements of the paper below, {yes} are reproduced, {partly} under another reading, "
     assert f"{said}{no} are not;" in " ".join(TEXT.split())
     for figure in ("2e-12 compared with the closed form", "1e-12 in the parameter", "1,449 special points"):
         assert figure in VALIDATION

@@ -9,4 +9,4 @@ from docs._ext.schematics import DRAWINGS, FOLDER
 def test_a_drawing_is_up_to_date_and_shown_on_its_page(name):
     file = FOLDER / f"schematic-{name}.svg"
     assert file.read_text(encoding="utf-8") == DRAWINGS[name]().svg(), "make it again: python -m docs._ext.schematics"
-    assert any(file.name in page.read_text(encoding="utf-8") for page in (FOLDER.parent / "gallery").glob("*.md"))
+    assert any(file.name in page.read_text(encoding="utf-8") for page in FOLDER.parent.rglob("*.md"))
