@@ -206,7 +206,7 @@ class RattleBands(Shown):
     def tables(self) -> Tables:
         """Return the tables of bands, of what moves their ends, and of severity."""
         along = self.parameter
-        ends = dict.fromkeys(("from", "from.error", "to", "to.error"), along)
+        ends = dict.fromkeys(["from", "from.error", "to", "to.error"], along)
         severity = {"value": along, "peak": ".force", "approach": "'", "power": "W", "rms": "''"}
         return {
             "bands": TableRows(self._band_rows, units=ends),

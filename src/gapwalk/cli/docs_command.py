@@ -65,14 +65,7 @@ def _page_named(page: str, names: list[str]) -> str:
 def _unpacked(archive: Path) -> Path:
     """Return the folder with the pages, unpacked if they are not yet: in the cache, or else in a temporary folder."""
     digest = hashlib.sha256(archive.read_bytes()).hexdigest()[:16]
-    try:
-        home = cache_folder("docs")
-        home.mkdir(mode=0o700, parents=True, exist_ok=True)
-        private = is_private(home)
-    except (OSError, RuntimeError):  # RuntimeError: there is no home
-        private = False
-    if not private:
-        home = Path(tempfile.mkdtemp(prefix="gapwalk-docs-"))
+    home = _private_folder() or Path(tempfile.mkdtemp(prefix="gapwalk-docs-"))
     folder = home / digest
     if not folder.exists():
         for old in home.iterdir():  # of earlier versions
@@ -83,3 +76,13 @@ def _unpacked(archive: Path) -> Path:
         with suppress(OSError):  # another process was faster
             os.replace(new, folder)
     return folder
+
+
+def _private_folder() -> Path | None:
+    """Return the folder of pages in the cache; None if it cannot be made, or is open to others."""
+    try:
+        home = cache_folder("docs")
+        home.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return home if is_private(home) else None
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
+        return None
