@@ -19,7 +19,7 @@ from playwright.sync_api import Page
 from tests.explorer.browser import READY, browser, served, until
 
 MODEL = Path(__file__).parents[1] / "examples" / "clutch.toml"
-STEPS = 20  # along the branch, a motion each
+CLICKS = 100  # on points along the branch, a motion each
 
 # 200 branches of 2,000 points each, in pieces of all kinds of stability
 MANY = """() => {
@@ -40,6 +40,16 @@ MANY = """() => {
     const times = [];
     for (let k = 0; k < 5; k++) { diagram.draw(); times.push(diagram.drawTime); }
     return times;
+}"""
+# the place on the screen of the point nearest to a fraction of the branch that is in no cluster
+PLACE = """(share) => {
+    const { curves, diagram } = gapwalk, [curve] = curves.all.values();
+    const { xaxis, yaxis } = diagram.place._fullLayout, box = diagram.place.getBoundingClientRect();
+    const at = (x, y) => [box.left + xaxis._offset + xaxis.l2p(x), box.top + yaxis._offset + yaxis.l2p(y)];
+    const covered = diagram.clusters.map(({ x, y }) => at(x, y));
+    const places = [...curve.node.keys()].filter((k) => curve.node[k] >= 0).map((k) => at(curve.x[k], curve.y[k]));
+    const free = places.filter(([px, py]) => covered.every(([qx, qy]) => Math.hypot(px - qx, py - qy) > 14));
+    return free[Math.floor(share * free.length)];
 }"""
 FRAMES = """() => {
     window.frames_ = [];
@@ -62,24 +72,24 @@ def main() -> None:
         until(page, READY)
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
-        say("a motion appears after a key", walk(page))
+        say(f"a motion appears after a click ({CLICKS} clicks)", click(page))
         say("200 branches of 2,000 points are drawn", page.evaluate(MANY))
         page.evaluate(FRAMES)
         say("frames of a drag", drag(page))
         say("frames while zooming", zoom(page))
 
 
-def walk(page: Page) -> list[float]:
-    """Return the milliseconds from a key to the motion of the next point."""
+def click(page: Page) -> list[float]:
+    """Return the milliseconds from a click on a point to its motion, for points all along the branch."""
     times = []
-    page.focus("#diagram")
-    for key in ["Home", "s", *["ArrowLeft"] * STEPS]:
+    for k in range(CLICKS):
+        place = page.evaluate(PLACE, (k + 0.5) / CLICKS)
         before = page.evaluate("document.body.dataset.shown ?? ''")
-        page.keyboard.press(key)
+        page.mouse.click(*place)
         until(page, f"(document.body.dataset.shown ?? '') !== '{before}'")
         times.append(float(page.evaluate("document.body.dataset.shownAfter")))
         page.wait_for_timeout(150)  # spectrum and section come after
-    return times[2:]
+    return times
 
 
 def drag(page: Page) -> list[float]:

@@ -85,7 +85,7 @@ def watched(address: str, *, height: int = 720) -> Iterator[Page]:
         page.goto(address)
         until(page, READY)
         yield page
-    assert wrong == []
+    assert wrong == [], wrong
 
 
 def opened(page: Page, file: str) -> None:

@@ -180,9 +180,50 @@ def test_a_settled_motion_is_shown_at_once(page, tmp_path) -> None:
     assert not other.is_visible("#picture")
 
 
+def test_loci_and_sweeps_are_saved_with_their_points(tmp_path) -> None:
+    branch = gw.follow(gw.find_orbit(a_stop()), "frequency", to=0.9)
+    (graze,) = [each for each in branch.special_points if each.kind == "grazing"][:1]
+    locus = gw.follow_locus(graze, "frequency", "harmonic1.amplitude", ((0.7, 0.9), (0.1, 0.3)))
+    plane = content_of(lines_of(locus), "half.x", "", 10, Blob())
+    assert (plane["x"], plane["y"]) == ("frequency", "harmonic1.amplitude")
+    assert [each["second"] for each in plane["branches"]] == ["harmonic1.amplitude"]
+    sweep = gw.sweep(a_stop(), "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=3))
+    blob = Blob()
+    content = content_of(lines_of(sweep), "half.x", "", 10, blob)
+    assert (content["x"], content["y"]) == ("frequency", "section.x")
+    assert {each["name"]: each["words"] for each in content["quantities"]}["section.x"].startswith("x(0)")
+    layer = content["answer"]["layers"][0]
+    assert layer["x"] == sorted(sweep.values.tolist())
+    orbits = [gw.find_orbit(a_stop().at({"frequency": each})) for each in sweep.values.tolist()]
+    np.testing.assert_allclose(layer["y"], [orbit.state[0] for orbit in orbits], atol=1e-5)
+    for found in (locus, sweep):
+        gw.save_html(found, tmp_path / "found.html")
+
+
+def test_a_saved_motion_has_its_spectrum_and_its_section(page, branch) -> None:
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    until(page, "document.querySelectorAll('#spectrum .bar').length > 3")
+    until(page, "document.querySelectorAll('#section .dot').length === 1")
+    orbit = branch.points[0].orbit
+    shown = page.evaluate("gapwalk.motion.details")
+    signal = shown["signal"]
+    order = int(np.argmin(np.abs(np.array(shown["orders"]) - 1.0)))
+    assert shown["amplitudes"][order] == pytest.approx(orbit.measure(f"h1.{signal}"), rel=1e-3)
+    page.evaluate(
+        """(() => {
+            const curve = gapwalk.curves.all.get("/0");
+            gapwalk.diagram.chosen({ curve, index: curve.node.indexOf(-1) });
+        })()"""
+    )
+    until(page, "gapwalk.page.chosen.special && document.getElementById('next-text').textContent.startsWith('At Ω')")
+    assert page.locator("#next-steps button").all_inner_texts() == ["Hear it", "Compare others with it"]
+    assert shown["section"]["q"][0] == pytest.approx(orbit.state[0], rel=1e-6)
+
+
 def test_what_has_no_motions_is_refused(tmp_path) -> None:
-    sweep = gw.sweep(a_stop(), "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=2))
-    with pytest.raises(ModelError, match="Sweep has none; write --format svg"):
-        gw.save_html(sweep, tmp_path / "sweep.html")  # pyright: ignore[reportArgumentType]
+    spectrum = gw.analysis.spectrum(gw.find_orbit(a_stop()), "x")
+    with pytest.raises(ModelError, match="Spectrum has none; write --format svg"):
+        gw.save_html(spectrum, tmp_path / "spectrum.html")  # pyright: ignore[reportArgumentType]
     with pytest.raises(ModelError, match="motions=400"):
         gw.save_html(gw.find_orbit(a_stop()), tmp_path / "orbit.html", motions=0)

@@ -18,7 +18,8 @@ from gapwalk.explorer.curve_data import Quantities
 from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.motion_panels import Flows, SupersededError
 from gapwalk.explorer.progress_stream import Events
-from gapwalk.explorer.session import Session, exploration_progress
+from gapwalk.explorer.result_list import listed
+from gapwalk.explorer.session import Session
 from tests.explorer.conftest import CLUTCH, STOP, about, wait
 
 JSON = {"content-type": "application/json"}
@@ -166,9 +167,7 @@ def test_what_was_done_is_there_when_the_file_is_opened_again(client, do, sessio
     first = do(model, do="compute")
     do(model, do="walk", start={"result": first["key"], "point": 0}, parameter="frequency", to=0.6)
     before = about(client, model)["results"]
-    again = exploration_progress(
-        Exploration(session.workspace, model)
-    )  # as a server that begins anew reads it from the store
+    again = listed(Exploration(session.workspace, model))  # as a server that begins anew reads it from the store
     again = json.loads(json.dumps(again))
     assert [each["title"] for each in again] == [each["title"] for each in before]
     assert [each["branches"] for each in again] == [each["branches"] for each in before]
@@ -367,7 +366,7 @@ def test_an_edit_of_the_file_is_noticed_and_results_are_told_apart(client, do, s
     walked = do(model, do="walk", start={"result": first["key"], "point": 3}, parameter="frequency", to=0.75)
     assert walked["model"] == before["model"]
     # and so it is for a server that begins anew
-    again = exploration_progress(Exploration(session.workspace, model))
+    again = listed(Exploration(session.workspace, model))
     assert [each["model"] for each in again] == [before["model"], after["model"], before["model"]]
 
 
@@ -387,7 +386,7 @@ def test_an_edit_of_a_matrix_beside_the_file_is_noticed_and_results_are_told_apa
     assert after["model"] != before["model"]
     changed = do(name, do="compute", values={"stiffness.x.x": 1.25})
     assert changed["model"] == after["model"]  # a value that was changed on the page is no other model
-    again = exploration_progress(Exploration(session.workspace, name))
+    again = listed(Exploration(session.workspace, name))
     assert [each["model"] for each in again] == [before["model"], after["model"]]
     np.save(matrix, [[1.0]])
     assert about(client, name)["model"] == before["model"]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gapwalk.orbit.floquet import Instability, classify, multipliers
+from gapwalk.orbit import floquet
+from gapwalk.orbit.floquet import Instability, classify, largest_move, multipliers
 
 
 def test_pencil_gives_the_eigenvalues_of_the_product():
@@ -41,3 +42,17 @@ def test_classification(values, expected, label):
     assert instability == Instability(*expected)
     assert instability.label == label
     assert instability.total == expected[0] + expected[1] + 2 * expected[2]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 8, 12])
+def test_moves_of_multipliers_are_found_in_any_order(count, monkeypatch):
+    random = np.random.default_rng(count)
+    # far from one another, so that the nearest is the one that moved
+    before = 0.1 * (1.0 + np.arange(count)) * np.exp(2j * np.arange(count))
+    shifts = 0.01 * random.random(count)
+    after = random.permutation(before + shifts * np.exp(1j * random.normal(size=count)))
+    expected = (shifts / np.maximum(1.0, np.minimum(abs(before), abs(before + shifts)))).max()
+    assert largest_move(before, after) == pytest.approx(expected, rel=0.01)
+    in_numbers_or_arrays = largest_move(before, after)
+    monkeypatch.setattr(floquet, "_FEW", 0 if count <= 8 else 100)
+    assert largest_move(before, after) == pytest.approx(in_numbers_or_arrays, rel=1e-14)

@@ -53,7 +53,7 @@ class Sum(Work):
 
 @pytest.fixture(autouse=True)
 def known_request(monkeypatch) -> None:
-    monkeypatch.setitem(study_registry._added, "sums", Sums)
+    monkeypatch.setitem(study_registry._KINDS, "sums", Sums)
 
 
 def call(system: gw.System, *values, **more) -> Call:

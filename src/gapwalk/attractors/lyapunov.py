@@ -95,7 +95,8 @@ class Lyapunov:
 
     def __repr__(self) -> str:
         values = ", ".join(f"{x:.5g} +- {e:.1g}" for x, e in zip(self.exponents, self.errors, strict=True))
-        return f"Lyapunov({values}; {self.periods} forcing periods)"
+        said = "" if self.converged else ", too few for the errors that were asked for"
+        return f"Lyapunov({values}; {self.periods} forcing periods{said})"
 
 
 class Average(NamedTuple):

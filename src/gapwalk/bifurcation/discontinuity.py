@@ -26,7 +26,10 @@ from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit
 
-_PROBES = (1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)  # distances ahead at which the equation is evaluated
+REACH = 1e-6
+"""Arclength within which a discontinuity is sought, ahead of the last point of a branch."""
+
+_PROBES = (1e-11, 1e-10, 1e-9, 1e-8, 1e-7, REACH)  # distances ahead at which the equation is evaluated
 _JUMP = 1e-7  # residual, as a share of the state, that a smooth or a steep change does not have at these distances
 _NEAR, _FAR = 1e-12, 1e-9  # distances beyond the discontinuity at which residuals are compared
 _SAME = 0.5  # least share of the residual far beyond it that is there at once

@@ -184,11 +184,12 @@ class _Corner:
         ahead = last.tangent if float((last.x - graze.x) @ last.tangent) > 0.0 else -last.tangent
         sign = 1.0 if ahead is last.tangent else -1.0
         length = length_of(last.x - graze.x)
+        arclength = before.arclength + length_of(graze.x - before.x)
         contact = describe_switch(last.orbit, self._touches[0].switch)
         counts, error = (before.orbit.instability, last.orbit.instability), self._error(Kind.GRAZING, 0.0)
         special = SpecialPoint(
             Kind.GRAZING,
-            replace(graze, arclength=before.arclength, memo={}),
+            replace(graze, arclength=arclength, memo={}),
             *counts,
             error,
             contact,
@@ -198,7 +199,7 @@ class _Corner:
             last,
             tangent=ahead,
             determinant=sign * last.determinant,
-            arclength=before.arclength + length,
+            arclength=arclength + length,
             memo={},
         )
         return Passage(point, [special], length)

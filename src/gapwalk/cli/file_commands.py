@@ -150,7 +150,7 @@ def export_result(
     if form in format_names():
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
-        target = output or path.with_suffix(format_of(form).endings[0])
+        target = output or path.with_suffix(format_of(form).ending)
         written = list(export_data(result, target, form, named=output is None))
     else:
         written = [output or path.with_suffix(f".{form}")]

@@ -160,9 +160,9 @@ def view_of(finding: Finding) -> AnswerView:
 
 
 def _views() -> dict[type, Maker]:
-    from gapwalk.explorer import change_views, rattle_views  # they register themselves
+    from gapwalk.explorer import change_views, rattle_views, sweep_view  # they register themselves
 
-    del change_views, rattle_views
+    del change_views, rattle_views, sweep_view
     return _VIEWS
 
 

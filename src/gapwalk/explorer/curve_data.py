@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,8 @@ from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.explorer.axis_quantities import is_at_hand, quantity
 from gapwalk.explorer.exploration import Line
-from gapwalk.model.system import System
-from gapwalk.model.words import measure_words, parameter_words
-from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import CODIM2, locus_style, symbol_style
 
@@ -47,28 +46,7 @@ def locus_lines() -> list[dict[str, Any]]:
     return lines
 
 
-MEASURE = "measure:"
-"""Prefix of a measure that has the name of a parameter: ``mean.q1`` alone is a mean load."""
-
 _PART = 40  # orbits of which a measure is computed at once: a click waits no longer than for these
-
-
-def measure_name(measure: str, system: System) -> str:
-    """Return the name of a measure in requests, which differs from those of parameters (see `MEASURE`)."""
-    return f"{MEASURE}{measure}" if measure in system.parameters else measure
-
-
-def quantity_words(names: Iterable[str], system: System) -> list[dict[str, str]]:
-    """Describe quantities for the page: names as in requests, and words with units."""
-    return [
-        {
-            "name": name,
-            "words": parameter_words(name, system.units)
-            if name in system.parameters
-            else measure_words(name.removeprefix(MEASURE), system.units),
-        }
-        for name in names
-    ]
 
 
 class Node(NamedTuple):
@@ -77,11 +55,6 @@ class Node(NamedTuple):
     number: int
     orbit: Orbit
     label: int
-
-
-def quantity(orbit: Orbit, name: str) -> float:
-    """Return a parameter of an orbit's system, or a measure of the orbit, by name (see `MEASURE`)."""
-    return orbit.system[name] if name in orbit.system.parameters else orbit.measure(name.removeprefix(MEASURE))
 
 
 class Quantities:
@@ -119,14 +92,6 @@ class Quantities:
         self._computed.update({(id(orbit), name): quantity(orbit, name) for orbit in orbits})
 
 
-def is_at_hand(orbit: Orbit, name: str) -> bool:
-    """Return True if a quantity is known without an integration."""
-    if name in orbit.system.parameters:
-        return True
-    kind, _, signal = name.removeprefix(MEASURE).partition(".")
-    return kind in MEASURES and signal in orbit.system.coordinates and "extremes" in vars(orbit)
-
-
 def curve_of(wanted: Quantities) -> dict[str, Any]:
     """Return the points and special points of a branch or a locus in the order of the walk.
 
@@ -152,7 +117,7 @@ def curve_of(wanted: Quantities) -> dict[str, Any]:
         "node": _packed([node.number for node in nodes], "<i4"),
         "label": _packed([node.label for node in nodes], "u1"),
         "special": [
-            {**special_words(each), **dict(zip("xy", wanted.of(each.orbit), strict=True))}
+            {**special_words(each), **dict(zip("xy", map(finite, wanted.of(each.orbit)), strict=True))}
             for each in line.special_points
         ],
     }
@@ -208,6 +173,11 @@ def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
         "has_locus": not kind.no_locus,
         "switches": kind.ways > 0,
     }
+
+
+def finite(value: float) -> float | None:
+    """Return a number, or None for one that JSON cannot hold."""
+    return value if math.isfinite(value) else None
 
 
 def _packed(values: Sequence[float], kind: str) -> str:

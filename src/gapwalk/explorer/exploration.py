@@ -22,6 +22,8 @@ from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.answer_view import AnswerView, view_of
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
 from gapwalk.explorer.progress_stream import Progress
+from gapwalk.explorer.result_list import Look, read_look
+from gapwalk.explorer.result_titles import verdict
 from gapwalk.explorer.tasks import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
 from gapwalk.model.model_file import file_paths
@@ -31,6 +33,7 @@ from gapwalk.results.result_file import tidy
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.read_result import load_result
 from gapwalk.studies.result import Result
+from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.study_file import Study, check_studies
 
 _NOWHERE = (0.0, 0.0)  # range of an unfinished branch, from which no other can start yet
@@ -110,6 +113,8 @@ class Entry:
         Counter of changes.
     model
         The mark of the model file that it was computed from; see `gapwalk.explorer.workspace`.
+    look
+        What a user has chosen for it: a name, a colour, and whether it is shown.
     """
 
     key: str
@@ -122,6 +127,7 @@ class Entry:
     live: Progress = field(default_factory=Progress)
     version: int = 0
     model: str = ""
+    look: Look = Look()
     _viewed: tuple[Result | None, AnswerView | None] = (None, None)
     _answer_lines: list[Line] = field(default_factory=list)
 
@@ -172,6 +178,12 @@ class Entry:
             self._viewed = result, view
             self._answer_lines = answer_lines(view)
         return view
+
+    @property
+    def verdict(self) -> str:
+        """What a settled motion is, in a few words; empty for other results."""
+        finding = None if self.result is None else self.result.finding
+        return verdict(finding.settled, finding) if isinstance(finding, SettleFinding) else ""
 
     def settled(self) -> Settled | None:
         """Return the settled motion, if the request was for one."""
@@ -398,6 +410,7 @@ class Exploration:
                 continue
             if path.exists():
                 entry = Entry(path.stem, str(record.get("title", path.stem))[:200], path, action)
+                entry.look = read_look(record.get("look"))
                 self.entries[entry.key] = entry
                 self.read(entry)
                 if entry.result is None:

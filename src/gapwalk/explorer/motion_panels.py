@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,6 +38,7 @@ from gapwalk.model.system import System
 from gapwalk.model.words import order_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.machine.layout import NARROW, WIDE, scene_of
+from gapwalk.plot.machine.scene import Mover
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _CONTACTS = 24  # whose deflections are sent: as many as the machine shows
@@ -73,6 +75,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "parameters": dict(system.parameters) if len(system.parameters) <= 1000 else {"frequency": system.frequency},
         "theta": _rounded(sampled.theta / PERIOD),
         "seconds": 2.0 * np.pi / system.frequency,
+        "has_units": system.units is not None,
         "q": {name: _rounded(sampled.signal(name)) for name in names},
         "v": {name: _rounded(sampled.signal(f"{name}'")) for name in names},
         "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
@@ -87,6 +90,11 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
 
 def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     """Return spectrum, section and energy of a motion."""
+    return {**lines_and_section(motion, signal), "energy": energy_table(motion)}
+
+
+def lines_and_section(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
+    """Return the spectrum of a signal, and the section of its coordinate."""
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     lines = spectrum(orbit or motion, signal)
     base = signal.rstrip("'")
@@ -99,7 +107,6 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
         "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},
-        "energy": energy_table(motion),
     }
 
 
@@ -151,7 +158,19 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
 
 def scenes_of(system: System) -> list[dict[str, Any]]:
     """Return the drawings of the machine of a system for a narrow and a wide panel."""
-    return [scene_of(system, width).to_dict() for width in (NARROW, WIDE)]
+    return _scenes(_still(system))[1]
+
+
+def _still(system: System) -> System:
+    """Return the system at one pace for all: the drawing does not show it, and points of a branch share a drawing."""
+    return system.at({system.structure.pace: 1.0})
+
+
+@lru_cache(maxsize=64)
+def _scenes(system: System) -> tuple[tuple[Mover, ...], list[dict[str, Any]]]:
+    """Return the movers and the drawings of a machine; they take longer than the rest of a click."""
+    scenes = [scene_of(system, width) for width in (NARROW, WIDE)]
+    return scenes[0].movers, [scene.to_dict() for scene in scenes]
 
 
 def _machine(sampled: Motion) -> dict[str, Any]:
@@ -159,14 +178,14 @@ def _machine(sampled: Motion) -> dict[str, Any]:
 
     The stops are those of the values of this motion, which a saved page shows on the drawing of other values.
     """
-    movers = scene_of(sampled.system, NARROW).movers
+    movers, scenes = _scenes(_still(sampled.system))
     moved = []
     for each in movers:
         if each.kind == "body":
             values = sum((factor * sampled.q[:, place] for place, factor in each.row), np.zeros(len(sampled.q)))
             moved.append(_rounded(values))
     stops = [[each.low, each.high] if each.kind == "gap" else None for each in movers]
-    return {"scenes": scenes_of(sampled.system), "moved": moved, "stops": stops}
+    return {"scenes": scenes, "moved": moved, "stops": stops}
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import ModelError
+from gapwalk.explorer.result_titles import along_words, changed_words, study_title
 from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
 from gapwalk.model.system import System
-from gapwalk.model.words import pace_words, parameter_symbol
+from gapwalk.model.words import pace_words, value_words
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.diagram_study import DiagramStudyOptions
@@ -164,15 +164,7 @@ def plan(action: Action, shown: Exploration) -> tuple[str, Task]:
 
 def _compute(action: Compute, shown: Exploration) -> tuple[str, Task]:
     study = shown.study(action.study, action.values)
-    title = f"{study.options.kind}{f' {study.name}' if study.name else ''}{_changed(action.values)}"
-    return title, Task(study, Path())
-
-
-def _changed(values: Mapping[str, float]) -> str:
-    """Return the first changed values, for a title."""
-    shown = [f"{name} = {value:.6g}" for name, value in list(values.items())[:3]]
-    more = f" and {len(values) - 3} more" if len(values) > 3 else ""
-    return f", {', '.join(shown)}{more}" if shown else ""
+    return study_title(study, action.values), Task(study, Path())
 
 
 def known_branches(action: Search, shown: Exploration, system: System) -> list[tuple[str, int]]:
@@ -184,14 +176,14 @@ def known_branches(action: Search, shown: Exploration, system: System) -> list[t
         (key, number)
         for key in action.known
         for number, branch in enumerate(shown.branches(key))
-        if branch.parameter == action.parameter and _is_same_system(branch, system)
+        if branch.parameter == action.parameter and is_same_system(branch.points[0].orbit, system, branch.parameter)
     ]
 
 
-def _is_same_system(branch: Branch, system: System) -> bool:
-    """Return True if a branch belongs to a system, at any value of its parameter."""
-    own = branch.points[0].orbit.system
-    same = system.at({branch.parameter: own[branch.parameter]})
+def is_same_system(orbit: Orbit, system: System, parameter: str) -> bool:
+    """Return True if an orbit belongs to a system, at any value of a parameter."""
+    own = orbit.system
+    same = system.at({parameter: own[parameter]})
     return own.structure == same.structure and bool((own.values == same.values).all())
 
 
@@ -210,8 +202,9 @@ def _walk(action: Walk, shown: Exploration) -> tuple[str, Task]:
     check_range(begin, action.to)
     orbit.system.at({action.parameter: action.to})
     options = _from_orbit(ResponseOptions, orbit, origin, action.parameter, begin, action.to)
-    symbol = parameter_symbol(action.parameter)
-    title = f"period {orbit.period}, {symbol} from {begin:.6g} to {action.to:.6g}"
+    period = f"period {orbit.period}, " if orbit.period > 1 else ""
+    title = period + along_words(orbit.system, action.parameter, begin, action.to)
+    title += changed_words(orbit.system, _base(shown), {action.parameter})
     return title, Task(_study_of(orbit.system, options, title, origin), Path())
 
 
@@ -228,7 +221,9 @@ def _switch(action: Switch, shown: Exploration) -> tuple[str, Task]:
         orbit.system.at({parameter: bound})
     period = orbit.period * special.kind.times
     options = _from_orbit(DiagramStudyOptions, orbit, origin, parameter, action.low, action.high, period=period)
-    title = f"from the {special.kind.value} of {line.name} at {parameter_symbol(parameter)} = {special.value:.6g}"
+    at = value_words(special.value, parameter, orbit.system.units, 6)
+    title = f"period {period} from the {special.kind.value} at {at}"
+    title += changed_words(orbit.system, _base(shown), {parameter})
     return title, Task(_study_of(orbit.system, options, title, origin), Path(), partial(follow_switch, special))
 
 
@@ -243,13 +238,14 @@ def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
     known = tuple(shown.branches(key)[number] for key, number in known_branches(action, shown, system))
     origin = shown.base() if action.start is None else shown.origin(action.start)
     options = _others_options(action, system, origin)
-    title = f"isolated branches, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
+    title = f"isolated branches, {along_words(system, parameter, action.low, action.high)}"
+    title += changed_words(system, _base(shown), {parameter})
     return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_others, known))
 
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
     """Return the options of a search: those of the diagram from which it starts, if it starts from one."""
-    own, measure = origin.options, _measure(origin, system)
+    own, measure = origin.options, measure_of(origin, system)
     where = (action.parameter, action.low, action.high)
     if isinstance(own, DiagramStudyOptions):
         limits = replace(own.limits, search_values=action.count)
@@ -293,14 +289,19 @@ def _locus(action: FollowLocus, shown: Exploration) -> tuple[str, Task]:
         sections=(system[second],),
         kinds=(special.kind,),
     )
-    plane = f"{parameter_symbol(first)} and {parameter_symbol(second)}"
-    title = f"locus of the {special.kind.value} of {line.name} at {special.value:.6g}, in {plane}"
+    at, plane = value_words(special.value, first, system.units, 6), along_words(system, second, second_low, second_high)
+    title = f"{special.kind.value} at {at}, {plane}{changed_words(system, _base(shown), {first, second})}"
     return title, Task(_study_of(system, options, title, origin), Path(), partial(follow_special_point, special))
 
 
 def locus_method(orbit: Orbit, origin: Study) -> Method:
     """Return the method for a locus: that by which the orbit was found, but shooting in one segment."""
     return method_of(orbit, origin).for_loci()
+
+
+def _base(shown: Exploration) -> System | None:
+    """Return the system of the file, with which titles compare; None while it has errors."""
+    return shown.studies[0].system if shown.studies else None
 
 
 def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
@@ -312,7 +313,7 @@ def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
         system, start = motion.system, tuple(motion.state.tolist())
     system = system.at(dict(action.values))
     options = SettleStudyOptions(signal=system.coordinates[0], start=start)
-    title = f"settled at {pace_words(system)}"
+    title = f"settled at {pace_words(system)}{changed_words(system, _base(shown), {system.structure.pace})}"
     return title, Task(_study_of(system, options, title, origin), Path())
 
 
@@ -321,7 +322,7 @@ def _from_orbit(
 ) -> BranchOptions:
     """Return the options of a kind of study that starts from an orbit, along a parameter between two values."""
     start = {"period": orbit.period, "start": tuple(orbit.state.tolist()), "method": method_of(orbit, origin)}
-    return kind(*where, _measure(origin, orbit.system), **(start | options))
+    return kind(*where, measure_of(origin, orbit.system), **(start | options))
 
 
 def method_of(orbit: Orbit, origin: Study) -> Method:
@@ -331,7 +332,8 @@ def method_of(orbit: Orbit, origin: Study) -> Method:
     return found if found is not None and found.name == orbit.found_by else orbit.method()
 
 
-def _measure(origin: Study, system: System) -> str:
+def measure_of(origin: Study, system: System) -> str:
+    """Return the measure of a study, or the amplitude of the first coordinate."""
     options = origin.options
     measure = options.measure if isinstance(options, BranchOptions) else ""
     return measure or f"half.{system.coordinates[0]}"

@@ -29,30 +29,36 @@ from gapwalk.answers.tolerance import Tolerance
 from gapwalk.attractors.attractor import Settled
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.bifurcation.loci import Codim2Point, Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.explorer.answer_view import Alone, AnswerView, has_picture, view_of
+from gapwalk.explorer.axis_quantities import measure_name, quantity, quantity_words
 from gapwalk.explorer.curve_data import (
     Node,
     locus_lines,
-    measure_name,
     nodes_of,
-    quantity,
-    quantity_words,
     special_words,
 )
 from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.friction_panels import energy_table
 from gapwalk.explorer.gradient_panel import gradient_of
-from gapwalk.explorer.motion_panels import panels_of, scenes_of
+from gapwalk.explorer.motion_panels import lines_and_section, panels_of, scenes_of
+from gapwalk.explorer.next_view import neighbours, stretches
+from gapwalk.explorer.result_titles import verdict
+from gapwalk.explorer.what_next import at_special
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure
+from gapwalk.model.words import full_measure, signal_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.family import Family
+from gapwalk.studies.map import Map
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.result import Result
+from gapwalk.studies.settle_study import SettleFinding
+from gapwalk.studies.sweep import Sweep
+from gapwalk.studies.sweep_study import SweepFinding
 
 _PAGE = files("gapwalk.explorer") / "page"
 _ENTRY = "saved.js"
@@ -183,17 +189,22 @@ Found = (
     | Tolerance
     | RunUp
     | RunUps
+    | Locus
+    | Map
+    | Sweep
 )
 """Records that can be saved."""
 
 
 class Lines(NamedTuple):
-    """Lines of the page, and the parameters that differ among them; one motion in place of lines; or an answer."""
+    """Lines of the page, the parameters that differ among them, and axes; or a motion; or an answer."""
 
     named: tuple[Line, ...]
     parameters: tuple[str, ...] = ()
     motion: Orbit | Settled | None = None
     answer: AnswerView | None = None
+    axes: tuple[str, str] | None = None
+    verdict: str = ""
 
     @property
     def system(self) -> System:
@@ -223,9 +234,19 @@ def lines_of(found: Found) -> Lines:
             return lines._replace(parameters=(*lines.parameters, *moved))
         case Settled() | Orbit():
             return Lines((), (), found)
+        case Locus():
+            return _in_plane([(f"{found.kind.value}-1", found)], found.first, found.second)
+        case Map():
+            return _in_plane(zip(found.names, found.loci, strict=True), found.first, found.second)
+        case Sweep():
+            return _answered(view_of(SweepFinding(found)))
         case Result(finding=None, map=None):
             return _along(found.named)
-        case Result(finding=finding) if finding is not None and isinstance(finding.record, Family | Settled):
+        case Result(finding=None, map=chart) if chart is not None and chart.loci:
+            return lines_of(chart)
+        case Result(finding=SettleFinding() as finding):
+            return lines_of(finding.settled)._replace(verdict=verdict(finding.settled, finding))
+        case Result(finding=finding) if finding is not None and isinstance(finding.record, Family):
             return lines_of(finding.record)
         case Result(finding=finding) if finding is not None and has_picture(finding.record):
             return _answered(view_of(finding))
@@ -243,6 +264,14 @@ def _along(named: Iterable[tuple[str, Branch]]) -> Lines:
     if not lines:
         raise ModelError("there are no branches yet, so there is nothing to show")
     return Lines(lines, tuple(dict.fromkeys(line.parameter for line in lines)))
+
+
+def _in_plane(named: Iterable[tuple[str, Locus]], first: str, second: str) -> Lines:
+    """Return loci over both parameters; the branches of the sections, on which they begin, are left out."""
+    lines = tuple(line_of(name, locus, (0.0, 0.0)) for name, locus in named)
+    if not lines:
+        raise ModelError("there are no loci yet, so there is nothing to show")
+    return Lines(lines, (first, second), axes=(first, second))
 
 
 def _answered(view: AnswerView) -> Lines:
@@ -285,6 +314,8 @@ def content_of(
     kept = [_chosen(each, stride) for each in nodes]
     names = quantities(lines, system, measure)
     x, y = names[0], measure_name(measure, system)
+    if lines.axes is not None:
+        x, y = lines.axes
     answer = None if lines.answer is None else lines.answer.content()
     if answer is not None and answer["axes"]:
         x, y = answer["axes"]
@@ -298,11 +329,12 @@ def content_of(
         "x": x,
         "y": y,
         "signal": signal,
-        "signals": _signals(system),
+        "signals": [[name, signal_words(name, system.units)] for name in _signals(system)],
         "quantities": quantity_words(names, system),
         "parameters": [name for name in names if name in system.parameters],
         "note": _note(nodes, kept),
         "machine": scenes_of(system),
+        "verdict": lines.verdict,
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
         "branches": [
@@ -316,6 +348,7 @@ def content_of(
                 "node": blob.exact([node.number for node in found], "i4"),
                 "label": blob.exact([node.label for node in found], "u1"),
                 "special": [special_words(each) for each in line.special_points],
+                "next": [_next(each, line, lines.named, measure) for each in line.special_points],
                 "gradients": {
                     str(index): gradients[id(each)]
                     for index, each in enumerate(line.special_points)
@@ -331,6 +364,14 @@ def content_of(
         ],
         "motion": None if lines.motion is None else _motion(lines.motion, signal, blob),
     }
+
+
+def _next(special: SpecialPoint | Codim2Point, line: Line, named: Sequence[Line], measure: str) -> str:
+    """Return what a special point means for the machine; empty for points of codimension two."""
+    if not isinstance(special, SpecialPoint):
+        return ""
+    near = stretches(named, special, special.orbit.system)
+    return at_special(special, measure, near, neighbours(line, special))["text"]
 
 
 def _gradients(lines: Lines, ends: Iterable[dict[str, Any]], most: int) -> dict[int, dict[str, Any]]:
@@ -365,6 +406,7 @@ def _stored(nodes: Sequence[Node], name: str, blob: Blob) -> dict[str, Any]:
 def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
     panels = panels_of(motion, signal, _SAMPLES) | {"energy": energy_table(motion)}
     panels["machine"].pop("scenes")  # they are in the file once
+    panels["details"] = lines_and_section(motion, signal)
     return blob.packed({name: value for name, value in panels.items() if name not in _LEFT_OUT})
 
 
@@ -393,13 +435,13 @@ def save_html(
     """Save a result as one HTML file with clickable points, which opens in any browser, without a network.
 
     The diagram zooms, its axes can be chosen, and a click on a point (or the arrow keys) shows its motion: moving
-    parts, history, phase portrait, force-deflection loop, multipliers, contact log, and its sound.
+    parts, history, phase portrait, force-deflection loop, spectrum, section, multipliers, contact log, and its sound.
 
     Parameters
     ----------
     found
         A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
-        map of rattle, a threshold, a design, a tolerance, one run-up or many.
+        map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep.
     path
         The file to write.
     measure

@@ -8,16 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.curve_data import locus_lines, measure_name, quantity_words
+from gapwalk.explorer.axis_quantities import contact_quantities, measure_name, quantity_words
+from gapwalk.explorer.curve_data import locus_lines
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
 from gapwalk.explorer.motion_panels import Flows, scenes_of
 from gapwalk.explorer.plan import read_action
 from gapwalk.explorer.progress_stream import Events
+from gapwalk.explorer.result_list import change_look, deleted, listed, remove_deleted
 from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure
+from gapwalk.model.words import full_measure, signal_words
 from gapwalk.studies.options import BranchOptions, RangeStudy
 from gapwalk.studies.study_file import Study
 
@@ -94,6 +96,18 @@ class Session:
         entry = exploration.entry(key)
         self.jobs.add(exploration, entry, exploration.resumed(entry))
 
+    def change(self, name: str, key: str, changes: dict[str, Any]) -> dict[str, Any]:
+        """Change the look of a result (see `change_look`), and tell all pages; return what undoes it."""
+        before = change_look(self.exploration(name), key, changes)
+        self.events.changed()
+        return before
+
+    def clean(self, name: str) -> int:
+        """Remove the deleted results of a file for good; return how many were removed."""
+        count = remove_deleted(self.exploration(name))
+        self.events.changed()
+        return count
+
     def progress(self) -> dict[str, Any]:
         """Return the mark of the server, and for each open file its stamp and the progress of its results."""
         with self._guard:
@@ -101,7 +115,11 @@ class Session:
         return {
             "server": self.mark,
             "explorations": {
-                name: {"stamp": exploration.stamp(), "results": exploration_progress(exploration)}
+                name: {
+                    "stamp": exploration.stamp(),
+                    "results": listed(exploration),
+                    "deleted": deleted(exploration),
+                }
                 for name, exploration in explorations.items()
             },
         }
@@ -114,8 +132,12 @@ class Session:
         system, options = study.system, study.options
         self.flows.warm(system)
         walked = isinstance(options, BranchOptions)
-        measures = [f"{kind}.{q}" for q in system.coordinates[:50] for kind in ("half", "max", "min", "mean", "rms")]
-        shown = full_measure(options.measure, system.coordinates) if walked and options.measure else measures[0]
+        asked = full_measure(options.measure, system.coordinates) if walked and options.measure else ""
+        own = asked.partition(".")[2] if asked else getattr(options, "signal", "").rstrip("'")
+        first = [own] if own in system.coordinates else []  # what the study asks for stands before all others
+        coordinates = list(dict.fromkeys((*first, *system.coordinates[:50])))
+        measures = [f"{kind}.{q}" for q in coordinates for kind in ("half", "max", "min", "mean", "rms")]
+        shown = asked or measures[0]
         if shown not in measures:
             measures.insert(0, shown)
 
@@ -127,18 +149,22 @@ class Session:
             "problem": exploration.problem,
             "title": study.title or name,
             "coordinates": list(system.coordinates),
-            "signals": signal_names(system)[:400],
+            "signals": [[name, signal_words(name, system.units)] for name in signal_names(system)[:400]],
+            "signal": coordinates[0],
             "contacts": [contact.name for contact in system.structure.contacts],
             "parameters": _parameters(system),
-            "measures": quantity_words([measure_name(each, system) for each in measures], system),
+            "measures": quantity_words(
+                [*(measure_name(each, system) for each in measures), *contact_quantities(system)], system
+            ),
             "x": getattr(options, "parameter", system.structure.pace),
             "y": measure_name(shown, system),
             "range": [options.begin, options.end] if isinstance(options, RangeStudy) else [],
             "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
             "loci": locus_lines(),
             "machine": scenes_of(system),
-            "studies": [_study(each) for each in exploration.studies],
-            "results": exploration_progress(exploration),
+            "studies": [_study(each, system) for each in exploration.studies],
+            "results": listed(exploration),
+            "deleted": deleted(exploration),
         }
 
     def close(self) -> None:
@@ -148,11 +174,14 @@ class Session:
         self.flows.close()
 
 
-def _study(study: Study) -> dict[str, Any]:
+def _study(study: Study, system: System) -> dict[str, Any]:
     """Describe a study of the file for the page; a page cannot set the parameters along which it runs."""
     others = (getattr(study.options, name, None) for name in ("second", "over"))
     walks = [getattr(study.options, "parameter", None), *(getattr(each, "parameter", None) for each in others)]
-    return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}
+    along = [name for name in walks if name]
+    units = {name: system.units.parameter(name) for name in along} if system.units is not None else {}
+    note = ", ".join(f"{name} in {unit}" for name, unit in units.items() if unit)
+    return {"name": study.name, "plan": study.options.plan + f" ({note})" * bool(note), "walks": along}
 
 
 def _parameters(system: System) -> list[dict[str, Any]]:
@@ -161,44 +190,3 @@ def _parameters(system: System) -> list[dict[str, Any]]:
     if len(items) > _PARAMETERS:
         items = [(name, value) for name, value in items if value][:_PARAMETERS]
     return [{**words, "value": system[words["name"]]} for words in quantity_words([name for name, _ in items], system)]
-
-
-def exploration_progress(exploration: Exploration) -> list[dict[str, Any]]:
-    """Return the progress of the results of an exploration."""
-    with exploration.guard:
-        return [_progress(entry) for entry in exploration.entries.values()]
-
-
-def _answer(entry: Entry) -> dict[str, Any] | None:
-    """Return the axes over which the page shows an answer, if it has a place in a diagram; None for other results."""
-    return None if entry.answer is None else {"axes": entry.answer.axes}
-
-
-def _progress(entry: Entry) -> dict[str, Any]:
-    return {
-        "key": entry.key,
-        "title": entry.title,
-        "state": entry.state.value,
-        "message": entry.message,
-        "version": entry.version,
-        "model": entry.model,
-        "kind": entry.action.do if entry.action else "opened",
-        "settled": entry.settled() is not None,
-        "answer": _answer(entry),
-        "can_resume": entry.can_resume,
-        "saves": entry.saves,
-        "done": [entry.live.done, entry.live.total],
-        "branches": [
-            {
-                "name": line.name,
-                "period": line.period,
-                "points": len(line.points),
-                "range": line.within,
-                "parameter": line.parameter,
-                "kind": line.kind,
-                "second": line.second,
-                "earlier": line.is_earlier,
-            }
-            for line in entry.lines()
-        ],
-    }

@@ -20,9 +20,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, quantity
+from gapwalk.explorer.axis_quantities import MEASURE, quantity
+from gapwalk.explorer.curve_data import Quantities, curve_of
 from gapwalk.explorer.gradient_panel import GradientWork
 from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
+from gapwalk.explorer.next_view import next_of
 from gapwalk.explorer.plan import Place, orbit_at
 from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.request_guard import Guard, TooLargeError
@@ -54,10 +56,12 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         Route("/api/details", api.details),
         Route("/api/answer", api.answer),
         Route("/api/gradient", api.gradient),
+        Route("/api/next", api.next),
         Route("/api/events", api.events),
         Route("/api/export/{what}", api.export),
         Route("/api/act", api.act, methods=["POST"]),
         Route("/api/job/{word}", api.job, methods=["POST"]),
+        Route("/api/result/{word}", api.result, methods=["POST"]),
         Mount("/static", StaticFiles(directory=str(_PAGE))),
     ]
     errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
@@ -162,6 +166,12 @@ class _Api:
         await self.session.flows.do_last_in_parts(f"{_text(request, 'tab')}/gradient", work.parts())
         return _Json(work.content())
 
+    async def next(self, request: Request) -> Response:
+        """Return what a point means for the machine, and what can be done next from there."""
+        exploration, place, _ = self._asked(request)
+        tab = f"{_text(request, 'tab')}/next"
+        return _Json(await self.session.flows.do_last(tab, lambda: next_of(exploration, place)))
+
     async def _of_motion(self, request: Request, compute: Callable[..., dict[str, Any]], what: str) -> Response:
         exploration, place, signal = self._asked(request)
         motion = exploration.motion(place)
@@ -196,6 +206,16 @@ class _Api:
             raise ModelError(f"{word[:40]!r} is not an action on a job; the actions are {', '.join(acts)}")
         acts[word]()
         return _Json({"state": entry.state.value})
+
+    async def result(self, request: Request) -> Response:
+        """Change the look of a result, or remove those that were deleted."""
+        body, word = await _body(request), request.path_params["word"]
+        name, key = str(body.pop("file", "")), str(body.pop("result", ""))
+        if word == "change":
+            return _Json({"before": await asyncio.to_thread(self.session.change, name, key, body)})
+        if word == "clean":
+            return _Json({"removed": await asyncio.to_thread(self.session.clean, name)})
+        raise ModelError(f"{word[:40]!r} is nothing to do with a result; there are change and clean")
 
     async def export(self, request: Request) -> Response:
         """Return a table, a script, a model file or the result file."""

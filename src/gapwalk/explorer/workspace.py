@@ -133,6 +133,33 @@ def read_records(folder: Path) -> dict[Path, dict[str, Any]]:
     return records
 
 
+def read_record(output: Path) -> dict[str, Any]:
+    """Return the record of a request next to its result; raise a StoreError if it cannot be read."""
+    path = output.with_suffix(".json")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise StoreError(f"{path} cannot be read: {error}") from None
+    if not isinstance(record, dict):
+        raise StoreError(f"{path} is no record of a request")
+    return record
+
+
+def forget(output: Path) -> None:
+    """Remove a result file and its record; the record goes first, so that no result is shown that is half gone.
+
+    Raises
+    ------
+    StoreError
+        If one of them cannot be removed.
+    """
+    for path in (output.with_suffix(".json"), output, *output.parent.glob(f"{output.name}-*")):
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise StoreError(f"{path} cannot be removed: {error.strerror}") from None
+
+
 _HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
 
 

@@ -7,6 +7,7 @@ MSC Nastran DMAP Programmer's Guide, OUTPUT4.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -39,6 +40,26 @@ def real(text: str) -> float:
     return float(f"{match[1]}e{match[2] or match[3] or 0}")
 
 
+class _Entries(dict[Any, float]):
+    """Entries of a matrix by their places, each read once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lines: dict[Any, int] = {}
+
+    def read(self, place: Any, value: float, line: int) -> None:
+        """Take the entry of a line; raise an UnusableError for one that is there already, and for too many."""
+        if place in self:
+            raise UnusableError(
+                f"which gives the same entry in lines {self._lines[place]} and {line}; leave one of them out"
+            )
+        if len(self) >= _MOST_ENTRIES:
+            raise UnusableError(
+                f"which holds more than {_MOST_ENTRIES:,} entries; condense the model before it is written"
+            )
+        self[place], self._lines[place] = value, line
+
+
 def read_abaqus(path: str) -> LabelledMatrix:
     """Read a matrix that Abaqus writes by ``*MATRIX OUTPUT``, in any of its three text formats.
 
@@ -46,8 +67,7 @@ def read_abaqus(path: str) -> LabelledMatrix:
     column, and the entry: the rows get names such as ``n12_z``.
     The format COORDINATE has row, column and entry. Of a symmetric matrix one triangle suffices.
     """
-    entries: dict[tuple[Any, Any], float] = {}
-    seen: dict[tuple[Any, Any], int] = {}
+    entries = _Entries()
     symmetric: bool | None = None
     scale, headed, width = 1.0, False, 0
     for number, line in lines_of(path):
@@ -83,7 +103,7 @@ def read_abaqus(path: str) -> LabelledMatrix:
             ) from None
         row, column = (indices[0], indices[1]) if width == 3 else (tuple(indices[:2]), tuple(indices[2:]))
         _check_label(row, column, number)
-        _put(entries, seen, (row, column), scale * value, number)
+        entries.read((row, column), scale * value, number)
     return assembled(entries, symmetric=symmetric)
 
 
@@ -93,14 +113,6 @@ def _check_label(row: Any, column: Any, number: int) -> None:
             f"which has a row or column without a node in line {number}, an internal variable of Abaqus (such as a "
             "Lagrange multiplier); write the matrix without contact and constraints, or as a substructure"
         )
-
-
-def _put(entries: dict[Any, float], seen: dict[Any, int], place: Any, value: float, number: int) -> None:
-    if place in entries:
-        raise UnusableError(f"which gives the same entry in lines {seen[place]} and {number}; leave one of them out")
-    if len(entries) >= _MOST_ENTRIES:
-        raise UnusableError(f"which holds more than {_MOST_ENTRIES:,} entries; condense the model before it is written")
-    entries[place], seen[place] = value, number
 
 
 def read_dmig(path: str, wanted: str) -> LabelledMatrix:
@@ -114,8 +126,7 @@ def read_dmig(path: str, wanted: str) -> LabelledMatrix:
         Name of the matrix; empty if there is only one.
     """
     heads: dict[str, int] = {}
-    matrices: dict[str, dict[Any, float]] = {}
-    seen: dict[str, dict[Any, int]] = {}
+    matrices: defaultdict[str, _Entries] = defaultdict(_Entries)
     for number, cells in _cards(path):
         name = cells[0].upper() if cells else ""
         try:
@@ -131,7 +142,7 @@ def read_dmig(path: str, wanted: str) -> LabelledMatrix:
                 if any(group):
                     row = int(group[0]), int(group[1] or 0)
                     value = real(group[2]) if group[2] else 0.0
-                    _put(matrices.setdefault(name, {}), seen.setdefault(name, {}), (row, column), value, number)
+                    matrices[name].read((row, column), value, number)
         except UnusableError:
             raise
         except (IndexError, ValueError):

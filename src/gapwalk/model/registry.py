@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib import import_module
+from types import MappingProxyType
 from typing import TypeVar
 
 from gapwalk.errors import ModelError
@@ -25,6 +28,9 @@ class Registry(dict[str, T]):
         Words for one of them: ``"force law"``.
     plural
         Words for several of them; by default `words` with an s.
+    homes
+        Modules and names in them of kinds that are loaded only when they are asked for, by the names of the kinds:
+        ``{"map": "gapwalk.studies.map_study.MapStudyOptions"}``. `names` and `named` know them before.
 
     Examples
     --------
@@ -36,9 +42,14 @@ class Registry(dict[str, T]):
     gapwalk.model.registry.UnknownNameError: there is no force law 'elastik'; did you mean elastic?
     """
 
-    def __init__(self, words: str, plural: str = "") -> None:
+    def __init__(self, words: str, plural: str = "", homes: Mapping[str, str] = MappingProxyType({})) -> None:
         super().__init__()
-        self.words, self._plural = words, plural or f"{words}s"
+        self.words, self._plural, self._homes = words, plural or f"{words}s", dict(homes)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all kinds, loaded or not."""
+        return tuple(dict.fromkeys((*self._homes, *self)))
 
     def add(self, name: str, kind: T) -> T:
         """Register a kind under its name, and return it; a class that is defined again replaces its earlier definition.
@@ -48,7 +59,7 @@ class Registry(dict[str, T]):
         ModelError
             If a kind of another class has the name.
         """
-        known = _class(self.get(name, kind)).__qualname__
+        known = _class(self.named(name) if name in self._homes else self.get(name, kind)).__qualname__
         if known != _class(kind).__qualname__:
             raise ModelError(f"there is a {self.words} {name!r} already, {known}; choose another name")
         self[name] = kind
@@ -64,9 +75,12 @@ class Registry(dict[str, T]):
         UnknownNameError
             If there is none.
         """
-        if not isinstance(name, str) or name not in self:
-            hint = did_you_mean(str(name), [*self], f"{self._plural} are")
+        if not isinstance(name, str) or name not in self.names:
+            hint = did_you_mean(str(name), [*self.names], f"{self._plural} are")
             raise UnknownNameError(f"there is no {self.words} {name!r:.60}; {hint}")
+        if name not in self:
+            module, _, kind = self._homes[name].rpartition(".")
+            self[name] = getattr(import_module(module), kind)
         return self[name]
 
 

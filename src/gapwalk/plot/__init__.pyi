@@ -1,6 +1,8 @@
 """Public names of `gapwalk.plot`; see `gapwalk.lazy_names`."""
 
 from .branches import overlay as overlay
+from .models import draw_machine as draw_machine
+from .models import machine_svg as machine_svg
 from .picture import begin as begin
 from .picture import draw as draw
 from .picture import draws as draws

@@ -20,7 +20,16 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot import style
-from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
+from gapwalk.plot.labels import (
+    MANY,
+    Label,
+    Region,
+    clusters_of,
+    crowded_region,
+    draw_closeup,
+    draw_clusters,
+    place_labels,
+)
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, open_window, write_legend
 
@@ -253,7 +262,8 @@ def line_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]
     entries = [look.entry for name, look in style.LINES.items() if name in counts]
     kinds = {special.kind for branch in branches for special in branch.special_points}
     entries += [style.symbol_style(kind).entry for kind in style.in_order(kinds)]
-    return entries + unexplained_entries(branches)
+    many = sum(len(branch.special_points) for branch in branches) > MANY
+    return [*entries, *([style.CLUSTER.entry] if many else []), *unexplained_entries(branches)]
 
 
 class _Drawing:
@@ -290,22 +300,32 @@ class _Drawing:
             self.draw_special_points(enlarged, labels)
 
     def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
-        """Draw the symbols, and the labels outside a given region."""
-        for kind in style.in_order(kind for kind, _, _ in self.special_points):
-            places = np.array([(x, y) for each, x, y in self.special_points if each is kind])
-            if len(places) and kind is Kind.GRAZING:
+        """Draw the symbols, and the labels outside a given region; of very many, clusters with their number."""
+        inside = Region(*ax.get_xlim(), *ax.get_ylim())
+        shown = [each for each in self.special_points if inside.holds(*each[1:])]
+        middles = np.empty((0, 2))
+        if len(shown) > MANY:
+            symbols = np.array([(x, y) for _, x, y in shown])
+            clusters = clusters_of(ax, symbols)
+            middles = draw_clusters(ax, symbols, clusters)
+            hidden = {int(number) for cluster in clusters for number in cluster}
+            shown = [each for number, each in enumerate(shown) if number not in hidden]
+        kinds = style.in_order(kind for kind, _, _ in shown)
+        for kind in kinds:
+            places = np.array([(x, y) for each, x, y in shown if each is kind])
+            if kind is Kind.GRAZING:
                 _draw_ticks(ax, places, self.curve)
-            elif len(places):
+            else:
                 ax.plot(*places.T, zorder=5, **style.symbol_style(kind).options())
         draw_unexplained(ax, self.unexplained)
-        inside = Region(*ax.get_xlim(), *ax.get_ylim())
         texts = [
             Label(style.symbol_style(kind).label, x, y)
-            for kind, x, y in self.special_points
-            if style.symbol_style(kind).label and inside.holds(x, y) and not (without and without.holds(x, y))
+            for kind, x, y in sorted(shown, key=lambda each: kinds.index(each[0]))
+            if style.symbol_style(kind).label and not (without and without.holds(x, y))
         ]
         if labels and texts:
-            place_labels(ax, texts, self.curve, np.array([(x, y) for _, x, y in self.special_points]))
+            marks = np.array([(x, y) for _, x, y in shown] + middles.tolist())
+            place_labels(ax, texts, self.curve, marks)
 
 
 def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:

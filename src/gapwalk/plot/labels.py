@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from gapwalk.plot.style import GREY, points, stroke
+from gapwalk.plot.style import CLUSTER, GREY, points, stroke
 
 _SIZE = 7.5  # points
 _DIRECTIONS = np.deg2rad(np.arange(0, 360, 22.5))
@@ -23,6 +24,17 @@ _CROWD = 4  # fewest close symbols for a close-up
 _GAIN = 1.6  # smallest magnification of a close-up
 _SIZES = ((0.56, 0.6), (0.5, 0.55), (0.44, 0.5), (0.38, 0.44), (0.32, 0.38))  # of the close-up, in widths of the axes
 _MARGIN = (0.055, 0.075)  # for the numbers left of the close-up and below it
+
+
+MANY = 40
+"""Special points of a picture beyond which those that would lie on one another become one mark with their number."""
+
+_LEAST = 3  # points of such a cluster
+_APART = (
+    8.0,
+    12.0,
+    16.5,
+)  # points between two symbols, a symbol and a cluster, and two clusters, so that both are seen
 
 
 class Label(NamedTuple):
@@ -68,6 +80,51 @@ def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symb
         if costs[best] < _WORST:
             boxes.append((*low[best], *high[best]))
             _write(ax, label, (centers[best] - anchor) / unit, leader=distances[best] > _DISTANCES[1])
+
+
+def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]]:
+    """Return the groups of symbols that would lie on one another in a picture with final limits, as their indices.
+
+    Symbols closer than they are wide are merged into their middle, again and again, until no two marks touch.
+
+    Parameters
+    ----------
+    ax
+        The axes.
+    symbols : shape (points, 2)
+        Places of the symbols, in data coordinates.
+    """
+    places = ax.transData.transform(symbols) * (72.0 / ax.figure.dpi)
+    groups = [np.array([number]) for number in range(len(places))]
+    merged = True
+    while merged:
+        merged, kept = False, list[NDArray[np.intp]]()
+        middles, sizes = np.empty((len(groups), 2)), np.zeros(len(groups), dtype=int)
+        for group in groups:
+            middle, count = places[group].mean(axis=0), len(kept)
+            large = (sizes[:count] >= _LEAST).astype(int) + int(len(group) >= _LEAST)
+            away = np.hypot(*(middles[:count] - middle).T) / np.take(_APART, large)
+            if count and away.min() < 1.0:
+                nearest, merged = int(np.argmin(away)), True
+                kept[nearest] = np.concatenate((kept[nearest], group))
+                middles[nearest], sizes[nearest] = places[kept[nearest]].mean(axis=0), len(kept[nearest])
+            else:
+                middles[count], sizes[count] = middle, len(group)
+                kept.append(group)
+        groups = kept
+    return [group for group in groups if len(group) >= _LEAST]
+
+
+def draw_clusters(ax: Axes, symbols: NDArray[np.float64], clusters: Sequence[NDArray[np.intp]]) -> NDArray[np.float64]:
+    """Draw a mark with a number in place of each cluster; return the places of the marks, shape (clusters, 2)."""
+    middles = [ax.transData.transform(symbols[cluster]).mean(axis=0) for cluster in clusters]
+    places = ax.transData.inverted().transform(np.reshape(middles, (-1, 2)))
+    ax.plot(*places.T, zorder=5.5, **CLUSTER.options())
+    for place, cluster in zip(places, clusters, strict=True):
+        text = str(len(cluster))
+        size = points(_SIZE * (0.9 if len(text) < 3 else 0.68))
+        ax.annotate(text, tuple(place), ha="center", va="center_baseline", fontsize=size, zorder=5.6)
+    return places
 
 
 def _write(ax: Axes, label: Label, shift: NDArray[np.float64], leader: bool) -> None:

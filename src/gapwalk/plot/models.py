@@ -13,15 +13,15 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
 from gapwalk.flow.characteristics import AngleCurve, Characteristics, ForceCurve, characteristics_of
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.model.units import Units
 from gapwalk.model.words import pace_words, parameter_words, signal_words
 from gapwalk.plot.machine.glyphs import LETTER
 from gapwalk.plot.machine.layout import scene_of
-from gapwalk.plot.machine.on_paper import draw_scene
+from gapwalk.plot.machine.on_paper import draw_scene, svg_of
 from gapwalk.plot.machine.scene import Scene
 from gapwalk.plot.picture import draws
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
+from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, open_window, write_heading, write_legend
 from gapwalk.plot.style import (
     AXIS,
     BLACK,
@@ -32,6 +32,7 @@ from gapwalk.plot.style import (
     PURPLE,
     SHADE,
     VERMILLION,
+    in_style,
     points,
     sheet_size,
     stroke,
@@ -76,6 +77,74 @@ def _columns(panels: int) -> int:
 def _panels(found: Characteristics) -> list[ForceCurve | AngleCurve]:
     loads = [] if found.loads is None else [found.loads]
     return [*found.forces[:_PANELS], *found.variations, *loads]
+
+
+def draw_machine(system: System, *, ax: Axes | None = None, width: float = 660.0) -> Axes:
+    """Draw the machine of a system alone: its bodies, springs, dampers, gears, gaps and loads, and how they connect.
+
+    Parameters
+    ----------
+    system
+        The system, of a drive train, of matrices, or of relative coordinates.
+    ax
+        Axes to draw in, whose frame is removed; by default those of a new figure of pyplot, as large as the drawing.
+    width
+        Width of the drawing in pixels of its letters (11 high), at most; longer chains go on in further rows.
+
+    Returns
+    -------
+    Axes
+        The axes of the drawing, whose data are pixels.
+
+    Raises
+    ------
+    ModelError
+        If `system` is no system.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> axes = gw.plot.draw_machine(gw.System(["x"], [[1.0]], damping=[[0.1]]))  # doctest: +SKIP
+    >>> axes.figure.savefig("machine.pdf")  # doctest: +SKIP
+    """
+    check_system(system, "gw.plot.draw_machine(system)")
+    scene, scale = scene_of(system, width), points(_LETTER) / LETTER
+    if ax is None:
+        unit = scale / _POINTS / sheet_size(1.0, 1.0)[0]  # inches of a screen in a pixel
+        ax = open_window((scene.width * unit, scene.height * unit)).add_subplot()
+    with in_style():
+        draw_scene(ax, scene, scene.width, scale)
+    return ax
+
+
+def machine_svg(system: System, width: float = 660.0) -> str:
+    """Return the drawing of the machine of a system as the text of an SVG file, on white paper.
+
+    Parameters
+    ----------
+    system
+        The system.
+    width
+        Width of the drawing in pixels, at most; longer chains go on in further rows.
+
+    Returns
+    -------
+    str
+        The text. Its parts have titles, which a browser shows under the pointer and a screen reader reads.
+
+    Raises
+    ------
+    ModelError
+        If `system` is no system.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.plot.machine_svg(gw.System(["x"], [[1.0]]))[:4]
+    '<svg'
+    """
+    check_system(system, "gw.plot.machine_svg(system)")
+    return svg_of(scene_of(system, width))
 
 
 @draws(System, panels=True, size=_size, shows="forces and loads")

@@ -282,6 +282,9 @@ def in_order(kinds: Iterable[Kind]) -> list[Kind]:
 UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
 """The question mark at an unexplained step of a branch."""
 
+CLUSTER = SymbolStyle("number of special points close together", "", "o", "white", 11.0, GREY, 0.8)
+"""The mark of several special points that would lie on one another, in which their number is written."""
+
 _GRAZES = SymbolStyle("a contact grazes too", "", "o", GREY, 2.6, GREY, 0.8)
 
 CODIM2 = {

@@ -49,7 +49,7 @@ def save_tables(record: Described, stem: str | os.PathLike[str], form: str = "cs
     >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch", "netcdf")
     (PosixPath('out/clutch.nc'),)
     """
-    path = Path(f"{os.fspath(stem)}{format_of(form).endings[0]}")
+    path = Path(f"{os.fspath(stem)}{format_of(form).ending}")
     return export_data(record, path, form, named=True)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import import_module
 from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Ge
@@ -24,7 +23,7 @@ Counted = Annotated[int, Ge(1)]
 """1, 2, 3, ..., as options have it: a bound that the schema of a table knows too."""
 
 MAX_VALUES = 100_000
-"""Of a parameter, at which something is to be done; and of periods and branches."""
+"""Largest number of values of a parameter, of periods and of branches."""
 
 
 def check_integers(options: object, most: float = math.inf, **least: int) -> None:
@@ -63,36 +62,42 @@ def check_values(name: str, values: object, least: int, parameter: str) -> None:
 
 
 # Each is loaded only when it is asked for: a frequency response need not wait for the code of basins.
-_HOMES = {
-    "response": "response_study.ResponseOptions",
-    "diagram": "diagram_study.DiagramStudyOptions",
-    "map": "map_study.MapStudyOptions",
-    "locus": "locus_study.LocusStudyOptions",
-    "family": "family_study.FamilyStudy",
-    "settle": "settle_study.SettleStudyOptions",
-    "sweep": "sweep_study.SweepStudy",
-    "basins": "basin_study.BasinStudy",
-    "regimes": "regime_study.RegimeStudy",
-    "tolerance": "tolerance_study.ToleranceStudy",
-    "rattle": "rattle_study.RattleStudy",
-    "threshold": "threshold_study.ThresholdStudy",
-    "run-up": "run_up_study.RunUpStudy",
-    "design": "design_study.DesignStudy",
-}
-_added: Registry[type[StudyKind]] = Registry("kind of study", "kinds of study")
+_KINDS: Registry[type[StudyKind]] = Registry(
+    "kind of study",
+    "kinds of study",
+    {
+        "response": "gapwalk.studies.response_study.ResponseOptions",
+        "diagram": "gapwalk.studies.diagram_study.DiagramStudyOptions",
+        "map": "gapwalk.studies.map_study.MapStudyOptions",
+        "locus": "gapwalk.studies.locus_study.LocusStudyOptions",
+        "family": "gapwalk.studies.family_study.FamilyStudy",
+        "settle": "gapwalk.studies.settle_study.SettleStudyOptions",
+        "sweep": "gapwalk.studies.sweep_study.SweepStudy",
+        "basins": "gapwalk.studies.basin_study.BasinStudy",
+        "regimes": "gapwalk.studies.regime_study.RegimeStudy",
+        "tolerance": "gapwalk.studies.tolerance_study.ToleranceStudy",
+        "rattle": "gapwalk.studies.rattle_study.RattleStudy",
+        "threshold": "gapwalk.studies.threshold_study.ThresholdStudy",
+        "run-up": "gapwalk.studies.run_up_study.RunUpStudy",
+        "design": "gapwalk.studies.design_study.DesignStudy",
+    },
+)
 
 
 def kinds() -> tuple[str, ...]:
     """Return the names of all kinds of study."""
-    return (*_HOMES, *_added)
+    return _KINDS.names
 
 
 def kind_of(name: str) -> type[StudyKind]:
-    """Return a kind of study by its name, one of `kinds`; raise a LookupError if there is none."""
-    if name in _added:
-        return _added[name]
-    module, _, found = _HOMES[name].rpartition(".")
-    return getattr(import_module(f"gapwalk.studies.{module}"), found)
+    """Return a kind of study by its name, one of `kinds`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    return _KINDS.named(name)
 
 
 def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
@@ -103,6 +108,4 @@ def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
     ModelError
         If another kind has the name.
     """
-    if kind.kind in _HOMES and kind is not kind_of(kind.kind):
-        raise ModelError(f"there is a kind of study {kind.kind!r} already; choose another name")
-    return _added.add(kind.kind, kind)
+    return _KINDS.add(kind.kind, kind)

@@ -67,6 +67,8 @@ class Round:
         For each contact event, the delay with which the motion passes its breakpoint; 0 if it is large or unknown.
     kinks
         Angles at which a law has a kink, in their order, each with the number of its guard.
+    least
+        Size below which a motion counts as rest.
     """
 
     closure: float
@@ -76,6 +78,12 @@ class Round:
     error: float
     shifts: tuple[float, ...] = ()
     kinks: Kinks = ()
+    least: float = float(np.finfo(float).tiny)
+
+    @property
+    def size(self) -> float:
+        """Largest position of the motion, at least its `least`."""
+        return max(float(np.abs(self.extremes).max()), self.least)
 
 
 def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:

@@ -105,10 +105,9 @@ def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
         math.nan,
         extremes,
         motion.error,
-        (),
-        (),
-        transition,
-        changes,
+        least=motion.length,
+        transition=transition,
+        changes=changes,
     )
 
 

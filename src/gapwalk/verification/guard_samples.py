@@ -19,7 +19,10 @@ from gapwalk.verification.dry_equations import Key
 FIRES = 1e-11
 """Share of its scale by which a guard is beyond zero once it has changed its sign."""
 
-_SHARES = np.concatenate(([0.0], 0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 9) / 8.0))
+# dense at both ends: a dip just before the end of a step would otherwise be between two steps, and in neither
+_SHARES = np.concatenate(
+    ([0.0], 0.5 ** np.arange(28.0, 4.0, -4.0), np.arange(1, 8) / 8.0, 1.0 - 0.5 ** np.array([8.0, 20.0]), [1.0])
+)
 _CLOSER = 8  # parts of an interval that is looked at more closely
 _DEEPEST = 6  # times that it is
 _ROUGH = 1e-2  # share of its scale by which an interpolated sample of a guard may be off

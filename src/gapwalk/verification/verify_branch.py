@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
+from gapwalk.bifurcation.discontinuity import REACH
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -126,7 +127,8 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
     scale = abs(point.value / point.x[-1]) if point.x[-1] else 1.0
     same = _SAME * (abs(point.value) + scale)
     said = f'"{end.reason.value}, at {end.value:.10g}"'
-    if end.reason in _AT_LAST_POINT and not abs(end.value - point.value) <= same:
+    ahead = REACH * scale if end.reason is EndReason.JUMPS else 0.0
+    if end.reason in _AT_LAST_POINT and not abs(end.value - point.value) <= same + ahead:
         yield f"{said}, but the branch ends at {point.value:.10g}"
         return
     match end.reason:
@@ -261,7 +263,10 @@ def _between(corrector: Corrector, a: BranchPoint, b: BranchPoint) -> tuple[Bran
     first = BranchPoint(a.value, a.orbit, a.x, a.tangent, a.determinant, 0.0)
     last = BranchPoint(b.value, b.orbit, b.x, b.tangent, b.determinant, length)
     for share in _SHARES:
-        for guess in (hermite(first, last, share), a.x + share * chord):
+        # the tangent at a corner may be that of its other side
+        by_first = a.x + share * length * a.tangent + share**2 * (chord - length * a.tangent)
+        by_last = b.x - (1.0 - share) * length * b.tangent - (1.0 - share) ** 2 * (chord - length * b.tangent)
+        for guess in (hermite(first, last, share), a.x + share * chord, by_last, by_first):
             try:
                 correction = corrector.correct(guess, way)
                 if correction is None or length_of(correction.x - guess) > 0.5 * length:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ def _verify_orbit(
     if rough > 1.0:
         ledger.note(f"{spot}: the error of the other integrator is {around.error:.1g} of the motion")
     ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
-    size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
+    size = around.size
     # its stages change at a point one Newton step away, which matters more if a motion is small for its branch
     slack = max(rough, track.aside(point) / size / Check.STAGES.bound)
     ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / slack)
@@ -98,7 +99,7 @@ def _verify_orbit(
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
         beside = _beside(track, point, around)
-        varied = max(_distance(reshot.multipliers, other) for other in beside)
+        varied = max((_distance(reshot.multipliers, other) for other in beside), default=0.0)
         off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
     # the number of unstable multipliers is known unless one is on the unit circle
@@ -108,17 +109,21 @@ def _verify_orbit(
         off = abs(counts[0] - counts[1])
         if off and is_corner:  # the multipliers jump there: rounding decides on which side of it each motion lies
             sides = [int((np.abs(each) > 1.0).sum()) for each in beside or _beside(track, point, around)]
-            off = min(abs(count - counts[1]) for count in sides)
+            off = min([off, *(abs(count - counts[1]) for count in sides)])
         detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"
         ledger.enter(Check.STABILITY, spot, float(off), detail)
 
 
 def _beside(track: Track, point: BranchPoint, around: Round) -> list[NDArray[np.complex128]]:
-    """Return the multipliers of some motions beside a point, on all sides of it."""
+    """Return the multipliers of some motions beside a point, on all sides of it, as far as they can be followed."""
     orbit = point.orbit
     near = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
     arounds = carry(near) if isinstance(around, DryRound) else [around] * len(near)
-    return [_again(each, track.segments, its).multipliers for each, its in zip(near, arounds, strict=True)]
+    found = []
+    for each, its in zip(near, arounds, strict=True):
+        with suppress(NumericalError):
+            found.append(_again(each, track.segments, its).multipliers)
+    return found
 
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:

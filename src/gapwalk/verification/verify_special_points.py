@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +46,7 @@ _EXACT = 1e-12  # error with which a special point can be located again, in widt
 _LEAST = 1e-16  # relative error of a parameter below which no number can represent it
 _MANY = 1e4  # factor on the location error above which no stated error is plausible
 _MOST = 1e-4  # the same as a share of the parameter
+_STRAIGHT = 0.9  # cosine of the angle between tangents on both sides above which one of them serves both
 _ONE_PLACE = 1e-7  # arclength within which points of two contacts or directions may be one event of a symmetric motion
 _INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
@@ -114,7 +115,8 @@ class Examination:
     def sides(self) -> Sides:
         """Examine the point from both sides, at decreasing distances while a result contradicts the stored point."""
         branch = self.track.branch
-        from_afar = self._reach(branch.points)
+        # the steps of a walk are tiny beyond a turn, where rounding would tell the side
+        from_afar = self._reach((branch.points[0], branch.points[-1]) if self._turn else branch.points)
         reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
         if self.special.kind is Kind.BRANCH_POINT:
             # close to it no orbit can be corrected; beyond the ends other changes would be included
@@ -138,7 +140,7 @@ class Examination:
         """Examine the point at one distance on both sides."""
         special = self.special
         try:
-            a, b = self.second.at(special.point, -reach), self.second.at(special.point, reach)
+            a, b = self._beside(-reach), self._beside(reach)
         except NumericalError as error:
             return Sides((str(error),), None, held=False)
         faults = [
@@ -154,6 +156,29 @@ class Examination:
         smooth = special.kind.has_function
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
+    def _beside(self, shift: float) -> BranchPoint:
+        """Return the point of the second computation at a distance, or not quite so far where the branch turns."""
+        here = self.special.point
+        if not self._turn:
+            return self.second.at(here, shift)
+        side = [each for each in self.track.branch.points if (each.arclength - here.arclength) * shift > 0.0]
+        side.sort(key=lambda each: abs(each.arclength - here.arclength))
+        within = [each for each in side if abs(each.arclength - here.arclength) <= abs(shift)]
+        return self.second.at((within or side[:1])[-1])
+
+    @cached_property
+    def _turn(self) -> bool:
+        """True if the branch turns sharply at the point, as where a rigid stop is grazed.
+
+        Nothing of the branch may then lie along one tangent on both sides, or both sides along the same one.
+        """
+        here = self.special.point
+        before = [each for each in self.track.branch.points if each.arclength < here.arclength]
+        after = [each for each in self.track.branch.points if each.arclength > here.arclength]
+        if not (self.special.is_corner and before and after and len(before[-1].x) == len(after[0].x) == len(here.x)):
+            return False
+        return float(before[-1].tangent @ after[0].tangent) < _STRAIGHT
+
     def _zero(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
         """Return the parameter where a function of the point is zero, by a secant from the special point.
 
@@ -162,13 +187,13 @@ class Examination:
         """
         point, length = self.special.point, min(reach, _SECANT)
         try:
-            here, beside = self.second.at(point), self.second.at(point, length)
+            here, beside = self.second.at(point), self._beside(length)
             first, last = function(here), function(beside)
         except NumericalError:
             return None
         if first * last < 0.0 and not self.special.kind.by_multipliers:
             with suppress(NumericalError):  # it may be defined on one side only
-                before = self.second.at(point, -length)
+                before = self._beside(-length)
                 last, beside = function(before), before
         if first == last:
             return None

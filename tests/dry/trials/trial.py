@@ -25,6 +25,7 @@ LONGEST = 60.0
 _WALK = gw.WalkOptions(max_points=400)
 _SETTLE = SettleOptions(max_periods=2000, max_period=16)
 _LYAPUNOV = LyapunovOptions(max_periods=256)
+_EXPONENTS = LyapunovOptions(max_periods=1024)  # along orbits, where slow decay takes long to show
 _CLOSED, _SAME = 1e-9, 1e-6  # of the independent integrator, as in gapwalk.verification
 _STEPS, _POINTS = 5, 20  # of the sweep
 _SHARE = 0.5  # of the time that is left, for one step
@@ -144,7 +145,7 @@ def attempt(name: str, system: gw.System, factor: float = 1.3, sampled: int = 0,
     attractor = trial.step("motion", lambda: classify(system, options=kept), lambda found: str(found.kind))
     if attractor is not None and attractor.orbit is not None:
         orbit = attractor.orbit
-        found = trial.step("exponents", lambda: lyapunov(system, orbit.state, _LYAPUNOV), repr)
+        found = trial.step("exponents", lambda: lyapunov(system, orbit.state, _EXPONENTS), repr)
         if found is not None and orbit.period == 1:
             _compare(trial, found.per_period, orbit)
     options = gw.SweepOptions(steps=_STEPS, points=_POINTS, patience=gw.studies.Patience(48, 300), workers=1)

@@ -1,7 +1,7 @@
 // A small chart in SVG: drawn within a millisecond or two, in the colours of the page.
 
 const SVG = "http://www.w3.org/2000/svg";
-const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 32;
+const LEFT = 44, DIGIT = 6.3, RIGHT = 8, TOP = 8, BOTTOM = 32;
 
 export function element(name, attributes = {}, text = "") {
   const made = document.createElementNS(SVG, name);
@@ -16,24 +16,28 @@ export function element(name, attributes = {}, text = "") {
  * `curves`: lists of [xs, ys]; `dots`: [[x, y, class]]; `bars`: [xs, ys] from the zero line; `across`, `down`: values of
  * dashed lines; `x`, `y`: names of the axes; `square`: both axes with one scale, and the unit circle; `shades`: intervals
  * of x; `padded`: with room beside the curves; `below`: { height, draw } of a strip between the curves and the numbers:
- * `draw` is called with the chart, px (whose least value is px.low) and the top of the strip.
+ * `draw` is called with the chart, px (whose least value is px.low) and the top of the strip; `behind`, `barsBehind`:
+ * curves and bars of another motion, which are drawn pale.
  * Returns a function that moves a mark to a point.
  */
-export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label, shades = [], below = null, padded = false }) {
+export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label, shades = [], below = null, padded = false, behind = [], barsBehind = null }) {
   const width = Math.max(150, Math.round(place.clientWidth) || 300), room = below?.height ?? 0;
   if (square) height = Math.min(width, 230);
   height += room;
   const bottom = height - BOTTOM - room; // of the curves
-  const xs = [...curves.map((c) => c[0]), dots.map((d) => d[0]), bars?.[0] ?? [], down];
-  const ys = [...curves.map((c) => c[1]), dots.map((d) => d[1]), bars ? [0, ...bars[1]] : [], across];
+  const lines = [...behind, ...curves];
+  const xs = [...lines.map((c) => c[0]), dots.map((d) => d[0]), bars?.[0] ?? [], barsBehind?.[0] ?? [], down];
+  const ys = [...lines.map((c) => c[1]), dots.map((d) => d[1]), bars ? [0, ...bars[1]] : [], barsBehind?.[1] ?? [], across];
   let [x0, x1] = extent(xs, !square && !padded && !dots.length && !down.length && !bars), [y0, y1] = extent(ys, false);
   if (square) {
     const reach = Math.max(1.15, ...[x0, x1, y0, y1].map(Math.abs));
     const ratio = (width - LEFT - RIGHT) / (bottom - TOP);
     [x0, x1, y0, y1] = [-reach * Math.max(1, ratio), reach * Math.max(1, ratio), -reach / Math.min(1, ratio), reach / Math.min(1, ratio)];
   }
-  const px = (v) => LEFT + ((v - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
-  px.low = LEFT;
+  // numbers keep off the title, which stands on its end beside them
+  const left = Math.max(LEFT, 21 + DIGIT * Math.max(...ticks(y0, y1, 5).map((tick) => short(tick).length)));
+  const px = (v) => left + ((v - x0) / (x1 - x0)) * (width - left - RIGHT);
+  px.low = left;
   const py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
   for (const [from, to] of shades) svg.append(element("rect", { class: "rest", x: px(from), width: Math.max(0, px(to) - px(from)), y: TOP, height: bottom - TOP }));
@@ -42,22 +46,23 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
     svg.append(element("text", { x: px(tick), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
   }
   for (const tick of ticks(y0, y1, 5)) {
-    svg.append(element("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
-    svg.append(element("text", { x: LEFT - 4, y: py(tick) + 3.5, "text-anchor": "end" }, short(tick)));
+    svg.append(element("line", { class: "grid", x1: left, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
+    svg.append(element("text", { x: left - 4, y: py(tick) + 3.5, "text-anchor": "end" }, short(tick)));
   }
   if (square) svg.append(element("ellipse", { class: "stop", fill: "none", cx: px(0), cy: py(0), rx: px(1) - px(0), ry: py(0) - py(1) }));
-  for (const v of across) svg.append(element("line", { class: "stop", x1: LEFT, x2: width - RIGHT, y1: py(v), y2: py(v) }));
+  for (const v of across) svg.append(element("line", { class: "stop", x1: left, x2: width - RIGHT, y1: py(v), y2: py(v) }));
   for (const v of down) svg.append(element("line", { class: "stop", x1: px(v), x2: px(v), y1: TOP, y2: bottom }));
-  for (const [cx, cy] of curves) {
+  lines.forEach(([cx, cy], number) => {
     let path = "";
     for (let i = 0; i < cx.length; i++) path += `${i ? "L" : "M"}${px(cx[i]).toFixed(1)} ${py(cy[i]).toFixed(1)}`;
-    svg.append(element("path", { class: "curve", d: path }));
-  }
+    svg.append(element("path", { class: number < behind.length ? "curve pinned" : "curve", d: path }));
+  });
+  barsBehind?.[0].forEach((v, i) => svg.append(element("line", { class: "bar pinned", x1: px(v), x2: px(v), y1: py(0), y2: py(barsBehind[1][i]) })));
   bars?.[0].forEach((v, i) => svg.append(element("line", { class: "bar", x1: px(v), x2: px(v), y1: py(0), y2: py(bars[1][i]) })));
   for (const [dx, dy, kind = ""] of dots) svg.append(element("circle", { class: `dot ${kind}`, cx: px(dx), cy: py(dy), r: dots.length > 60 ? 1.6 : 4 }));
-  svg.append(element("rect", { class: "frame", x: LEFT, y: TOP, width: width - LEFT - RIGHT, height: bottom - TOP }));
+  svg.append(element("rect", { class: "frame", x: left, y: TOP, width: width - left - RIGHT, height: bottom - TOP }));
   if (below) below.draw(svg, px, bottom);
-  svg.append(element("text", { class: "title", x: (LEFT + width - RIGHT) / 2, y: height - 5, "text-anchor": "middle" }, x));
+  svg.append(element("text", { class: "title", x: (left + width - RIGHT) / 2, y: height - 5, "text-anchor": "middle" }, x));
   const middle = (TOP + bottom) / 2;
   svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})` }, y));
   const mark = element("circle", { class: "now", r: 4.5, visibility: "hidden" });

@@ -1,5 +1,7 @@
 // The chosen point of the diagram: what follows once a click (`diagram.js`) or a key (`keyboard.js`) has met a point.
 
+import { unitOf } from "./dom.js";
+
 const $ = (id) => document.getElementById(id);
 
 /** Chooses points: each is marked in the diagram, and its motion is shown. `page.chosen` is the chosen one. */
@@ -14,8 +16,8 @@ export class Choice {
     const { page } = this;
     if (!page.about) return;
     if (found.settled !== undefined) {
-      const { title, place } = this.curves.settled.get(found.settled) ?? {};
-      page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
+      const { place } = this.curves.settled.get(found.settled) ?? {}, result = page.results?.find(({ key }) => key === found.settled);
+      page.chosen = { start: { result: found.settled }, title: result?.title ?? found.settled, verdict: result?.verdict };
       this.diagram.choose(null, 0, place ?? null);
     } else {
       page.chosen = pointAt(found, $("x").value);
@@ -24,7 +26,7 @@ export class Choice {
     }
     this.changed();
     const { chosen } = page;
-    this.motion.show({ file: page.about.file, ...chosen.start }, chosen.title).then((motion) => {
+    this.motion.show({ file: page.about.file, ...chosen.start }, chosen.title, chosen.verdict).then((motion) => {
       if (motion && page.chosen === chosen) this.shown(motion);
     });
   }
@@ -54,6 +56,7 @@ export class Choice {
 function pointAt({ curve, index }, x) {
   const node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
   const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
-  const at = `${x === "frequency" ? "Ω" : x.replace(/^measure:/, "")} = ${curve.x[index].toPrecision(8)}`;
+  const words = $("x").selectedOptions[0]?.title ?? "", unit = unitOf(words).replace(/^ \[|\]$/g, " ").trimEnd();
+  const at = `${/Ω$/.test(words) ? "Ω" : x.replace(/^measure:/, "")} = ${curve.x[index].toPrecision(8)}${unit}`;
   return { start, special, key: curve.key, node, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
 }

@@ -33,25 +33,37 @@ function plural(text) {
   return /^(fold|flip)$/.test(text) ? `${text}s` : text;
 }
 
-// symbols of special points that have no letters beside them, in a square of 12
+// symbols of special points, in a square of 12; those that have letters are filled
 const SIGNS = {
-  grazing: "M6 1V11", "crossing-sliding": "M2.5 2.5L9.5 9.5M2.5 9.5L9.5 2.5", "switching-sliding": "M6 6V1M6 6L2 10M6 6L10 10",
+  fold: "M6 2A4 4 0 1 1 5.99 2Z", flip: "M6 1L11 6L6 11L1 6Z", "neimark-sacker": "M6 .5L7.5 4.4L11.6 4.6L8.4 7.2L9.5 11.2L6 8.9L2.5 11.2L3.6 7.2L.4 4.6L4.5 4.4Z",
+  "branch-point": "M4.3 1H7.7V4.3H11V7.7H7.7V11H4.3V7.7H1V4.3H4.3Z",
+  grazing: "M6 1V11", "held-stop": "M6 6H1M6 6L9.5 1.5M6 6L9.5 10.5", "crossing-sliding": "M2.5 2.5L9.5 9.5M2.5 9.5L9.5 2.5", "switching-sliding": "M6 6V1M6 6L2 10M6 6L10 10",
   "grazing-sliding": "M6 6V11M6 6L2 2M6 6L10 2", "adding-sliding": "M6 1.5V10.5M1.5 6H10.5", "slip-onset": "M6 1.5L10 3.8V8.2L6 10.5L2 8.2V3.8Z",
 };
+const FILLED = new Set(["fold", "flip", "neimark-sacker", "branch-point"]);
+const TOGETHER = "M6 .8A5.2 5.2 0 1 1 5.99 .8Z";
 
-/** Show in the legend which loci are on the diagram, and which special points without letters. */
-export function showLegend(legend, curves) {
+/** Show in the legend which loci are on the diagram, which special points with their letters, and what clusters are. */
+export function showLegend(legend, curves, clusters = []) {
   const all = [...curves], kinds = [...LINES.keys()], there = new Set(all.flatMap(({ label }) => (label.length ? kinds[label[0]] : [])));
   for (const line of legend.querySelectorAll(".of-plane")) line.hidden = !there.has(line.dataset.kind);
+  const used = new Set(all.flatMap(({ label }) => [...new Set(label)].map((each) => kinds[each])));
+  for (const kind of kinds.slice(0, STABILITY)) {
+    const line = legend.querySelector(`li:not([class]) path.${kind}`)?.closest("li");
+    if (line) line.hidden = used.size > 0 && !used.has(kind);
+  }
   const points = new Map(all.flatMap(({ special }) => special).filter(({ kind }) => kind in SIGNS).map(({ kind, text }) => [kind, text]));
   for (const old of legend.querySelectorAll(".of-point")) old.remove();
-  for (const [kind, sign] of Object.entries(SIGNS)) {
-    if (!points.has(kind)) continue;
+  const add = (sign, look, words) => {
     const entry = Object.assign(document.createElement("li"), { className: "of-point" }), svg = element("svg", { viewBox: "0 0 12 12" });
-    svg.append(element("path", { d: sign, class: kind === "grazing" ? "of-stop" : "of-sliding" }));
-    entry.append(svg, points.get(kind));
+    svg.append(element("path", { d: sign, class: look }));
+    entry.append(svg, words);
     legend.append(entry);
+  };
+  for (const [kind, sign] of Object.entries(SIGNS)) {
+    if (points.has(kind)) add(sign, FILLED.has(kind) ? `filled of-${kind}` : ["grazing", "held-stop"].includes(kind) ? "of-stop" : "of-sliding", points.get(kind));
   }
+  if (clusters.length) add(TOGETHER, "filled of-cluster", "number of special points: click to open");
 }
 
 const TOLERANCE = 0.2; // pixels by which a thinned line may be off
@@ -102,11 +114,12 @@ export class Curves {
     this.generation += 1;
   }
 
-  /** Fetch changed results; return true if there were any. Loci are shown where both axes are parameters. */
+  /** Fetch changed results and drop those that are gone; return true if there were any. Loci are shown where both axes are parameters. */
   async update(file, axes, plane, results) {
-    const generation = this.generation, wanted = [], there = new Set(results.map(({ key }) => key));
+    const generation = this.generation, wanted = [], there = new Set(results.map(({ key }) => key)), before = this.all.size + this.settled.size;
     for (const [key, { result }] of this.all) if (!there.has(result)) this.all.delete(key);
-    for (const key of this.settled.keys()) if (!there.has(key)) this.settled.delete(key);
+    for (const held of [this.settled, this.versions]) for (const key of held.keys()) if (!there.has(key)) held.delete(key);
+    const isLess = this.all.size + this.settled.size < before;
     for (const result of results) {
       if (this.versions.get(result.key) === result.version) continue;
       this.versions.set(result.key, result.version);
@@ -131,7 +144,7 @@ export class Curves {
       });
     }
     await Promise.all(wanted);
-    return wanted.length > 0 && generation === this.generation;
+    return (isLess || wanted.length > 0) && generation === this.generation;
   }
 
   /** Return the node of all branches nearest to a place on the screen: { curve, index }, or null. */
@@ -161,9 +174,9 @@ export function thinned(curves, kinds, window, scaleX, scaleY) {
   for (const { x, y, label } of curves) {
     let start = 0;
     for (let i = 1; i <= x.length; i++) {
-      if (i < x.length && label[i] === label[start]) continue;
-      const end = Math.min(i, x.length - 1);
-      if (end > start) piece(x, y, start, end, lines[label[start]], window, scaleX, scaleY);
+      if (i < x.length && label[i] === label[start] && Number.isFinite(y[i])) continue;
+      const end = i < x.length && Number.isFinite(y[i]) ? i : i - 1; // not all quantities are finite everywhere
+      if (end > start && Number.isFinite(y[start])) piece(x, y, start, end, lines[label[start]], window, scaleX, scaleY);
       start = i;
     }
   }

@@ -1,7 +1,8 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
+import { describeCluster, opened, RADIUS, sorted } from "./clusters.js";
 import { Lines } from "./lines.js";
-import { arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
+import { arrowBoxes, arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
@@ -14,6 +15,8 @@ const CODIM2 = {
   cusp: "triangle-up", "fold-flip": "diamond", "fold-neimark-sacker": "cross", "flip-neimark-sacker": "x", "generalised-flip": "triangle-down",
   "1:1": "square", "1:2": "square-dot", "1:3": "pentagon", "1:4": "hexagon", "degenerate-grazing": "diamond-tall",
 };
+const BESIDE = 68, ABOVE = 52; // pixels beside and above the window, for the numbers and the titles of the axes
+const MANY = 20_000; // vertices of the lines beyond which labels do not mind them
 const LETTER = 8.5; // pixels of the title of an axis that one takes
 const REACH = 16; // pixels within which a click means a point
 
@@ -26,8 +29,11 @@ export class Diagram {
     this.mark = null;
     this.names = { x: "", y: "" };
     this.over = null; // what an answer adds, as `onAxes` in overlay.js returns it
+    this.clusters = []; // of special points that would lie on one another
+    this.tip = place.querySelector(".tip");
     this.arrows = []; // from a special point to where a changed parameter moves it
     this.extra = () => ({ over: null, arrows: [] }); // returns both
+    this.drawn = () => {}; // called after each drawing
     this.painted = () => {}; // called with Plotly's axes whenever they have moved
     this.watchClicks();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
@@ -76,18 +82,8 @@ export class Diagram {
     this.ready = true;
     this.watchView();
     this.paint();
+    this.drawn();
     this.drawTime = performance.now() - started;
-  }
-
-  /** Thin the lines for another window, and label what has room there now; the rest of what Plotly draws stays. */
-  refine() {
-    const { xaxis, yaxis } = this.place._fullLayout, view = { x: xaxis.range, y: yaxis.range };
-    const all = [...this.curves.all.values()];
-    this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
-    const marks = this.marks(all, view), first = this.added(view).length, labelled = marks.slice(first, -2);
-    window.Plotly.restyle(this.place, { text: labelled.map(({ text }) => text) }, labelled.map((_, i) => first + i));
-    if (this.over || this.arrows.length) this.redecorate(view);
-    this.paint();
   }
 
   paint(moving = false) {
@@ -96,20 +92,16 @@ export class Diagram {
     this.painted(this.place._fullLayout);
   }
 
-  /** Draw the arrows and the labels of an answer again; the rest of what Plotly draws stays. */
-  redecorate(view = null) {
+  /** Draw again after the arrows have changed, if there is a drawing. */
+  redecorate() {
     if (!this.ready) return;
-    Object.assign(this, this.extra());
-    const { xaxis, yaxis } = this.place._fullLayout;
-    this.programmatic = true;
-    window.Plotly.relayout(this.place, this.decoration(view ?? { x: xaxis.range, y: yaxis.range }));
-    this.programmatic = false;
+    this.draw();
   }
 
   /** Arrows and labels, for a layout. */
   decoration(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
-    const { shapes, labels } = arrowsOf(this.arrows, view, width - 68, height - 60, color);
-    return { shapes, annotations: [...(this.over ? labelsOf(this.over, view, width - 68, color) : []), ...labels] };
+    const { shapes, labels } = arrowsOf(this.arrows, view, width - BESIDE, height - ABOVE, color);
+    return { shapes, annotations: [...(this.over ? labelsOf(this.over, view, width - BESIDE, color) : []), ...labels] };
   }
 
   /** The traces that an answer adds. */
@@ -125,9 +117,10 @@ export class Diagram {
   }
 
   marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
-    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, label: s.kind === "grazing" ? "" : s.label })));
-    const found = legible(special, view, width, height);
-    return [...this.added(view), ...this.specialPoints(found), this.codim2Points(found), this.settledPoints(), this.markTrace()];
+    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label })));
+    const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.kinds : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
+    this.clusters = clusters;
+    return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints(), this.markTrace()];
   }
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
@@ -139,7 +132,7 @@ export class Diagram {
       autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: this.over?.lines.some(({ upright, text }) => upright && text) ? 24 : 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
-      xaxis: axis(this.names.x, view.x, width - 68), yaxis: axis(this.names.y, view.y, height - 76),
+      xaxis: axis(this.names.x, view.x, width - BESIDE), yaxis: axis(this.names.y, view.y, height - 76),
       hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") }, align: "left" },
       ...this.decoration(view, width, height),
     };
@@ -172,7 +165,7 @@ export class Diagram {
 
   extent() {
     let [a, b, c, d] = [Infinity, -Infinity, Infinity, -Infinity];
-    const take = (x, y) => { a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
+    const take = (x, y) => { if (!Number.isFinite(x) || !Number.isFinite(y)) return; a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
     for (const curve of this.curves.subject()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
     if (!this.curves.hasLoci) for (const { place } of this.curves.settled.values()) take(...place);
     for (const { x, y } of this.over?.layers ?? []) x.forEach((v, i) => { if (v !== null && y[i] !== null) take(v, y[i]); });
@@ -191,9 +184,9 @@ export class Diagram {
       return {
         type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
         x: found.map((s) => s.x), y: found.map((s) => s.y),
-        text: found.map((s) => s.label), textposition: "top center", textfont: { size: 11, color: color("--soft") },
+        text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: 11, color: color("--soft") },
         customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
-        marker: { symbol, size, color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
+        marker: { symbol, size, opacity: found.map(({ pale }) => (pale ? this.lines.pale : 1)), color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
       };
     });
   }
@@ -203,7 +196,7 @@ export class Diagram {
     const symbols = found.map((s) => CODIM2[s.kind.slice(7)]);
     return {
       type: "scatter", mode: "markers+text", name: "codimension two", x: found.map((s) => s.x), y: found.map((s) => s.y),
-      text: found.map((s) => s.label), textposition: "top center", textfont: { size: 12, color: color("--ink") },
+      text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: 12, color: color("--ink") },
       customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
       marker: {
         symbol: symbols.map((symbol) => symbol ?? "circle"), size: symbols.map((symbol) => (symbol ? 11 : 6)),
@@ -219,6 +212,35 @@ export class Diagram {
       text: found.map((s) => escaped(s.title)), hovertemplate: "%{text}<extra></extra>",
       marker: { symbol: "x", size: 10, color: color("--chosen"), line: { width: 1, color: color("--card") } },
     };
+  }
+
+  /** Marks with the number of points that would lie on one another. */
+  clusterPoints() {
+    const { clusters } = this;
+    return {
+      type: "scatter", mode: "markers+text", name: "clusters", x: clusters.map(({ x }) => x), y: clusters.map(({ y }) => y),
+      text: clusters.map(({ points }) => String(points.length)), textposition: "middle center", textfont: { size: 10.5, color: color("--ink") },
+      customdata: clusters.map(describeCluster), hovertemplate: "%{customdata}<extra></extra>",
+      marker: { symbol: "circle", size: 2 * RADIUS, color: color("--card"), line: { width: 1.4, color: color("--soft") } },
+    };
+  }
+
+  /** Show what lies below the pointer, in a corner where it covers neither that nor the chosen point nor the curves. */
+  showTip(html, px, py) {
+    const { tip } = this, { xaxis, yaxis } = this.place._fullLayout;
+    tip.innerHTML = html;
+    tip.hidden = false;
+    const [wide, high] = [tip.offsetWidth, tip.offsetHeight], right = xaxis._offset + xaxis._length, bottom = yaxis._offset + yaxis._length, gap = 6;
+    const corners = [[right - wide - gap, yaxis._offset + gap], [xaxis._offset + gap, yaxis._offset + gap], [right - wide - gap, bottom - high - gap], [xaxis._offset + gap, bottom - high - gap]];
+    const around = (x, y, left, top) => x > left - 14 && x < left + wide + 14 && y > top - 14 && y < top + high + 14;
+    const cost = ([left, top]) => {
+      let found = around(px, py, left, top) ? 1e9 : 0;
+      if (this.mark && around(xaxis._offset + xaxis.l2p(this.mark[0]), yaxis._offset + yaxis.l2p(this.mark[1]), left, top)) found += 1e6;
+      for (const [xs, ys] of this.lines.kinds) for (let i = 0; i < xs.length; i++) if (xs[i] !== null && around(xaxis._offset + xaxis.l2p(xs[i]), yaxis._offset + yaxis.l2p(ys[i]), left, top)) found += 1;
+      return found;
+    };
+    const costs = corners.map(cost), [left, top] = corners[costs.indexOf(Math.min(...costs))];
+    Object.assign(tip.style, { left: `${left}px`, top: `${top}px` });
   }
 
   markTrace() {
@@ -243,6 +265,14 @@ export class Diagram {
       for (const [key, { place }] of this.curves.settled) {
         if (Math.hypot(toX(place[0]) - px, toY(place[1]) - py) < 9) return this.chosen({ settled: key });
       }
+      for (const cluster of this.clusters) {
+        if (Math.hypot(toX(cluster.x) - px, toY(cluster.y) - py) > RADIUS) continue;
+        const range = opened(cluster, { x: xaxis.range, y: yaxis.range });
+        if (!range) break; // points at one place: the first of them is chosen below
+        this.tip.hidden = true;
+        this.range = range;
+        return this.draw();
+      }
       const found = this.curves.nearest(px, py, toX, toY, REACH);
       if (found) this.chosen(found);
     });
@@ -252,6 +282,11 @@ export class Diagram {
   watchView() {
     if (this.watched) return;
     this.watched = true;
+    this.place.on("plotly_hover", ({ points: [found], event }) => {
+      const words = found.customdata ?? found.text, box = this.place.getBoundingClientRect();
+      if (words) this.showTip(words, event.clientX - box.left, event.clientY - box.top);
+    });
+    this.place.on("plotly_unhover", () => { this.tip.hidden = true; });
     this.place.on("plotly_relayouting", () => this.paint(true));
     this.place.on("plotly_relayout", () => {
       if (this.programmatic) return;
@@ -259,7 +294,7 @@ export class Diagram {
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
       this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => (this.over?.clouds.length ? this.draw() : this.refine()), 120); // clouds have a height in pixels
+      this.timer = setTimeout(() => this.draw(), 120); // for the new window: lines, labels, clusters
     });
   }
 }
@@ -280,24 +315,4 @@ function escaped(text) {
 /** The title of an axis; where there is no room for all of it, without what stands in parentheses. */
 function shortened(title, room) {
   return title.length * LETTER > room ? title.replace(/ \(.*?\)/, "") : title;
-}
-
-const WIDE = 22, HIGH = 13; // pixels that a label of two or three letters needs
-
-/** The same points with a `label` where there is room for it, and "" elsewhere, in a window of some pixels. */
-function legible(points, view, width, height) {
-  const taken = new Map();
-  const scale = ({ x, y }) => [
-    (x - view.x[0]) / (view.x[1] - view.x[0]) * width, (y - view.y[0]) / (view.y[1] - view.y[0]) * height,
-  ];
-  return points.map((point) => {
-    const [px, py] = scale(point), column = Math.floor(px / WIDE), row = Math.floor(py / HIGH);
-    for (let i = column - 1; i <= column + 1; i++) for (let j = row - 1; j <= row + 1; j++) {
-      for (const [ox, oy] of taken.get(`${i} ${j}`) ?? []) {
-        if (Math.abs(ox - px) < WIDE && Math.abs(oy - py) < HIGH) return { ...point, label: "" };
-      }
-    }
-    if (point.label) taken.set(`${column} ${row}`, [...(taken.get(`${column} ${row}`) ?? []), [px, py]]);
-    return point;
-  });
 }

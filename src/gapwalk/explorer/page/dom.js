@@ -5,6 +5,16 @@ export function fill(select, pairs) {
   select.replaceChildren(...pairs.map(([value, text, title = text]) => Object.assign(new Option(text, value), { title })));
 }
 
+/** The unit at the end of a title, as in " [rpm]"; empty for a plain number. */
+export function unitOf(words) {
+  return / \[[^\]]*\]$/.exec(words)?.[0] ?? "";
+}
+
+/** The title of the axis of a signal, with its unit, as the list of signals has it. */
+export function signalWords(name) {
+  return [...document.getElementById("signal").options].find(({ value }) => value === name)?.text ?? name;
+}
+
 /** Have the browser save something. */
 export function save(blob, name) {
   const link = document.createElement("a");

@@ -9,12 +9,13 @@ export class Extras {
   constructor(legend, curves, diagram, answer, movers) {
     Object.assign(this, { legend, curves, diagram, answer, movers });
     diagram.extra = () => ({ over: answer.over($("x").value, $("y").value), arrows: movers.arrows($("x").value, $("y").value) });
+    diagram.drawn = () => this.showLegend();
     diagram.painted = (axes) => answer.follow(axes, $("x").value);
   }
 
   showLegend() {
     const { legend, diagram } = this, panels = this.answer.own("below").filter(({ over }) => over === $("x").value);
-    showLegend(legend, this.curves.all.values());
+    showLegend(legend, this.curves.all.values(), diagram.clusters);
     legendOf(legend, diagram.over, panels.flatMap(({ series }) => series), diagram.arrows.length > 0);
   }
 
@@ -25,11 +26,11 @@ export class Extras {
     if (before + this.diagram.arrows.length) this.showLegend();
   }
 
-  /** Say in the legend what pale curves are; `before` has the keys of those before the change of a design. */
-  showPale(before) {
+  /** Say in the legend what pale curves are; each has the reason in `why`. */
+  showPale() {
     const pale = [...this.curves.all.values()].filter((curve) => curve.earlier), entry = this.legend.querySelector(".of-earlier");
     entry.hidden = !pale.length;
-    entry.lastElementChild.textContent = pale.every(({ key }) => before.has(key)) ? "before the change" : "of an earlier model";
+    entry.lastElementChild.textContent = [...new Set(pale.map(({ why }) => why))].join(", ");
   }
 
   /** Choose a special point of the answer: on its branch, or at its place, if it is on none. */

@@ -1,6 +1,7 @@
 // Friction and rigid stops: a strip of their modes, their loops, what each is doing, and where the energy goes.
 
 import { chart, element } from "./chart.js";
+import { signalWords, unitOf } from "./dom.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -112,7 +113,7 @@ export class Elements {
     this.values = stop ? contact.rate : contact.force;
     this.mark = chart($("element-loop"), {
       curves: [[contact.deflection, this.values]], down: contact.stops.filter((s) => Math.abs(s) < 1.5 * Math.max(...contact.deflection.map(Math.abs))),
-      x: contact.across, y: stop ? "its rate" : contact.up, height: 170, padded: true,
+      x: contact.across, y: stop ? `rate of ${contact.name}${unitOf(signalWords(`${Object.keys(motion.q)[0]}'`))}` : contact.up, height: 170, padded: true,
     });
     this.say();
   }
@@ -131,7 +132,7 @@ export class Elements {
     if (contact.is === "stop") {
       const rates = motion.elements.strikes.filter(([own]) => own === row).map(([, , rate]) => Math.abs(rate));
       rows.push(["Impacts"], ["number", String(rates.length)]);
-      if (rates.length) rows.push(["fastest", number(Math.max(...rates))]);
+      if (rates.length) rows.push([`fastest${unitOf(signalWords(`${Object.keys(motion.q)[0]}'`))}`, number(Math.max(...rates))]);
     }
     $("element-facts").replaceChildren(...rows.flatMap(([term, words]) => [
       Object.assign(document.createElement("dt"), { textContent: term, className: words === undefined ? "head" : "" }),

@@ -5,33 +5,43 @@ import { paintBehind } from "./overlay.js";
 
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds
-const PALE = 0.35; // of what belongs to an earlier model
 
 export class Lines {
   constructor(canvas) {
     this.canvas = canvas;
     this.last = { picture: document.createElement("canvas"), time: -Infinity };
     this.behind = null; // what an answer has behind the lines
-    this.kinds = []; // for each kind those of an earlier model, then again for each kind the others
+    this.pale = 0.35; // opacity of pale curves
+    this.groups = []; // the thinned lines of curves of one look, by kind: pale ones first, because they lie below
   }
 
   /** Thin the curves for a view, and as much again on either side, so that a drag has something to show. */
   thin(curves, view, width, height) {
     const room = view.x[1] - view.x[0];
     const around = [view.x[0] - room, view.x[1] + room];
-    // those of an earlier model first: they are paler, and lie below
-    const parts = [true, false].map((earlier) => [...curves].filter((curve) => Boolean(curve.earlier) === earlier));
-    this.kinds = parts.flatMap((part) => thinned(part, LINES.size, around, width / room, height / (view.y[1] - view.y[0])));
+    const groups = new Map();
+    for (const curve of curves) {
+      const pale = Boolean(curve.earlier), shade = curve.shade ?? "", name = `${pale ? 0 : 1}${shade}`;
+      if (!groups.has(name)) groups.set(name, { pale, shade, own: [] });
+      groups.get(name).own.push(curve);
+    }
+    this.groups = [...groups.keys()].sort().map((name) => {
+      const { own, ...look } = groups.get(name);
+      return { ...look, kinds: thinned(own, LINES.size, around, width / room, height / (view.y[1] - view.y[0])) };
+    });
   }
 
   /** Call a function with the lines of each kind, the name of the kind, their opacity and their style. */
   each(call) {
-    const styles = [...LINES], { kinds } = this, count = kinds.length / 2;
-    return kinds.map((line, place) => call(line, styles[place % count][0], place < count ? PALE : 1, styles[place % count][1]));
+    const styles = [...LINES];
+    return this.groups.flatMap(({ pale, shade, kinds }) => kinds.map((line, place) => {
+      const [kind, style] = styles[place];
+      return call(line, kind, pale ? this.pale : 1, shade ? { ...style, shade } : style);
+    }));
   }
 
   get vertices() {
-    return this.kinds.reduce((sum, [xs]) => sum + xs.length, 0);
+    return this.groups.reduce((sum, { kinds }) => kinds.reduce((part, [xs]) => part + xs.length, sum), 0);
   }
 
   /** Draw them where Plotly's axes are now; `moving`: in the midst of a drag, when it must be quick. */

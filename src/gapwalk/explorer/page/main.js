@@ -5,13 +5,16 @@ import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
 import { Curves, takeLoci } from "./curves.js";
 import { Diagram } from "./diagram.js";
-import { fill, save } from "./dom.js";
+import { fill, save, unitOf } from "./dom.js";
 import { Extras } from "./extras.js";
 import { Keyboard } from "./keyboard.js";
+import { Looks } from "./looks.js";
 import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
+import { Next } from "./next.js";
 import { Parameters } from "./parameters.js";
-import { isEarlier, showResults } from "./results.js";
+import { ResultList, showDeleted } from "./results.js";
+import { Undo } from "./undo.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -26,7 +29,11 @@ const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(fou
 });
 const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
 const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
+const next = new Next({ switch: switchBranch, locus: openLocus, settle: settleBeside, hear: () => motion.hear(), pin: () => motion.pin() }, tell);
 const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
+const undo = new Undo($("undo"), tell);
+const list = new ResultList($("results"), { act: actOn, change: changeResult });
+const looks = new Looks(curves, diagram.lines, drawDiagram);
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
 
 begin().catch(tell);
@@ -54,25 +61,26 @@ async function open(file) {
   showProblem();
   $("title").textContent = about.title;
   document.title = `${about.title} – gapwalk`;
-  const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : name, words]);
-  const measures = about.measures.map(({ name, words }) => [name, words.replace(/ \(.*\)$/, ""), words]);
+  const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : `${name}${unitOf(words)}`, words]);
+  const measures = about.measures.map(({ name, words }) => [name, words.replace(/ \(.*\)/, ""), words]);
   fill($("x"), [...names, ...measures]);
   fill($("y"), [...measures, ...names]);
   fill($("walk-parameter"), names);
   fill($("locus-parameter"), names);
-  fill($("signal"), about.signals.map((name) => [name, name]));
+  fill($("signal"), about.signals);
+  $("signal").value = about.signal;
   fill($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
   $("study-row").hidden = about.studies.length < 2;
   page.names = new Set(names.map(([name]) => name));
   [$("x").value, $("y").value, $("walk-parameter").value] = [about.x, about.y, about.x];
   $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
-  $("walk-to").value = about.range.at(-1) ?? "";
   showPlan();
   motion.rest(about.machine);
   parameters.show(about.parameters, about.values);
+  showWalkRange();
   showLocusRange();
   diagram.range = null;
-  await show(about.results);
+  await show(about.results, about.deleted);
   const last = about.results.at(-1);
   if (last?.answer && last.state === "done" && page.about?.file === file) await showResult(last);
 }
@@ -91,7 +99,7 @@ async function refresh() {
   if (!about.problem) parameters.refile(about.values);
   showPlan();
   showProblem();
-  await show(about.results);
+  await show(about.results, about.deleted);
 }
 
 /** Show the errors of the file as long as it has any. */
@@ -102,15 +110,18 @@ function showProblem() {
 }
 
 function forget() {
+  motion.pinned.pin(null);
+  undo.clear();
   answer.clear();
   curves.clear();
   choice.clear();
 }
 
 /** Show the results; fetch the curves that have changed. */
-async function show(results) {
-  page.results = results;
-  showResults($("results"), results, actOn, page.about?.model ?? "");
+async function show(results, deleted = page.deleted ?? []) {
+  Object.assign(page, { results, deleted });
+  list.show(results, page.about?.model ?? "");
+  showDeleted($("deleted"), deleted, restore, clean);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
   $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
@@ -129,9 +140,9 @@ async function update() {
       page.again = false;
       const file = page.about?.file;
       if (!file) break;
-      const fresh = await curves.update(file, axes(), isPlane(), page.results);
+      const fresh = await curves.update(file, axes(), isPlane(), looks.drawn(page.results));
       if (page.about?.file !== file) continue; // another file was opened meanwhile, and shows itself
-      const turned = markEarlier();
+      const turned = looks.mark(page.results, page.about.model);
       if (fresh) choice.keep();
       if (fresh || turned || !diagram.ready) drawDiagram();
       showEmpty();
@@ -149,26 +160,20 @@ async function showAnswers() {
   const over = page.results.filter((r) => r.answer && ["done", "stopped"].includes(r.state));
   const wanted = over.find(({ key }) => key === page.wanted);
   const shown = over.find(({ key, version }) => key === answer.key && version !== answer.version);
-  if (wanted) page.wanted = null;
+  const settled = page.results.find(({ key, settled, state }) => key === page.wanted && settled && state === "done");
+  if (wanted || settled) page.wanted = null;
+  if (settled) return choice.choose({ settled: settled.key }); // it opens with its motion
   if (wanted ?? shown) await showResult(wanted ?? shown);
   else if (answer.key !== null && !page.results.some(({ key }) => key === answer.key)) answer.clear();
-}
-
-/** Mark the curves that belong to an earlier model; return true if a mark has changed. */
-function markEarlier() {
-  const { model } = page.about, earlier = new Set(page.results.filter((r) => isEarlier(r, model)).map(({ key }) => key));
-  const before = new Set(page.results.flatMap((r) => r.branches.flatMap((branch, number) => (branch.earlier ? [`${r.key}/${number}`] : []))));
-  const all = [...curves.all.values()], turned = all.filter((curve) => Boolean(curve.earlier) !== (earlier.has(curve.result) || before.has(curve.key)));
-  for (const curve of turned) curve.earlier = !curve.earlier;
-  extras.showPale(before);
-  return turned.length > 0;
 }
 
 function drawDiagram() {
   const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
+  looks.mark(page.results, page.about?.model ?? "");
   diagram.draw();
   extras.showLegend();
+  extras.showPale();
   document.body.dataset.branches = curves.all.size;
 }
 
@@ -192,6 +197,7 @@ const isPlane = () => Boolean(page.names?.has($("x").value) && page.names.has($(
 /** Show the name of the chosen point, and enable what can be done with it. */
 function showChosen() {
   const { chosen } = page;
+  next.expect(chosen);
   if (chosen) {
     $("chosen").textContent = chosen.title;
     if (chosen.special?.has_locus) $("locus-part").open = true;
@@ -206,12 +212,14 @@ function showChosen() {
 function showMotion(shown) {
   const { chosen } = page;
   showValues(shown);
+  next.ask(page.about.file, chosen, () => page.chosen === chosen);
   movers.ask(page.about.file, chosen, () => page.chosen === chosen);
 }
 
 /** Write the turned value of a parameter into its field. */
 function turnKnob(name, value) {
   $("values-part").open = true;
+  undo.push("the values", parameters.snapshot());
   parameters.turn(name, value);
 }
 
@@ -225,6 +233,9 @@ async function chooseEnd(end, key) {
 function showValues(shown) {
   parameters.take(shown.parameters, parameters.edited);
   showLocusRange({ keep: true });
+  const { value } = $("walk-to");
+  showWalkRange();
+  if (value) $("walk-to").value = value; // what the user has written stays
 }
 
 /** Enable the buttons that apply to the chosen point. */
@@ -262,11 +273,22 @@ function walks() {
   return page.about.studies.find(({ name }) => name === $("study").value)?.walks ?? [];
 }
 
-function walk() {
+async function walk() {
   if ($("walk").disabled) return;
   const to = $("walk-to").valueAsNumber;
   if (!Number.isFinite(to)) return tell(new Error("Enter the last value of the branch in the field “to”, as in 0.5."));
-  act({ do: "walk", start: page.chosen.start, parameter: $("walk-parameter").value, to });
+  const parameter = $("walk-parameter").value, key = await act({ do: "walk", start: page.chosen.start, parameter, to });
+  if (key !== undefined) await showAxes(parameter, page.names.has($("y").value) ? page.about.y : $("y").value);
+}
+
+/** The end of a walk along the chosen parameter: that of the file, or of the branch, or one and a half of its value. */
+function showWalkRange() {
+  const name = $("walk-parameter").value, { about, chosen } = page, value = Number(parameters.base?.get(name) ?? about.values[name] ?? 0);
+  const branch = chosen && page.results.find((r) => r.key === chosen.start.result)?.branches[chosen.start.branch];
+  const range = name === about.x ? about.range : branch?.parameter === name ? branch.range : [];
+  $("walk-to").value = range.at(-1) ?? Number((1.5 * value || 1).toPrecision(4));
+  const unit = ($("walk-unit").textContent = unitOf($("walk-parameter").selectedOptions[0]?.title ?? "").replace(/[ [\]]+$|^ \[/g, ""));
+  $("walk-from").textContent = chosen ? `from ${Number(value.toPrecision(8))} ${unit}`.trim() : "";
 }
 
 function switchBranch() {
@@ -314,6 +336,18 @@ function settle() {
   act({ do: "settle", start: page.chosen?.start ?? null, values: parameters.changes });
 }
 
+/** Let a motion settle beside the chosen point. */
+function settleBeside(values) {
+  act({ do: "settle", start: page.chosen.start, values });
+}
+
+/** Open what asks for the second parameter of a locus. */
+function openLocus() {
+  $("locus-part").open = true;
+  $("locus-part").scrollIntoView({ block: "nearest" });
+  $("locus-parameter").focus();
+}
+
 /** A button of a result. */
 async function actOn(word, result) {
   const file = page.about.file;
@@ -332,6 +366,34 @@ async function actOn(word, result) {
   }
 }
 
+/** Give a result another name or look, or delete it; this can be undone. */
+async function changeResult(result, changes) {
+  const { file } = page.about, send = (values) => post("/api/result/change", { file, result: result.key, ...values });
+  try {
+    hideError();
+    const { before } = await send(changes);
+    const words = { name: "the name", deleted: "the deletion", drawn: "how it is drawn:", colour: "the colour" };
+    undo.push(`${words[Object.keys(changes)[0]]} of ${result.title}`.replace(": of", ":"), () => send(before));
+  } catch (error) {
+    tell(error);
+  }
+}
+
+function restore({ key, title }) {
+  return changeResult({ key, title }, { deleted: false });
+}
+
+/** Remove the deleted results for good. */
+async function clean() {
+  try {
+    const { removed } = await post("/api/result/clean", { file: page.about.file });
+    undo.clear();
+    if (removed < page.deleted.length) throw new Error("Results from which others start are kept, because those could not be repeated without them; delete the others first.");
+  } catch (error) {
+    tell(error);
+  }
+}
+
 /** Listen to the server; after a pause the browser connects again by itself. */
 function connect() {
   const events = new EventSource("/api/events");
@@ -341,7 +403,7 @@ function connect() {
     const exploration = explorations[about.file];
     // after a restart the server does not know the file yet
     if (server !== about.server || (exploration && exploration.stamp !== about.stamp)) refreshOnce();
-    else if (exploration) show(exploration.results);
+    else if (exploration) show(exploration.results, exploration.deleted);
   };
   events.onerror = () => { $("status").textContent = "The server does not answer; waiting for it."; };
   events.onopen = () => { $("status").textContent = ""; };
@@ -378,6 +440,8 @@ async function showAnswer(result) {
   const { about } = page, content = await answer.show(about.file, result);
   if (!content || page.about?.file !== about.file) return; // the same file may have been read again
   const [x, y] = content.axes ?? [$("x").value, $("y").value];
+  const known = new Set([...$("y").options].map(({ value }) => value));
+  for (const { name, words } of content.quantities ?? []) if (!known.has(name)) for (const id of ["x", "y"]) $(id).append(Object.assign(new Option(words.replace(/ \[.*\]$/, ""), name), { title: words }));
   for (const [id, name] of [["x", x], ["y", y]]) if (![...$(id).options].some(({ value }) => value === name)) $(id).append(new Option(name));
   await showAxes(x, y);
   diagram.range = null;
@@ -399,7 +463,7 @@ async function changeAxes() {
   await show(page.results);
 }
 
-$("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); showResults($("results"), [], actOn); tell(error); }));
+$("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); list.show([], ""); tell(error); }));
 $("x").addEventListener("change", changeAxes);
 $("y").addEventListener("change", changeAxes);
 $("study").addEventListener("change", showPlan);
@@ -411,8 +475,10 @@ $("settle").addEventListener("click", settle);
 $("search").addEventListener("click", search);
 $("locus").addEventListener("click", followLocus);
 $("locus-parameter").addEventListener("change", () => showLocusRange());
-$("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
-$("reset-file").addEventListener("click", () => parameters.showFile());
+$("walk-parameter").addEventListener("change", showWalkRange);
+for (const [id, set] of [["reset", () => parameters.take(Object.fromEntries(parameters.base))], ["reset-file", () => parameters.showFile()]]) {
+  $(id).addEventListener("click", () => { undo.push("the values", parameters.snapshot()); set(); });
+}
 $("fit").addEventListener("click", () => diagram.fit());
 $("nearer").addEventListener("click", () => diagram.zoom(0.5));
 $("farther").addEventListener("click", () => diagram.zoom(2));
@@ -428,4 +494,4 @@ for (const format of ["svg", "png"]) {
 $("error").querySelector("button").addEventListener("click", hideError);
 $("help-open").addEventListener("click", () => $("help").showModal());
 
-window.gapwalk = { page, curves, diagram, motion, answer, movers }; // for the curious, and for the tests
+window.gapwalk = { page, curves, diagram, motion, answer, movers, looks }; // for the curious, and for the tests

@@ -2,8 +2,10 @@
 
 import { get } from "./api.js";
 import { chart } from "./chart.js";
+import { signalWords, unitOf } from "./dom.js";
 import { Elements, legend, rests, showEnergy, strip } from "./friction.js";
 import { MachineView } from "./machine.js";
+import { Pinned } from "./pinned.js";
 
 const $ = (id) => document.getElementById(id);
 const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
@@ -13,6 +15,7 @@ export class MotionView {
     this.tell = tell;
     this.sound = new Sound();
     this.elements = new Elements();
+    this.pinned = new Pinned(() => this.motion && this.redraw());
     this.machine = new MachineView($("machine"), {
       moved: (sample) => this.follow(sample), chosen: (part) => this.choose(part), canChoose: (part) => canChoose(part),
     });
@@ -31,7 +34,7 @@ export class MotionView {
     for (const id of ["panels", "machine"]) this.watch(id);
     $("signal").addEventListener("change", () => {
       this.wanted = "";
-      if (this.place) this.show(this.place, this.title);
+      if (this.place) this.show(this.place, this.title, this.verdict);
     });
   }
 
@@ -78,7 +81,18 @@ export class MotionView {
     $("log-of").hidden = !name;
     $("log-of").querySelector("span").textContent = name;
     const own = log.filter(({ contact }) => !name || contact.replace(/ [+-]$/, "") === name || contact.startsWith(`${name}.`));
-    $("log").replaceChildren(table(own));
+    $("log").replaceChildren(table(own, unitOf(signalWords(`${this.coordinate}'`))));
+  }
+
+  /** Draw this motion behind those that are chosen from now on. */
+  pin() {
+    this.pinned.pin(this.motion, this.title, this.details);
+  }
+
+  /** Play the sound, unless it plays already. */
+  hear() {
+    if (!this.sound.on) $("sound").click();
+    $("sound").scrollIntoView({ block: "nearest" });
   }
 
   get signal() {
@@ -97,15 +111,16 @@ export class MotionView {
     this.wanted = this.logged = "";
     if (this.scenes) this.rest(this.scenes);
     $("motion-title").textContent = "The motion";
+    $("motion-verdict").textContent = "";
     $("motion-text").textContent = "It is shown here once a point is chosen.";
   }
 
-  /** Show the motion at a place; cancel an earlier request. */
-  async show(place, title) {
+  /** Show the motion at a place; cancel an earlier request. `verdict` says in a few words what a settled motion is. */
+  async show(place, title, verdict = "") {
     const started = performance.now();
     this.request?.abort();
     const request = (this.request = new AbortController());
-    [this.place, this.title] = [place, title];
+    [this.place, this.title, this.verdict] = [place, title, verdict];
     $("motion-title").textContent = title;
     const query = { ...place, signal: this.signal, tab: TAB };
     try {
@@ -118,6 +133,7 @@ export class MotionView {
       document.body.dataset.shownAfter = this.shownAfter.toFixed(1);
       this.sound.play(this.motion, this.coordinate);
       const details = await get("/api/details", query, request.signal);
+      if (details && this.pinned.motion === this.motion) this.pinned.details = details;
       if (details && !request.signal.aborted) this.drawDetails(details);
     } catch (error) {
       if (error.name !== "AbortError" && !/superseded/.test(error.message)) this.tell(error);
@@ -128,6 +144,7 @@ export class MotionView {
   draw() {
     const { motion } = this, name = this.coordinate, signal = this.signal;
     $("panels").hidden = false;
+    $("motion-verdict").textContent = motion.text.startsWith(this.verdict) ? "" : this.verdict;
     $("motion-text").textContent = motion.text;
     $("machine-figure").hidden = false;
     this.machine.show(motion);
@@ -141,15 +158,16 @@ export class MotionView {
     const springs = motion.contacts.filter((c) => c.is === "spring"), alone = !springs.length && motion.contacts.length > 0;
     $("loop-figure").hidden = alone; // friction and rigid stops have a panel of their own
     $("phase").parentElement.classList.toggle("alone", alone);
-    this.marks = {
-      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: "forcing periods", y: contact ? `force of ${contact.name}` : signal || name, height: 150 }),
-      phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'`, padded: true }),
-    };
-    $("modes").replaceChildren(...legend(motion));
     const wanted = motion.contacts.find((c) => c.name === this.wanted);
     const shown = [wanted, contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
+    const behind = this.pinned.behind(motion, { name, dashes: own ? dashes : -1, contact, shown });
+    this.marks = {
+      history: chart($("history"), { behind: behind.history, curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: periods(motion), y: signalWords(signal || name), height: 150 }),
+      phase: chart($("phase"), { behind: behind.phase, curves: [[motion.q[name], motion.v[name]]], x: signalWords(name), y: signalWords(`${name}'`), padded: true }),
+    };
+    $("modes").replaceChildren(...legend(motion));
     this.shownContact = shown;
-    if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
+    if (shown) this.marks.loop = chart($("loop"), { behind: behind.loop, curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
     else $("loop").textContent = "no contact";
     this.elements.show(motion, signal);
     showEnergy($("energy"), motion.energy, motion.period);
@@ -171,9 +189,11 @@ export class MotionView {
     this.elements.book(details.energy);
     showEnergy($("energy"), details.energy, this.motion.period);
     // the mean would hide the vibration; close lines are drawn as a curve
+    if (details.missing) $("spectrum").textContent = details.missing;
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
-    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: details.signal, height: 140 });
-    chart($("section"), { dots: section.q.map((q, i) => [q, section.v[i]]), x: `${section.of}, each period`, y: `${section.of}'` });
+    const { behind, barsBehind, dots } = this.pinned.details === details ? NONE : this.pinned.lines(details);
+    if (!details.missing) chart($("spectrum"), { behind, barsBehind, [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: signalWords(details.signal), height: 140 });
+    chart($("section"), { dots: [...dots, ...section.q.map((q, i) => [q, section.v[i]])], x: `${signalWords(section.of)}, each period`, y: signalWords(`${section.of}'`) });
   }
 
   /** Move the marks of the panels with the animation. */
@@ -187,11 +207,19 @@ export class MotionView {
   }
 }
 
+const NONE = { behind: [], barsBehind: null, dots: [] }; // of no other motion
 const HOW = "Click a spring or friction to see its force, a gap to see its impacts, a body to see its motion.";
 
 /** A part can be chosen if a panel or a signal shows it. */
 function canChoose({ contact, signal }) {
   return Boolean(contact) || [...$("signal").options].some(({ value }) => value === signal);
+}
+
+/** The title of the axis of time: forcing periods, and how long one lasts where there are units. */
+function periods({ has_units: units, seconds }) {
+  if (!units) return "forcing periods";
+  const [number, unit] = seconds < 1 ? [seconds * 1000, "ms"] : [seconds, "s"];
+  return `forcing periods (one lasts ${Number(number.toPrecision(4))} ${unit})`;
 }
 
 /** Bring a panel into view, and mark it for a moment. */
@@ -214,14 +242,14 @@ function reaches(values, stop) {
   return Math.abs(stop) < 1.5 * size;
 }
 
-function table(log) {
+function table(log, unit) {
   if (!log.length) return document.createTextNode("Nothing opens, closes, slips or sticks.");
   const made = document.createElement("table");
   const row = (cells, name) => {
     const line = made.insertRow();
     for (const text of cells) line.append(Object.assign(document.createElement(name), { textContent: text }));
   };
-  row(["periods", "contact", "", "rate"], "th");
+  row(["periods", "contact", "", `rate${unit}`], "th");
   for (const e of log) row([e.periods.toFixed(4), e.contact.replace(/ -$/, " −"), e.what.replace(/ -$/, " −"), e.velocity === null ? "" : e.velocity.toPrecision(3)], "td");
   return made;
 }

@@ -29,6 +29,7 @@ export class Movers {
 
   /** Make room for a chosen point, if it can have a gradient. */
   expect(chosen) {
+    this.request?.abort();
     if (!chosen?.special?.has_locus) return this.clear();
     this.found = null;
     $("movers").hidden = false;
@@ -43,8 +44,10 @@ export class Movers {
     if (!chosen?.special?.has_locus) return;
     let found;
     try {
-      found = await get("/api/gradient", { file, ...chosen.start, tab: TAB });
+      this.request = new AbortController();
+      found = await get("/api/gradient", { file, ...chosen.start, tab: TAB }, this.request.signal);
     } catch (error) {
+      if (error.name === "AbortError") return;
       found = { reason: error.message };
     }
     if (!isStill()) return;

@@ -6,6 +6,7 @@ const LOOKS = {
   wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", other: "--pair",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
 };
+const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
 const GOLD = "#f3c55b";
 
 /** The parts of an answer that have a place over the axes. */
@@ -86,7 +87,7 @@ export function tracesOf(over, view, placed, color) {
     return {
       type: "scatter", mode: mark === "line" ? "lines" : "markers", name: text || look, x, y, hoverinfo: text ? "text" : "skip", text,
       line: { color: shade, width: 1.6, dash: ["most", "falling"].includes(look) ? "6px,3px" : "solid" },
-      marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : 4.5, color: starred ? GOLD : shade, line: { width: 1.2, color: starred ? color("--ink") : shade } },
+      marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : x.length > MANY ? 2.4 : 4.5, color: starred ? GOLD : shade, line: { width: x.length > MANY ? 0 : 1.2, color: starred ? color("--ink") : shade } },
     };
   });
   return [...layers, ...over.clouds.flatMap((cloud) => cloudTraces(cloud, view, placed, color))];
@@ -145,9 +146,19 @@ export function arrowsOf(arrows, view, width, height, color) {
     const away = Math.sign(shift), along = (a - axis[0]) / unit, wide = LETTER * text.length;
     const fits = away > 0 ? along - wide > 0 : along + wide < room, [x, y] = fits ? from : to, back = fits ? -away : away; // beside the tail, or the tip
     const beside = upright ? { xshift: off, yshift: 8 * back, textangle: -90, yanchor: back < 0 ? "top" : "bottom" } : { yshift: off, xshift: 6 * back, xanchor: back < 0 ? "right" : "left" };
-    labels.push({ x, y, xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, borderpad: 0, ...beside });
+    labels.push({ x, y, xref: "x", yref: "y", text, showarrow: false, font: { size: 11, color: shade }, bgcolor: color("--card"), opacity: 0.9, borderpad: 0, ...beside });
   });
   return { shapes, labels };
+}
+
+/** The boxes of the labels of arrows, in pixels of the window. */
+export function arrowBoxes(arrows, view, width, height, color) {
+  return arrowsOf(arrows, view, width, height, color).labels.map(({ x, y, text, xshift = 0, yshift = 0, textangle, xanchor, yanchor }) => {
+    const px = ((x - view.x[0]) / (view.x[1] - view.x[0])) * width + xshift, py = ((view.y[1] - y) / (view.y[1] - view.y[0])) * height - yshift;
+    const [wide, high] = textangle ? [14, LETTER * text.length] : [LETTER * text.length, 14];
+    const left = textangle ? px - 7 : xanchor === "right" ? px - wide : px, top = textangle ? (yanchor === "top" ? py : py - high) : py - 7;
+    return [left, top, left + wide, top + high];
+  });
 }
 
 /** Show in the legend what an answer adds; `arrows` is true if there are any. */

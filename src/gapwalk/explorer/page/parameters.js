@@ -1,5 +1,7 @@
 // The values of the system: a slider and a field for each named parameter.
 
+import { unitOf } from "./dom.js";
+
 export class Parameters {
   constructor(list, filter) {
     this.edited = new Set(); // names of the fields that were written into since a point was chosen
@@ -31,6 +33,15 @@ export class Parameters {
     if (!this.rows.has(name)) return;
     this.set(name, value);
     this.edited.add(name);
+  }
+
+  /** Return a function that brings back what stands in the fields now. */
+  snapshot() {
+    const values = new Map([...this.rows.keys()].map((name) => [name, this.value(name)])), edited = [...this.edited];
+    return () => {
+      for (const [name, value] of values) if (this.rows.has(name) && this.value(name) !== value) this.set(name, value);
+      for (const name of edited) this.edited.add(name);
+    };
   }
 
   /** Show the values of the file. */
@@ -89,7 +100,7 @@ export class Parameters {
   row({ name, value, words }) {
     const row = Object.assign(document.createElement("div"), { className: "parameter", title: words });
     row.dataset.name = name;
-    const label = Object.assign(document.createElement("span"), { textContent: name === "frequency" ? "frequency Ω" : name });
+    const label = Object.assign(document.createElement("span"), { textContent: name === "frequency" ? words.replace("excitation ", "") : `${name}${unitOf(words)}` });
     const field = Object.assign(document.createElement("input"), { type: "number", step: "any" });
     const slider = Object.assign(document.createElement("input"), { type: "range" });
     field.setAttribute("aria-label", words);

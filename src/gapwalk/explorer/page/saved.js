@@ -10,6 +10,7 @@ import { Extras } from "./extras.js";
 import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
+import { Next } from "./next.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -29,13 +30,13 @@ async function begin() {
   const names = about.quantities.map(({ name, words }) => [name, words]);
   fill($("x"), names);
   fill($("y"), names);
-  fill($("signal"), about.signals.map((name) => [name, name]));
+  fill($("signal"), about.signals);
   [$("x").value, $("y").value, $("signal").value] = [about.x, about.y, about.signal];
   const motion = (page.motion = new MotionView(tell));
   document.body.classList.toggle("alone", Boolean(about.motion));
   window.gapwalk = { page, curves, motion }; // for the curious, and for the tests
   motion.rest(about.machine);
-  if (about.motion) return motion.show({}, about.title);
+  if (about.motion) return motion.show({}, about.title, about.verdict);
   const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, chooseStored));
   const keyboard = (page.keyboard = new Keyboard($("diagram"), curves, chooseStored, {
     "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
@@ -43,9 +44,10 @@ async function begin() {
   const answer = new Answer({ changed: () => show(diagram), chosen: (end, key) => extras.chooseEnd(end, key, page.choice) });
   const movers = new Movers({ changed: () => extras.drawArrows() });
   const extras = (page.extras = new Extras($("legend"), curves, diagram, answer, movers));
+  const next = new Next({ hear: () => motion.hear(), pin: () => motion.pin() }, tell);
   page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
-    changed: () => { movers.expect(page.chosen); if (page.chosen) answer.makeRoom(); },
-    shown: () => { const { chosen } = page; movers.ask("", chosen, () => page.chosen === chosen); },
+    changed: () => { next.expect(page.chosen); movers.expect(page.chosen); if (page.chosen) answer.makeRoom(); },
+    shown: () => { const { chosen } = page; next.ask("", chosen, () => page.chosen === chosen); movers.ask("", chosen, () => page.chosen === chosen); },
   });
   Object.assign(window.gapwalk, { answer, movers });
   takeLoci(about.loci, $("legend"));
@@ -70,11 +72,11 @@ async function show(diagram) {
   await curves.update("", axes, plane, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
   const before = new Set(page.about.branches.flatMap(({ earlier }, number) => (earlier ? [`/${number}`] : [])));
-  for (const curve of curves.all.values()) curve.earlier = before.has(curve.key);
+  for (const curve of curves.all.values()) Object.assign(curve, { earlier: before.has(curve.key), why: "before the change" });
   page.choice.keep();
   diagram.fit();
   page.extras.showLegend();
-  page.extras.showPale(before);
+  page.extras.showPale();
   $("empty").hidden = true;
   document.body.dataset.branches = curves.all.size;
 }

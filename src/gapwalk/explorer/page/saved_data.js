@@ -26,7 +26,9 @@ export async function get(path, query = {}) {
   if (path === "/api/motion") return withScenes(unpacked(motionAt(query)));
   if (path === "/api/answer") return unpacked(data.shown.answer);
   if (path === "/api/gradient") return data.shown.branches[query.branch].gradients[query.special] ?? null;
-  return null; // spectrum and section need the equations of motion
+  if (path === "/api/next") return next(query);
+  if (path === "/api/details") return details(query);
+  return null;
 }
 
 /** The index of the nearest node whose motion is in the file; on one side only if `way` is not 0. */
@@ -53,6 +55,18 @@ function curve({ branch, x, y }) {
 function motionAt({ branch, point, special }) {
   if (data.shown.motion) return data.shown.motion;
   return data.shown.branches[branch].motions[special === undefined ? point : -1 - special];
+}
+
+/** What a special point means; without a server there are only the steps that need none. */
+function next({ branch, special }) {
+  const text = special === undefined ? "" : data.shown.branches[branch]?.next[special] ?? "";
+  return { text, steps: [{ do: "hear", label: "Hear it" }, { do: "pin", label: "Compare others with it" }] };
+}
+
+/** Spectrum, section and energy; the spectrum of another signal would need the equations of motion. */
+function details(query) {
+  const { details: found, energy } = unpacked(motionAt(query)), isOther = query.signal !== found.signal;
+  return { ...found, energy, missing: isOther ? `This file has the spectrum of ${found.signal}. The explorer shows that of every signal.` : "" };
 }
 
 /** The drawings of the machine are in the file once. */

@@ -23,7 +23,7 @@ Moves = tuple[tuple[int, float], ...]
 
 @dataclass
 class Pen:
-    """What is drawn so far.
+    """A drawing in the making: shapes, parts and movers so far.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ class CsvFormat(DataFormat):
     """Comma-separated values in UTF-8."""
 
     name: ClassVar[str] = "csv"
-    endings: ClassVar[tuple[str, ...]] = (".csv",)
+    ending: ClassVar[str] = ".csv"
     table_by_table: ClassVar[bool] = True
 
     def content(self, record: Described, table: str) -> bytes:

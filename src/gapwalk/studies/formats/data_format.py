@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import ClassVar
 
-from gapwalk.errors import ModelError
-from gapwalk.model.problems import did_you_mean
 from gapwalk.model.registry import Registry
 from gapwalk.results.labelled import needed
 from gapwalk.summary import Described
@@ -19,14 +16,14 @@ class DataFormat(ABC):
     """A format in which a record is written.
 
     A format is one object in one file: it names itself and makes the contents. `gapwalk.studies.export` writes them,
-    each file completely or not at all. A format of your own is known after ``register(MyFormat())``.
+    each file completely or not at all. The decorator `add_format` makes a format of your own known.
     """
 
     name: ClassVar[str]
-    """What ``--format`` calls it."""
+    """Name of the format, as ``--format`` takes it."""
 
-    endings: ClassVar[tuple[str, ...]]
-    """Endings of its files, the usual one first."""
+    ending: ClassVar[str]
+    """Ending of its files, with the point."""
 
     table_by_table: ClassVar[bool] = False
     """True if a file has one table: the others are then in files next to it."""
@@ -73,7 +70,7 @@ class DataFormat(ABC):
         if not self.table_by_table:
             return {path: self.content(record, "")}
         names = list(record.tables())
-        paths = [path.with_name(f"{path.stem}-{name}{path.suffix or self.endings[0]}") for name in names]
+        paths = [path.with_name(f"{path.stem}-{name}{path.suffix or self.ending}") for name in names]
         if not named and paths:
             paths[0] = path
         return {each: self.content(record, name) for each, name in zip(paths, names, strict=True)}
@@ -81,25 +78,21 @@ class DataFormat(ABC):
 
 # Each is loaded only when it is asked for: the libraries of some take seconds.
 _HOMES = {
-    "csv": "csv_format.CsvFormat",
-    "json": "json_format.JsonFormat",
-    "netcdf": "netcdf_format.NetcdfFormat",
-    "mat": "mat_format.MatFormat",
-    "parquet": "parquet_format.ParquetFormat",
-    "xlsx": "xlsx_format.XlsxFormat",
+    name: f"{__package__}.{name}_format.{name.capitalize()}Format"
+    for name in ("csv", "json", "netcdf", "mat", "parquet", "xlsx")
 }
-_ENDINGS = {"nc": "netcdf", "pq": "parquet"}
-_added: Registry[DataFormat] = Registry("format")
+_FORMATS: Registry[type[DataFormat]] = Registry("format", "the formats of tables", _HOMES)
+_OTHER_ENDINGS = {"nc": "netcdf", "pq": "parquet"}
 
 
 def format_names() -> tuple[str, ...]:
     """Return the names of all formats."""
-    return (*_HOMES, *_added)
+    return _FORMATS.names
 
 
 def canonical(name: str) -> str:
     """Return the name of a format by its name, or by the ending of its files without the point; unknown as it is."""
-    return _ENDINGS.get(name, name)
+    return _OTHER_ENDINGS.get(name, name)
 
 
 def format_of(name: str) -> DataFormat:
@@ -107,28 +100,18 @@ def format_of(name: str) -> DataFormat:
 
     Raises
     ------
-    ModelError
+    UnknownNameError
         If there is none.
     """
-    name = canonical(name)
-    if name in _added:
-        return _added[name]
-    if name not in _HOMES:
-        raise ModelError(
-            f"there is no format {name!r}; {did_you_mean(name, list(format_names()), 'the formats of tables are')}"
-        )
-    module, _, found = _HOMES[name].rpartition(".")
-    return getattr(import_module(f"gapwalk.studies.formats.{module}"), found)()
+    return _FORMATS.named(canonical(name))()
 
 
-def register(form: DataFormat) -> DataFormat:
-    """Register a format under its name.
+def add_format(form: type[DataFormat]) -> type[DataFormat]:
+    """Register a format under its name, also as a decorator.
 
     Raises
     ------
     ModelError
         If another one has the name.
     """
-    if form.name in _HOMES:
-        raise ModelError(f"there is a format {form.name!r} already; choose another name")
-    return _added.add(form.name, form)
+    return _FORMATS.add(form.name, form)

@@ -13,7 +13,7 @@ class JsonFormat(DataFormat):
     """The document of `to_dict`, with all points; numbers have all digits, and those that do not exist are null."""
 
     name: ClassVar[str] = "json"
-    endings: ClassVar[tuple[str, ...]] = (".json",)
+    ending: ClassVar[str] = ".json"
 
     def content(self, record: Described, table: str) -> bytes:
         """See `DataFormat.content`."""

@@ -28,7 +28,7 @@ class MatFormat(DataFormat):
     """
 
     name: ClassVar[str] = "mat"
-    endings: ClassVar[tuple[str, ...]] = (".mat",)
+    ending: ClassVar[str] = ".mat"
 
     def content(self, record: Described, table: str) -> bytes:
         """See `DataFormat.content`."""

@@ -14,7 +14,7 @@ class NetcdfFormat(DataFormat):
     """The arrays of `to_xarray`; `xarray.open_datatree` reads them, and any program that knows HDF5."""
 
     name: ClassVar[str] = "netcdf"
-    endings: ClassVar[tuple[str, ...]] = (".nc",)
+    ending: ClassVar[str] = ".nc"
     needs: ClassVar[tuple[str, ...]] = ("xarray", "h5netcdf", "h5py")
 
     def content(self, record: Described, table: str) -> bytes:

@@ -15,7 +15,7 @@ class ParquetFormat(DataFormat):
     """Columns with headings as in CSV files; the unit of each is also in its metadata, and missing values are null."""
 
     name: ClassVar[str] = "parquet"
-    endings: ClassVar[tuple[str, ...]] = (".parquet",)
+    ending: ClassVar[str] = ".parquet"
     needs: ClassVar[tuple[str, ...]] = ("pyarrow",)
     table_by_table: ClassVar[bool] = True
 

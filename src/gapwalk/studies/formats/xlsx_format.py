@@ -19,7 +19,7 @@ class XlsxFormat(DataFormat):
     """Sheets with headings as in CSV files. A number that is not finite is an empty cell (nan), or inf or -inf."""
 
     name: ClassVar[str] = "xlsx"
-    endings: ClassVar[tuple[str, ...]] = (".xlsx",)
+    ending: ClassVar[str] = ".xlsx"
     needs: ClassVar[tuple[str, ...]] = ("openpyxl",)
 
     def content(self, record: Described, table: str) -> bytes:

@@ -1,0 +1,228 @@
+"""What a point means for the machine, in one sentence, and what can be done next from there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.model.words import measure_words, parameter_symbol, value_words
+from gapwalk.orbit.orbit import Orbit
+
+_BESIDE = 0.005  # share of the value of a point by which a motion beside it is settled
+_LOOK = 1e-3  # share of it at which the motions beyond a fold are looked for
+_LEVEL = 0.01  # relative difference of two amplitudes from which one is called larger
+
+_SLIDING = {
+    "crossing-sliding": "friction begins or ceases to stick for a moment where its slip reverses",
+    "switching-sliding": "friction begins or ceases to slip back for a moment before it sticks",
+    "grazing-sliding": "friction begins or ceases to stick for a moment within its slip",
+    "adding-sliding": "friction begins or ceases to slip for a moment while it sticks",
+    "slip-onset": "friction that sticks all the time begins to slip",
+    "held-stop": "a rigid stop begins or ceases to hold what strikes it",
+}
+_STAYS = {
+    "stable": "stable: the machine stays in this motion after a small disturbance",
+    "above": "unstable: the machine leaves this motion to one side, as before a jump",
+    "below": "unstable: the machine leaves this motion, to one side and to the other in turn",
+    "pair": "unstable: the machine leaves this motion in growing beats",
+}
+
+
+class Stretch(NamedTuple):
+    """A branch of the same system, in which motions beyond a fold are looked for."""
+
+    parameter: str
+    points: Sequence[BranchPoint]
+
+
+def at_point(orbit: Orbit) -> dict[str, Any]:
+    """Return what a point of a branch means, and the steps from there, for the page; see `at_special`."""
+    label = orbit.instability.label
+    steps = [] if label == "stable" else [step("settle", "See where it goes: settle from here")]
+    return {"text": f"{_STAYS[label]}.".capitalize(), "steps": [*steps, *_LAST]}
+
+
+def at_special(
+    special: SpecialPoint, measure: str, near: Iterable[Stretch] = (), beside: Sequence[BranchPoint] = ()
+) -> dict[str, Any]:
+    """Return what a special point means for the machine, and the steps that make sense there.
+
+    Parameters
+    ----------
+    special
+        The special point.
+    measure
+        Measure by which motions are compared, such as ``half.q1``.
+    near
+        Branches of the same system, on which motions beyond a fold are looked for.
+    beside
+        The points of its branch before and after it.
+
+    Returns
+    -------
+    dict
+        ``text``, a sentence; and ``steps``, each with ``do`` (``switch``, ``locus``, ``settle``, ``hear`` or ``pin``),
+        a ``label``, and ``values`` for a motion that is settled beside the point.
+    """
+    kind = special.kind
+    if kind.is_turning:
+        text, beyond = _fold(special, measure, list(near))
+    elif special.doubles:
+        text, beyond = _flip(special)
+    elif kind == "neimark-sacker":
+        text, beyond = _neimark_sacker(special)
+    elif kind == "branch-point":
+        text, beyond = "branches of this period cross here; a symmetric motion, for one, can lose its symmetry", None
+    elif kind == "grazing":
+        text, beyond = f"{special.contact} just touches its stop{_contacts(special, beside)}{_turn(special)}", None
+    elif str(kind) in _SLIDING:
+        text, beyond = f"{_SLIDING[str(kind)]}{_phases(special, beside)}", None
+    else:
+        text, beyond = f"the event {str(kind)!r} of the model happens here", None
+    steps = []
+    if kind.ways:
+        many = special.orbit.period * kind.times
+        words = f"Follow the branch of period {many}" if kind.times > 1 else "Follow the branch across"
+        steps.append(step("switch", words))
+    if not kind.no_locus:
+        steps.append(step("locus", "Trace it in a second parameter"))
+    if beyond is not None:
+        values = {special.parameter: beyond}
+        words = value_words(beyond, special.parameter, special.orbit.system.units, 6)
+        steps.append(step("settle", f"Settle at {words}", values))
+    return {"text": f"At {_at(special)} {text}.", "steps": [*steps, *_LAST]}
+
+
+def step(do: str, label: str, values: dict[str, float] | None = None) -> dict[str, Any]:
+    """Return a step for the page."""
+    return {"do": do, "label": label, "values": values or {}}
+
+
+_LAST = (step("hear", "Hear it"), step("pin", "Compare others with it"))
+
+
+def _at(special: SpecialPoint) -> str:
+    """Write where a point is: ``948 rpm`` of a speed, ``Ω = 0.62`` otherwise."""
+    system, name = special.orbit.system, special.parameter
+    words = value_words(special.value, name, system.units, 6)
+    is_pace = name == system.structure.pace and system.units is not None
+    return words.partition(" = ")[2] if is_pace else words
+
+
+def _when(system: System, parameter: str, way: float) -> str:
+    """Write a change of a parameter: ``when slowed down``, or ``when Ω falls``."""
+    if parameter == system.structure.pace and system.turns is not None:
+        return "when sped up" if way > 0.0 else "when slowed down"
+    return f"when {parameter_symbol(parameter).partition(' [')[0]} {'rises' if way > 0.0 else 'falls'}"
+
+
+def _fold(special: SpecialPoint, measure: str, near: list[Stretch]) -> tuple[str, float | None]:
+    """Describe a fold: the motion ends on one side of it, and a stable one jumps."""
+    if not special.nature:
+        return "the branch turns back", None
+    way = -1.0 if "higher" in special.nature else 1.0  # to where there is no such motion
+    if special.before.total and special.after.total:
+        return "two unstable motions merge and vanish; the machine shows neither of them", None
+    beyond = _beyond(special, way)
+    when = _when(special.orbit.system, special.parameter, way)
+    return f"the motion ends {when}: {_jump(special, way, measure, near)}", beyond
+
+
+def _jump(special: SpecialPoint, way: float, measure: str, near: list[Stretch]) -> str:
+    """Describe where a motion jumps to: to the stable motions that are known beyond the fold."""
+    value = special.value + way * _LOOK * (abs(special.value) or 1.0)
+    try:
+        size, found = special.orbit.measure(measure), list(_stable_at(value, special.parameter, measure, near))
+    except ModelError:  # an order that motions of another period do not have
+        size, found = math.nan, []
+    if not found or not np.isfinite([size, *found]).all():
+        return "the machine jumps to a motion that is not among the branches shown"
+    ways = {"up" if each > size * (1.0 + _LEVEL) else "down" if each < size * (1.0 - _LEVEL) else "" for each in found}
+    word = f"jumps {ways.pop()}" if len(ways) == 1 and "" not in ways else "jumps"
+    if len(found) > 1:
+        return f"it {word} to one of {len(found)} stable motions known there"
+    name = measure_words(measure, None).partition(" (")[0]
+    return f"it {word} to the stable motion known there ({name} {size:.3g} to {found[0]:.3g})"
+
+
+def _stable_at(value: float, parameter: str, measure: str, near: list[Stretch]) -> Iterator[float]:
+    """Yield the measure of each stable motion at a value of the parameter, interpolated between two points."""
+    for line in near:
+        if line.parameter != parameter:
+            continue
+        for one, other in zip(line.points, line.points[1:], strict=False):
+            if (one.value - value) * (other.value - value) < 0.0 and one.stable and other.stable:
+                share = (value - one.value) / (other.value - one.value)
+                yield (1.0 - share) * one.orbit.measure(measure) + share * other.orbit.measure(measure)
+
+
+def _flip(special: SpecialPoint) -> tuple[str, float | None]:
+    """Describe a flip: beyond it the motion repeats after twice the period, at once or after a jump."""
+    many, way = 2 * special.orbit.period, _unstable_way(special)
+    if way is None:
+        return f"a branch of period {many} begins, of a motion that is unstable on both sides", None
+    when, beyond = _when(special.orbit.system, special.parameter, way), _beyond(special, way)
+    if special.nature == "subcritical":
+        return f"the motion jumps away {when}: no stable motion of period {many} begins beside it", beyond
+    gently = "; the change grows from zero, without a jump" if special.nature == "supercritical" else ""
+    return f"{when} the motion changes to one that repeats every {many} forcing periods{gently}", beyond
+
+
+def _neimark_sacker(special: SpecialPoint) -> tuple[str, float | None]:
+    """Describe a Neimark-Sacker point: beats begin beyond it."""
+    angle, way = abs(float(np.angle(special.multiplier))), _unstable_way(special)
+    length = 2.0 * math.pi * special.orbit.period / angle if angle else math.inf
+    beat = f"a beat of about {length:.3g} forcing periods begins"
+    if way is None:
+        return f"{beat}, of a motion that is unstable on both sides", None
+    when = _when(special.orbit.system, special.parameter, way)
+    return f"the motion is no longer periodic {when}: {beat}", _beyond(special, way)
+
+
+def _unstable_way(special: SpecialPoint) -> float | None:
+    """Return the direction of the parameter in which a motion loses its stability; None if it is never stable."""
+    if bool(special.before.total) == bool(special.after.total):
+        return None
+    along = math.copysign(1.0, float(special.point.tangent[-1]))
+    return along if special.after.total else -along
+
+
+def _phases(special: SpecialPoint, beside: Sequence[BranchPoint]) -> str:
+    """Describe how the phases of friction or of a held stop change, and in which direction of the parameter."""
+    if len(beside) != 2 or not special.nature:
+        return f" ({special.nature})" if special.nature else ""
+    when = _when(special.orbit.system, special.parameter, beside[1].value - beside[0].value)
+    return f"; {when}: {special.nature}"
+
+
+def _contacts(special: SpecialPoint, beside: Sequence[BranchPoint]) -> str:
+    """Describe how the contacts in a period change at a graze, if they do."""
+    patterns = [point.orbit.pattern for point in beside]
+    if len(patterns) != 2 or patterns[0] == patterns[1] or special.turns:
+        return ""
+    when = _when(special.orbit.system, special.parameter, beside[1].value - beside[0].value)
+    return f"; {when} the impacts change from {patterns[0]} to {patterns[1]}"
+
+
+def _turn(special: SpecialPoint) -> str:
+    """Describe the change of stability at a graze, if there is one."""
+    if special.turns:
+        return ", and the branch turns back"
+    way = _unstable_way(special)
+    if way is None:
+        return ""
+    return f", and the motion loses its stability {_when(special.orbit.system, special.parameter, way)}"
+
+
+def _beyond(special: SpecialPoint, way: float) -> float:
+    """Return a value of the parameter a little beyond a point, of few digits."""
+    value, size = special.value, _BESIDE * (abs(special.value) or 1.0)
+    digits = 3 - math.floor(math.log10(size))
+    return round(value + way * size, digits)
