@@ -89,9 +89,9 @@ def watched(address: str, *, height: int = 720) -> Iterator[Page]:
 
 
 def opened(page: Page, file: str) -> None:
-    """Choose a file, and wait until it is open."""
+    """Choose a file, and wait until it is open, with all its curves."""
     page.select_option("#file", file)
-    until(page, f"gapwalk.page.about?.file === '{file}'")
+    until(page, f"gapwalk.page.about?.file === '{file}' && !gapwalk.page.updating")
 
 
 def choose_special(page: Page, kind: str, count: int = 1) -> None:
@@ -106,10 +106,15 @@ def choose_special(page: Page, kind: str, count: int = 1) -> None:
     raise AssertionError(f"no such {kind} on the branch")
 
 
+BOXES = """(all) => all.filter((each) => each.checkVisibility({ visibilityProperty: true }))
+    .map((each) => each.getBoundingClientRect()).filter(({ width, height }) => width > 0 && height > 0)
+    .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+
+
 def boxes(page: Page, what: str) -> list[tuple[float, float, float, float]]:
-    """Left, top, right and bottom of all visible elements."""
-    found = [each.bounding_box() for each in page.locator(what).all() if each.is_visible()]
-    return [(box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]) for box in found if box]
+    """Left, top, right and bottom of all visible elements, at one moment, after the next frame."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return [(left, top, right, bottom) for left, top, right, bottom in page.locator(what).evaluate_all(BOXES)]
 
 
 def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:

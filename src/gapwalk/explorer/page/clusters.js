@@ -5,8 +5,9 @@
 const FIRST = ["fold", "flip", "neimark-sacker", "branch-point", "held-stop"];
 const SINGLE = 11, MIXED = 17, CLUSTERS = 23; // pixels between the middles of marks that do not hide each other
 const LEAST = 3; // points of a cluster: two beside each other can be told apart
-const HIGH = 13, LETTER = 7.2; // pixels of a label, and of a letter of it
 const HALF = 7.5; // half the width of the largest symbol
+const ROOM = 1; // pixels between a label and what is beside it
+export const FONT = 11; // pixels of the letters of labels
 const PLACES = [["top center", 0, -1], ["bottom center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0]];
 export const RADIUS = 10; // pixels of the mark of a cluster
 
@@ -14,7 +15,8 @@ export const RADIUS = 10; // pixels of the mark of a cluster
  * Sort special points for a window of some pixels: { single, clusters }; `covered` are boxes of other texts.
  *
  * `single` are the points to be drawn on their own, each with its `label`, which is "" where there is no room for it, and
- * with the `position` of the label: that of the free ones which crosses the `lines` least. A cluster has its middle { x, y }, its `points`, and `box`, the range that they cover.
+ * with the `position` of the label: that of the free ones which crosses the `lines` least; the `size` of its symbol says how
+ * far off that is. A cluster has its middle { x, y }, its `points`, and `box`, the range that they cover.
  */
 export function sorted(points, view, width, height, lines = [], covered = []) {
   const place = ({ x, y }) => [
@@ -84,20 +86,37 @@ function square([px, py], half) {
   return [px - half, py - half, px + half, py + half];
 }
 
+const measured = new Map(); // the widths of labels, and how far their font reaches above and below its line
+const pen = document.createElement("canvas").getContext("2d");
+
+function measure(label) {
+  if (!measured.has(label)) {
+    pen.font = `${FONT}px system-ui, sans-serif`;
+    const { width, fontBoundingBoxAscent, fontBoundingBoxDescent } = pen.measureText(label);
+    measured.set(label, { width, above: fontBoundingBoxAscent, below: fontBoundingBoxDescent });
+  }
+  return measured.get(label);
+}
+
+/** The box of a label beside a symbol of some pixels, where Plotly puts it (its `textPointPosition`). */
+function boxOf(label, size, [px, py], across, down) {
+  const { width, above, below } = measure(label), reach = size / 2 / 0.8 + 1;
+  const left = px + across * reach + ((across - 1) * width) / 2;
+  const line = py + down * reach + 0.75 * FONT + ((down - 1) * FONT) / 2;
+  return [left - ROOM, line - above - ROOM, left + width + ROOM, line + below + ROOM];
+}
+
 /** Give labels to points, in their order, where they cover neither each other nor a symbol. */
 function labelled(single, covered, width, height, crossed) {
   const taken = [
-    ...single.filter(({ point }) => point.kind !== "grazing").map(({ at }) => square(at, HALF)), ...covered,
+    ...single.filter(({ point }) => point.kind !== "grazing").map(({ point, at }) => Object.assign(square(at, HALF), { point })), ...covered,
   ];
-  const free = (box) => box[0] >= 0 && box[1] >= 0 && box[2] <= width && box[3] <= height && !taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]);
-  return single.map(({ point, at: [px, py] }) => {
-    const half = (LETTER * point.label.length) / 2;
+  const free = (box, own) => box[0] >= 0 && box[1] >= 0 && box[2] <= width && box[3] <= height && !taken.some((other) => other.point !== own && box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3]);
+  return single.map(({ point, at }) => {
     let best = null;
     for (const [position, across, down] of point.label ? PLACES : []) {
-      // two pixels less than the symbol: boxes of letters have some room of their own
-      const [mx, my] = [px + across * (half + HALF + 2), py + down * (HALF + 1 + HIGH / 2)];
-      const box = [mx - half, my - HIGH / 2, mx + half, my + HIGH / 2];
-      const cost = free(box) ? crossed(box) : Infinity;
+      const box = boxOf(point.label, point.size, at, across, down);
+      const cost = free(box, point) ? crossed(box) : Infinity;
       if (cost < (best?.cost ?? Infinity)) best = { cost, box, position };
       if (cost === 0) break;
     }

@@ -1,6 +1,6 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
-import { describeCluster, opened, RADIUS, sorted } from "./clusters.js";
+import { describeCluster, FONT, opened, RADIUS, sorted } from "./clusters.js";
 import { Lines } from "./lines.js";
 import { arrowBoxes, arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
@@ -117,8 +117,8 @@ export class Diagram {
   }
 
   marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
-    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label })));
-    const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.kinds : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
+    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label, size: sizeOf(s.kind) })));
+    const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.thinned : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
     this.clusters = clusters;
     return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints(), this.markTrace()];
   }
@@ -184,7 +184,7 @@ export class Diagram {
       return {
         type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
         x: found.map((s) => s.x), y: found.map((s) => s.y),
-        text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: 11, color: color("--soft") },
+        text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: FONT, color: color("--soft") },
         customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
         marker: { symbol, size, opacity: found.map(({ pale }) => (pale ? this.lines.pale : 1)), color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
       };
@@ -196,10 +196,10 @@ export class Diagram {
     const symbols = found.map((s) => CODIM2[s.kind.slice(7)]);
     return {
       type: "scatter", mode: "markers+text", name: "codimension two", x: found.map((s) => s.x), y: found.map((s) => s.y),
-      text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: 12, color: color("--ink") },
+      text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: FONT, color: color("--ink") },
       customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
       marker: {
-        symbol: symbols.map((symbol) => symbol ?? "circle"), size: symbols.map((symbol) => (symbol ? 11 : 6)),
+        symbol: symbols.map((symbol) => symbol ?? "circle"), size: found.map((s) => s.size),
         color: symbols.map((symbol) => (symbol ? color("--card") : color("--stop"))), line: { width: 1.6, color: color("--ink") },
       },
     };
@@ -236,7 +236,7 @@ export class Diagram {
     const cost = ([left, top]) => {
       let found = around(px, py, left, top) ? 1e9 : 0;
       if (this.mark && around(xaxis._offset + xaxis.l2p(this.mark[0]), yaxis._offset + yaxis.l2p(this.mark[1]), left, top)) found += 1e6;
-      for (const [xs, ys] of this.lines.kinds) for (let i = 0; i < xs.length; i++) if (xs[i] !== null && around(xaxis._offset + xaxis.l2p(xs[i]), yaxis._offset + yaxis.l2p(ys[i]), left, top)) found += 1;
+      for (const [xs, ys] of this.lines.thinned) for (let i = 0; i < xs.length; i++) if (xs[i] !== null && around(xaxis._offset + xaxis.l2p(xs[i]), yaxis._offset + yaxis.l2p(ys[i]), left, top)) found += 1;
       return found;
     };
     const costs = corners.map(cost), [left, top] = corners[costs.indexOf(Math.min(...costs))];
@@ -301,6 +301,11 @@ export class Diagram {
 
 function color(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+/** The pixels of the symbol of a kind of special points. */
+function sizeOf(kind) {
+  return SYMBOLS[kind]?.[2] ?? (CODIM2[kind.slice(7)] ? 11 : 6);
 }
 
 export function describe(special) {

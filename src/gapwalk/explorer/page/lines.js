@@ -40,8 +40,13 @@ export class Lines {
     }));
   }
 
+  /** All thinned lines, [xs, ys] each. */
+  get thinned() {
+    return this.groups.flatMap(({ kinds }) => kinds);
+  }
+
   get vertices() {
-    return this.groups.reduce((sum, { kinds }) => kinds.reduce((part, [xs]) => part + xs.length, sum), 0);
+    return this.thinned.reduce((sum, [xs]) => sum + xs.length, 0);
   }
 
   /** Draw them where Plotly's axes are now; `moving`: in the midst of a drag, when it must be quick. */
