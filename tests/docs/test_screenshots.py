@@ -11,7 +11,7 @@ from docs._ext.screenshots import PICTURES, SCENES, SHOTS
 from tests.docs.test_pages import DOCS
 
 PAGE = Path(gapwalk.explorer.__file__).parent / "page" / "index.html"
-HEADING = re.compile(r"<(?:figcaption|summary)>(?P<panel>.+?)</|<dialog[^>]*>\s*<h2>(?P<dialog>.+?)</")
+HEADING = re.compile(r"<(?:figcaption|summary)>(?P<panel>[^<]+)</|<dialog[^>]*>\s*<h2>(?P<dialog>.+?)</")
 LARGEST = 150_000  # bytes
 
 
