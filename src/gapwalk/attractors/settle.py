@@ -87,6 +87,15 @@ def settle(
         For an invalid start or parameter.
     FlowError
         If the motion diverges.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=0.5
+    ... )
+    >>> gw.settle(mass).orbit.period
+    1
     """
     check_system(system, "settle")
     options = options or SettleOptions()

@@ -69,6 +69,16 @@ def follow(
         If the branch is to be verified, and a check fails.
     Interrupted
         After Ctrl-C; its `found` is the branch so far.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=0.5
+    ... )
+    >>> branch = gw.follow(gw.find_orbit(mass), "frequency", 0.8)
+    >>> round(branch.points[-1].value, 9)
+    0.8
     """
     branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(_traced, report)
     if verify:

@@ -289,7 +289,14 @@ def backlash(
     force: Mapping[str, float] | None = None,
     impact_damping: float = 0.0,
 ) -> Contact:
-    """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
+    """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash).
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.backlash("teeth", {"x": 1.0}, 0.5, 20.0).name
+    'teeth'
+    """
     return stop(name, deflection, clearance, stiffness, side=Side.BOTH, force=force, impact_damping=impact_damping)
 
 
@@ -303,7 +310,14 @@ def stop(
     force: Mapping[str, float] | None = None,
     impact_damping: float = 0.0,
 ) -> Contact:
-    """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
+    """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.stop("wall", {"x": 1.0}, 0.5, 20.0, side="negative").name
+    'wall'
+    """
     stages = (Stage(clearance, stiffness, side=side_of(side)),)
     if not impact_damping:
         return Contact(name, deflection, stages, force)

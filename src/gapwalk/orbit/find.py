@@ -76,6 +76,15 @@ def find_orbit(
         For an invalid start, period or parameter.
     ConvergenceError
         If no orbit is found; the message lists the starts that were tried.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(
+    ...     ["x"], mass=[1.0], damping=[0.1], stiffness=[1.0], harmonics=[gw.Harmonic(0.1, {"x": 1.0})], frequency=0.5
+    ... )
+    >>> print(f"{gw.find_orbit(mass).measure('half.x'):.6f}")  # half of the range of x
+    0.133038
     """
     check_system(system, "find_orbit")
     system = system.at(at, **values)
