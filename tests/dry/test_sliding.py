@@ -99,6 +99,8 @@ def test_a_branch_ends_where_rigid_friction_gives_way_to_one_side():
     assert branch.ends[-1].reason is EndReason.GIVES_WAY
     assert branch.ends[-1].value == pytest.approx(LIMIT - 0.1 * K, abs=1e-9)
     assert [each.kind for each in branch.special_points] == [Kind.SLIP_ONSET]
+    assert branch.points[-1].arclength == branch.special_points[0].point.arclength
+    assert gw.verify(branch).breaches == ()  # the point where it ends is no neighbour of the special point there
 
 
 def den_hartog(frequency):

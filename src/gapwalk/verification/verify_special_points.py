@@ -275,7 +275,8 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
     """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
     In a symmetric motion both sides of a gap graze at once, or friction changes in both directions of slip; there is
-    nothing between the two.
+    nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
+    step onto it.
     """
 
     def is_one_place(other: SpecialPoint) -> bool:
@@ -283,8 +284,9 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
         return both and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
 
     others = (each for each in branch.special_points if each is not special and not is_one_place(each))
-    knots = [*points, *(each.point for each in others)]
     here = special.point.arclength
+    knots = [point for point in points if point.arclength != here]
+    knots += [each.point for each in others]
     before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
     after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
     return [each for each in (before, after) if each is not None]
