@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -73,3 +74,24 @@ def test_a_phase_that_begins_where_the_bound_of_its_friction_vanishes_is_found_o
     track = Track("P1", branch)
     again = Examination(track, ErrorEstimator(track.corrector(len(found.point.x))), found).sides()
     assert again.value == pytest.approx(found.value, abs=2e-6)
+
+
+def over_its_range(seed: int) -> gw.Branch:
+    system = random_system(seed)
+    return gw.follow(gw.find_orbit(system), "frequency", 1.3 * system.frequency)
+
+
+def test_a_walk_that_turns_sharply_where_a_rigid_stop_is_grazed_passes() -> None:
+    branch = over_its_range(15)
+    (grazing,) = branch.special("grazing")
+    before = max(each.value for each in branch.points if each.arclength < grazing.point.arclength)
+    assert before > grazing.value < branch.points[-1].value
+    turns = [float(a.tangent @ b.tangent) for a, b in pairwise(branch.points)]
+    assert min(turns) < 0.9
+    assert gw.verify(branch).breaches == ()
+
+
+def test_motions_at_rest_pass() -> None:
+    branch = over_its_range(34)
+    assert not any(point.orbit.extremes[:, :2].any() for point in branch.points)
+    assert gw.verify(branch).breaches == ()
