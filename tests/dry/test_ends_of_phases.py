@@ -75,6 +75,7 @@ def test_a_branch_ends_where_a_stage_with_hysteresis_opens_in_a_touch() -> None:
     # with hardly another load, the stage opens for a moment, and the motion is another one at once
     assert not [event for event in last.events if event.switch == 1]
     assert end.value - last.system["harmonic1.amplitude"] < 1e-6
+    assert gw.verify(branch).breaches == ()  # no motion is left at that value, beyond the last point
     opening = system.at({"harmonic1.amplitude": end.value})
     moved = flow_of(opening).integrate(coefficients_of(opening), last.state)
     opened, closed = [event.theta for event in moved.contacts if event.switch == 1]

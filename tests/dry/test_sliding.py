@@ -12,10 +12,11 @@ import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
+from gapwalk.flow.dry_state import SlipEvent
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
-from gapwalk.orbit.friction_phases import text_of
+from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
 from gapwalk.verification.dry_dop853 import carry
 from tests.flow.dry_systems import clutch
 
@@ -99,6 +100,8 @@ def test_a_branch_ends_where_rigid_friction_gives_way_to_one_side():
     assert branch.ends[-1].reason is EndReason.GIVES_WAY
     assert branch.ends[-1].value == pytest.approx(LIMIT - 0.1 * K, abs=1e-9)
     assert [each.kind for each in branch.special_points] == [Kind.SLIP_ONSET]
+    assert branch.points[-1].arclength == branch.special_points[0].point.arclength
+    assert gw.verify(branch).breaches == ()  # the point where it ends is no neighbour of the special point there
 
 
 def den_hartog(frequency):
@@ -172,6 +175,13 @@ def test_changes_are_the_shortest_phases_that_one_orbit_lacks(walked):
     assert changes_between(first, last) is not None
     special = sliding(walked)[0]
     assert special.contact.startswith("lining ")
+
+
+def test_a_phase_without_length_is_none():
+    """Where another contact changes, friction may stop and slip on at the same angle."""
+    log = [SlipEvent(0.0, 0, 0), SlipEvent(1.0, 0, 1), SlipEvent(2.0, 0, 0), SlipEvent(2.0, 0, 1), SlipEvent(3.0, 0, 0)]
+    assert friction_phases(log, 0, 4.0) == [FrictionPhase(1, 1.0, 3.0), FrictionPhase(0, 3.0, 5.0)]
+    assert text_of(friction_phases([*log[:2], log[1]._replace(slip=0), log[-1]], 0, 4.0)) == "0"
 
 
 def test_the_onset_of_a_jenkins_element_over_the_frequency_is_its_closed_form():

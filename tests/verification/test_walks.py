@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
 import gapwalk as gw
+from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from gapwalk.verification.branch_corrector import Track
+from gapwalk.verification.verify_special_points import Examination
+from tests.dry.trials.random_systems import random_system
 
 
 def steel(side: Side, law: str, damping: float) -> System:
@@ -54,3 +59,39 @@ def test_motions_that_are_small_for_their_branch_pass() -> None:
     points = list(branch.points)
     points[number] = replace(point, orbit=replace(point.orbit, events=tuple(late)), memo={})
     assert "stages" in {breach.check.word for breach in gw.verify(replace(branch, points=tuple(points))).breaches}
+
+
+def test_a_phase_that_begins_where_the_bound_of_its_friction_vanishes_is_found_on_both_computations() -> None:
+    """Its margin is zero wherever the phase is not, and only rounding has a sign there."""
+    state = [-0.0275890698561478, -0.463827351941639, -0.344784181925571, 0.154884417292762, -0.170289356305528]
+    system = random_system(10).at(frequency=0.4592368001437316)
+    orbit = gw.find_orbit(system, start=[*state, 0.226638911120915])
+    branch = gw.follow(orbit, "frequency", 0.4583, walk=gw.WalkOptions(largest_step=0.3))
+    (found,) = branch.special("switching-sliding")
+    values = [found.value + shift for shift in (-1.5e-6, 1.5e-6)]
+    beside = [gw.find_orbit(system.at(frequency=value), start=found.orbit.state) for value in values]
+    assert len(beside[0].friction[3]) - len(beside[1].friction[3]) in (-1, 1)
+    track = Track("P1", branch)
+    again = Examination(track, ErrorEstimator(track.corrector(len(found.point.x))), found).sides()
+    assert again.value == pytest.approx(found.value, abs=2e-6)
+
+
+def over_its_range(seed: int) -> gw.Branch:
+    system = random_system(seed)
+    return gw.follow(gw.find_orbit(system), "frequency", 1.3 * system.frequency)
+
+
+def test_a_walk_that_turns_sharply_where_a_rigid_stop_is_grazed_passes() -> None:
+    branch = over_its_range(15)
+    (grazing,) = branch.special("grazing")
+    before = max(each.value for each in branch.points if each.arclength < grazing.point.arclength)
+    assert before > grazing.value < branch.points[-1].value
+    turns = [float(a.tangent @ b.tangent) for a, b in pairwise(branch.points)]
+    assert min(turns) < 0.9
+    assert gw.verify(branch).breaches == ()
+
+
+def test_motions_at_rest_pass() -> None:
+    branch = over_its_range(34)
+    assert not any(point.orbit.extremes[:, :2].any() for point in branch.points)
+    assert gw.verify(branch).breaches == ()

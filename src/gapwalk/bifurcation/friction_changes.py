@@ -224,7 +224,8 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     ends = (last, first) if rich[1] and not rich[0] else (first, last)
     try:
         sizes = value(ends[0].arclength), value(ends[1].arclength)
-        if sizes[0] * sizes[1] >= 0.0:
+        # where a bound vanishes, the margin is zero wherever the phase is not, and its sign there is only rounding
+        if sizes[0] * sizes[1] >= 0.0 or min(map(abs, sizes)) <= _TOUCH * max(map(abs, sizes)):
             return None
         root = float(brentq(value, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
         if abs(value(root)) > _TOUCH * max(map(abs, sizes)):

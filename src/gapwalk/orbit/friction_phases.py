@@ -64,6 +64,8 @@ def friction_phases(slips: Sequence[SlipEvent], contact: int, full: float) -> li
         Length of the period in radians.
     """
     own = [event for event in slips if event.contact == contact]
+    # of changes at one instant the last one counts: a phase without length is none
+    own = [each for each, after in zip(own, [*own[1:], None], strict=True) if after is None or after.theta > each.theta]
     turns = [event for before, event in zip([own[-1], *own[:-1]], own, strict=True) if event.slip != before.slip]
     if not turns:
         return [FrictionPhase(event.slip, 0.0, full) for event in own[:1]]

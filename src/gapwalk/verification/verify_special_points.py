@@ -35,6 +35,8 @@ from gapwalk.verification.verification import Check, Ledger, Spot
 _REACH = 1e-3  # arclength at which the sides of a special point are examined, unless its neighbours are nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be corrected
 _SECANT = 1e-4  # arclength over which a test function is linear
+_TOLD = 0.01  # share of that arclength beyond which the zero of a secant is not trusted
+_HALVINGS = 30  # of the interval in which the point is then found
 _SHARE = 0.4  # share of the distance to a neighbour; also the factor for a second, nearer examination
 _NEARER = 5  # largest number of examinations
 _AMPLITUDES = 1e-6 * 2.0 ** np.arange(12)  # scaled distances of doubled motions from the flip
@@ -184,6 +186,9 @@ class Examination:
 
         Where a contact grazes or a phase of friction vanishes, the function may have another slope on each side. Then
         the secant is that of the side on which rounding has put the special point.
+
+        The function may also jump across zero, or be zero on all of one side: another event may end the phase, or a
+        bound may vanish. Its secant then leads astray, and the point is where the sides begin to differ.
         """
         point, length = self.special.point, min(reach, _SECANT)
         try:
@@ -195,9 +200,24 @@ class Examination:
             with suppress(NumericalError):  # it may be defined on one side only
                 before = self._beside(-length)
                 last, beside = function(before), before
+        if abs(first) > _TOLD * abs(last) and not self._turn:
+            return self._parting(reach)
         if first == last:
             return None
         return here.value - (beside.value - here.value) * first / (last - first)
+
+    def _parting(self, reach: float) -> float | None:
+        """Return the parameter where motions cease to be as before the special point, by halving."""
+        low, high = -reach, reach
+        try:
+            before = self._beside(low)
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (low + high)
+                faults, _ = self.special.kind.examined(self.special, before, self._beside(middle))
+                low, high = (middle, high) if faults else (low, middle)
+            return self._beside(0.5 * (low + high)).value
+        except NumericalError:
+            return None
 
     def _crossing(self, reach: float) -> float | None:
         """Return the parameter where the branch crosses another, with the other discretisation.
@@ -275,7 +295,8 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
     """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
     In a symmetric motion both sides of a gap graze at once, or friction changes in both directions of slip; there is
-    nothing between the two.
+    nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
+    step onto it.
     """
 
     def is_one_place(other: SpecialPoint) -> bool:
@@ -283,8 +304,9 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
         return both and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
 
     others = (each for each in branch.special_points if each is not special and not is_one_place(each))
-    knots = [*points, *(each.point for each in others)]
     here = special.point.arclength
+    knots = [point for point in points if point.arclength != here]
+    knots += [each.point for each in others]
     before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
     after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
     return [each for each in (before, after) if each is not None]
