@@ -114,6 +114,7 @@ clean:  ## remove .venv, caches and results
 
 # Done once, and again when the lock or the project file changes.
 $(STAMP): requirements.lock pyproject.toml | $(PY)
+	@echo "Installing the pinned packages into $(VENV); this takes some minutes, once."
 	$(PY) -m pip install --quiet --require-hashes --only-binary :all: -r requirements.lock
 	$(PY) -m pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@

@@ -2,20 +2,23 @@
 
     python -m benchmarks.explorer
 
-This needs Chromium. Times are wall-clock milliseconds, so measure on an idle machine. Without a GPU, frames take longer
-than in ordinary use.
+This needs Chromium. Times are wall-clock milliseconds, so measure on an idle machine; beside those of a click stand the
+CPU times of what the page and the server do for it. Without a GPU, frames take longer than in ordinary use.
 """
 
 from __future__ import annotations
 
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Page
+from playwright.sync_api import CDPSession, Page
 
+import gapwalk as gw
+from gapwalk.explorer.motion_panels import panels_of
 from tests.explorer.browser import READY, browser, served, until
 
 MODEL = Path(__file__).parents[1] / "examples" / "clutch.toml"
@@ -51,6 +54,16 @@ PLACE = """(share) => {
     const free = places.filter(([px, py]) => covered.every(([qx, qy]) => Math.hypot(px - qx, py - qy) > 14));
     return free[Math.floor(share * free.length)];
 }"""
+# from the release of the mouse to the frame after the one in which the motion is drawn: then it is on the screen
+SEEN = """() => {
+    let pressed = 0;
+    window.seen_ = [];
+    window.addEventListener("pointerup", () => { pressed = performance.now(); }, true);
+    new MutationObserver(() => {
+        const from = pressed, drawn = performance.now();
+        requestAnimationFrame(() => setTimeout(() => seen_.push([performance.now() - from, drawn - from]), 0));
+    }).observe(document.body, { attributeFilter: ["data-shown"] });
+}"""
 FRAMES = """() => {
     window.frames_ = [];
     let last = performance.now();
@@ -72,24 +85,55 @@ def main() -> None:
         until(page, READY)
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
-        say(f"a motion appears after a click ({CLICKS} clicks)", click(page))
+        times, busy = click(page)
+        say(f"a motion is on the screen after a click ({CLICKS} clicks)", times)
+        print(
+            f"of which the page computes {busy:.0f} ms of CPU time per click, with all panels and answers that follow"
+        )
+        print(f"and the server {1e3 * computed():.0f} ms of CPU time for the motion", flush=True)
         say("200 branches of 2,000 points are drawn", page.evaluate(MANY))
         page.evaluate(FRAMES)
         say("frames of a drag", drag(page))
         say("frames while zooming", zoom(page))
 
 
-def click(page: Page) -> list[float]:
-    """Return the milliseconds from a click on a point to its motion, for points all along the branch."""
-    times = []
+def click(page: Page) -> tuple[list[float], float]:
+    """Click on points all along the branch.
+
+    Returns
+    -------
+    times : list of float
+        Milliseconds from each click to its motion on the screen.
+    busy : float
+        CPU milliseconds of the page's main thread per click, until everything has come that a click asks for.
+    """
+    page.evaluate(SEEN)
+    tool = page.context.new_cdp_session(page)
+    tool.send("Performance.enable", {"timeDomain": "threadTicks"})
+    before = busy(tool)
     for k in range(CLICKS):
         place = page.evaluate(PLACE, (k + 0.5) / CLICKS)
-        before = page.evaluate("document.body.dataset.shown ?? ''")
         page.mouse.click(*place)
-        until(page, f"(document.body.dataset.shown ?? '') !== '{before}'")
-        times.append(float(page.evaluate("document.body.dataset.shownAfter")))
+        until(page, f"seen_.length > {k}")
         page.wait_for_timeout(150)  # spectrum and section come after
-    return times
+    return [seen for seen, _ in page.evaluate("seen_")], (busy(tool) - before) / CLICKS
+
+
+def busy(tool: CDPSession) -> float:
+    """Return the CPU milliseconds of the page's main thread so far."""
+    found = {each["name"]: each["value"] for each in tool.send("Performance.getMetrics")["metrics"]}
+    return 1e3 * found["TaskDuration"]
+
+
+def computed() -> float:
+    """Return the CPU seconds in which the server computes the motion of a click, the median over the branch."""
+    branch = gw.run(gw.read_study(MODEL)).branches[0]
+    times = []
+    for point in branch.points[:: max(1, len(branch.points) // CLICKS)]:
+        began = time.process_time()
+        panels_of(point.orbit, "q1")
+        times.append(time.process_time() - began)
+    return sorted(times)[len(times) // 2]
 
 
 def drag(page: Page) -> list[float]:

@@ -6,6 +6,7 @@ from importlib.metadata import version as version_of
 from pathlib import Path
 
 os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
+os.environ.pop("MPLBACKEND", None)  # with a backend of the user's, notebooks would show no pictures
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 from api_links import enumerations
@@ -22,6 +23,7 @@ extensions = [
     "mathml",
     "file_reference",
     "api_links",
+    "docstrings",
 ]
 root_doc = "index"
 exclude_patterns = ["_ext", "_templates"]

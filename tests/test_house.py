@@ -35,6 +35,8 @@ ORDER = (
     "verification",
     "reduction",
     "attractors",
+    "free",
+    "tori",
     "measurement",
     "answers",
     "results",
@@ -63,6 +65,10 @@ PERMITTED = {
     ("answers/rattle_bands.py", "plot", "plot"): "bands.plot() is a convenience; finding them never draws",
     ("answers/run_up.py", "plot", "plot"): "run.plot() is a convenience; running up never draws",
     ("answers/run_ups.py", "plot", "plot"): "run_ups.plot() is a convenience; running up never draws",
+    ("free/backbone_record.py", "plot", "plot"): "line.plot() is a convenience; following it never draws",
+    ("free/backbones.py", "plot", "plot"): "backbones.plot() is a convenience; following them never draws",
+    ("tori/torus.py", "plot", "plot"): "torus.plot() is a convenience; computing tori never draws",
+    ("tori/torus_diagram.py", "plot", "plot"): "plot() of all tori is a convenience; following them never draws",
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
     (
         "attractors/compare_motions.py",
@@ -88,7 +94,8 @@ PERMITTED = {
     ("studies/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
-MAX_LINES = 500
+# Of code and comments: docstrings, of which the reference is made, are not counted.
+MAX_LINES = 450
 
 # File names that occur more than once below src/gapwalk: why.
 SAME_NAMES = {
@@ -158,9 +165,17 @@ def test_every_file_says_what_it_is_for() -> None:
 
 def test_no_file_is_crowded() -> None:
     files = FILES + REPRODUCTIONS
-    lengths = {file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
+    lengths = {file.relative_to(ROOT).as_posix(): lines_of_code(file) for file in files}
     crowded = {name: length for name, length in lengths.items() if length > MAX_LINES}
     assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
+
+
+def lines_of_code(file: Path) -> int:
+    """Count the lines of a file without its docstrings."""
+    text = file.read_text(encoding="utf-8")
+    places = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    bodies = [node.body for node in ast.walk(ast.parse(text)) if isinstance(node, places) and ast.get_docstring(node)]
+    return len(text.splitlines()) - sum((body[0].end_lineno or 0) - body[0].lineno + 1 for body in bodies)
 
 
 def test_a_file_name_occurs_once() -> None:

@@ -70,7 +70,7 @@ def _given() -> dict[str, dict[str, list[str]]]:
 
 
 def _tables_of_words(table: str) -> Iterator[dict[str, list[str]]]:
-    for name in (table, table.rpartition(".")[2], "any"):
+    for name in (table, table.rpartition(".")[2], "study" if table in kinds() else "", "any"):
         yield _given().get(name, {})
 
 
@@ -200,15 +200,19 @@ def _default(info: FieldInfo) -> str:
 
 
 def docstring_words(record: type) -> dict[str, str]:
-    """Return the words of each parameter in the numpydoc docstrings of a class and of its base classes."""
+    """Return the words of each parameter in the numpydoc docstrings of a class and of its base classes.
+
+    Where a class lists several parameters together, such as those that are as in a base class, the words of that hold.
+    """
     found: dict[str, str] = {}
     for kind in reversed(record.__mro__):
         text = inspect.cleandoc(kind.__dict__.get("__doc__") or "")
         _, _, section = text.partition("Parameters\n----------\n")
         section = re.split(r"\n\w[\w ]*\n-{3,}\n", section)[0]
         for match in re.finditer(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", section + "\n", re.M):
-            for name in match[1].partition(":")[0].split(","):
-                found[name.strip()] = " ".join(match[2].split())
+            names = [name.strip() for name in match[1].partition(":")[0].split(",")]
+            known = found if len(names) > 1 else {}
+            found |= {name: " ".join(match[2].split()) for name in names if name not in known}
     for inner in _inlined(record):
         found = docstring_words(inner) | found
     return found
@@ -265,6 +269,7 @@ def keys_of(schema: type[Part], table: str, words: Mapping[str, str]) -> Iterato
         if not unit and key in law and law[key].kind is not None:
             unit = law[key].kind.usual[0]
         bound = _bound(marks) or (f">= {law[key].least:g}" if key in law and law[key].least is not None else "")
+        said = re.sub(r"\s*In a table[^.]*\.", "", said)
         said = re.sub(r"^(write|name|list|it is) ", "", said).rstrip(".")
         said = said[:1].upper() + said[1:]
         yield Key(table, key, _type(info.annotation), unit, _default(info), bound, said, shown)

@@ -24,7 +24,16 @@ from tests.explorer.browser import until as wait_until
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 EDGE = 6  # pixels round a panel
-EXAMPLES = ("clutch.toml", "den_hartog.toml", "diagram.toml", "drivetrain.toml", "idle.toml", "settle.toml")
+EXAMPLES = (
+    "clutch.toml",
+    "den_hartog.toml",
+    "diagram.toml",
+    "drivetrain.toml",
+    "engine_start.toml",
+    "family.toml",
+    "idle.toml",
+    "settle.toml",
+)
 
 
 @dataclass(frozen=True)
@@ -178,9 +187,51 @@ def open_values(page: Page) -> None:
     page.fill("[data-name='stage2.clearance'] input[type=number]", "0.9")
 
 
+def edit(page: Page) -> None:
+    """The model editor: the text of a drive train, its machine, its response, and sliders for its numbers."""
+    page.click("#edit-open")
+    until(page, "gapwalk.editor.chart.curve?.whole && !gapwalk.editor.isBusy")
+    page.evaluate("gapwalk.editor.text.go(19)")
+    page.wait_for_timeout(500)
+
+
+def leave_editor(page: Page) -> None:
+    """Go back to the results."""
+    page.click("#edit-close")
+
+
 def open_keys(page: Page) -> None:
     """The list of keys."""
     page.click("#help-open")
+
+
+def deepen(page: Page) -> None:
+    """Show a family of responses in three dimensions."""
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
+    until(page, "gapwalk.curves.all.size === 6 && !gapwalk.page.updating")
+    page.select_option("#z", "of the family")
+    until(page, "Boolean(gapwalk.depth.space.content)")
+
+
+def turn_torus(page: Page) -> None:
+    """Show a torus in three dimensions; it has settled already."""
+    page.click("#results button:text-is('Show')")
+    until(page, "Boolean(gapwalk.motion.details)")
+    page.click("#solid-figure summary")
+    rest(page)
+    until(page, "(gapwalk.motion.solid.space.content?.dots.length ?? 0) > 100")
+
+
+def run_up(page: Page) -> None:
+    """Show a run-up and down through the jump of a dual-mass flywheel, at an instant on the way up."""
+    page.click("summary:text-is('Run up, and listen')")
+    for name, value in (("low", "200"), ("high", "600"), ("seconds", "8")):
+        page.fill(f"#run-up-{name}", value)
+    page.click("#run-up")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.heard.found)")
+    page.evaluate("gapwalk.answer.heard.seek(4.2)")
+    page.wait_for_timeout(1000)
 
 
 def nothing(page: Page) -> None:
@@ -211,6 +262,9 @@ SCENES = (
     Scene("clutch.toml", follow, (Shot("locus", "Diagram"), Shot("plane", "In two parameters"))),
     Scene("clutch.toml", search, (Shot("search", "Results"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
+    Scene("settle.toml", turn_torus, (Shot("torus", "In three dimensions"),)),
+    Scene("family.toml", deepen, (Shot("depth", "Diagram"),)),
+    Scene("engine_start.toml", run_up, (Shot("heard", "Diagram"), Shot("run-up", "Run up, and listen"))),
     Scene("drivetrain.toml", drive, (Shot("train", "Machine"),)),
     Scene(
         "den_hartog.toml",
@@ -219,6 +273,8 @@ SCENES = (
     ),
     Scene("idle.toml", answer, (Shot("numbers", "The answer in numbers"),)),
     Scene("idle.toml", turn, (Shot("answer"), Shot("movers", "What moves it most"))),
+    Scene("drivetrain.toml", edit, (Shot("editor"), Shot("response", "Response"))),
+    Scene("drivetrain.toml", leave_editor, ()),
     Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
 )
 SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)
@@ -228,6 +284,7 @@ def rest(page: Page) -> None:
     """Wait until a motion is shown whole, and stop it where something touches."""
     until(page, "gapwalk.motion.motion && document.querySelectorAll('#section .dot').length > 0")
     page.wait_for_timeout(800)  # what was asked for on the way is not shown any more
+    until(page, "document.getElementById('next').hidden || !document.querySelector('#next-steps button:disabled')")
     page.evaluate("gapwalk.motion.machine.at(Math.round(0.3 * gapwalk.motion.motion.theta.length))")
 
 
@@ -236,9 +293,9 @@ def panel(page: Page, heading: str):
     if heading == "Diagram":
         return page.locator("#picture")
     for part in (
-        f"figure:has(> figcaption:text-is('{heading}'))",
-        f"details:has(> summary:text-is('{heading}'))",
-        f"dialog:has(> h2:text-is('{heading}'))",
+        f"figure:has(> figcaption:text-is('{heading}')):visible",
+        f"details:has(> summary:text-is('{heading}')):visible",
+        f"dialog:has(> h2:text-is('{heading}')):visible",
     ):
         if page.locator(part).count():
             return page.locator(part)

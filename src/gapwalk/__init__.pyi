@@ -4,6 +4,7 @@
 from . import analysis as analysis
 from . import ask as ask
 from . import errors as errors
+from . import free as free
 from . import laws as laws
 from . import loads as loads
 from . import measure as measure
@@ -14,6 +15,7 @@ from . import plot as plot
 from . import records as records
 from . import special_points as special_points
 from . import studies as studies
+from . import tori as tori
 from . import train as train
 from .attractors.attractor import Attractor as Attractor
 from .attractors.attractor import Settled as Settled

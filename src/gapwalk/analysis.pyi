@@ -27,6 +27,8 @@ from .attractors.section import Section as Section
 from .attractors.section import impact_plane as impact_plane
 from .attractors.section import section as section
 from .attractors.section import strobe as strobe
+from .attractors.sound import Sound as Sound
+from .attractors.sound import sound as sound
 from .attractors.spectrum import Peak as Peak
 from .attractors.spectrum import Spectrum as Spectrum
 from .attractors.spectrum import SpectrumOptions as SpectrumOptions

@@ -65,7 +65,7 @@ def open_file(path: str | os.PathLike[str]) -> IO[bytes]:
 
 
 def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
-    """Refuse an archive of arrays (NPZ) that would take more memory than its content fills.
+    """Refuse an archive of arrays (NPZ) whose content is too large, or whose headers claim more than it contains.
 
     Parameters
     ----------

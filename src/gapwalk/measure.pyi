@@ -6,6 +6,7 @@ from .answers.point_fit import Combination as Combination
 from .answers.point_fit import FittedPoint as FittedPoint
 from .answers.point_fit import PointFit as PointFit
 from .answers.point_fit import fit_points as fit_points
+from .attractors.order_tracking import Tracked as Tracked
 from .flow.signal import Signal as Signal
 from .measurement.alignment import Alignment as Alignment
 from .measurement.alignment import align as align
@@ -17,4 +18,5 @@ from .measurement.fit import Fit as Fit
 from .measurement.fit import FitOptions as FitOptions
 from .measurement.fit import fit as fit
 from .measurement.measured_record import Record as Record
+from .measurement.measured_run_up import read_run_up as read_run_up
 from .measurement.read_record import read_measurement as read_measurement

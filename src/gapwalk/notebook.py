@@ -41,6 +41,15 @@ def show_progress(on: bool = True) -> None:
     """Turn the display of the progress of long calls in notebooks on or off. It is on unless GAPWALK_PROGRESS=off.
 
     To silence a single call, give it its own `report`, as in ``gw.follow(..., report=lambda *_: None)``.
+
+    Parameters
+    ----------
+    on
+        False to turn it off.
+
+    Examples
+    --------
+    >>> gw.parallel.show_progress(False)
     """
     _switch["on"] = on
 

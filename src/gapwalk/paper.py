@@ -27,7 +27,13 @@ __all__ = [
 
 
 class SlopeReading(StrEnum):
-    """Reading of the slope of the second stage; kappa = K11 is the share of the first stage."""
+    """Reading of the slope of the second stage; kappa = K11 is the share of the first stage.
+
+    Examples
+    --------
+    >>> gw.paper.case("13", slope=gw.paper.SlopeReading.REDUCED).parameters["stage2.clearance"]
+    1.0
+    """
 
     REDUCED = "reduced"
     """Slope 1: the tables' n1 and n2 contain the factor 1 - kappa already."""
@@ -36,7 +42,13 @@ class SlopeReading(StrEnum):
 
 
 class DampingReading(StrEnum):
-    """Reading of the impact damping."""
+    """Reading of the impact damping.
+
+    Examples
+    --------
+    >>> gw.paper.case("13", damping=gw.paper.DampingReading.DISSIPATIVE).coordinates
+    ('q1', 'q3')
+    """
 
     DISSIPATIVE = "dissipative"
     """``g + beta |g| v``, Hunt and Crossley's law."""
@@ -68,6 +80,11 @@ class ParameterSet:
         True if the figure shows a frequency response.
     note
         Decisions beyond the printed tables; empty if there are none.
+
+    Examples
+    --------
+    >>> gw.paper.parameter_set("13").stiffness
+    (0.1, 0.6, 0.06, 1.1)
     """
 
     stiffness: tuple[float, float, float, float]
@@ -178,12 +195,34 @@ _CASES = {
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all figures with a parameter set, in the order of the paper."""
+    """Return the names of all figures with a parameter set, in the order of the paper.
+
+    Returns
+    -------
+    tuple of str
+        Such as ``13`` and ``20a``.
+
+    Examples
+    --------
+    >>> len(gw.paper.names()) > 20
+    True
+    """
     return tuple(_CASES)
 
 
 def frequency_responses() -> tuple[str, ...]:
-    """Return the names of the figures that show a frequency response."""
+    """Return the names of the figures that show a frequency response.
+
+    Returns
+    -------
+    tuple of str
+        In the order of the paper.
+
+    Examples
+    --------
+    >>> gw.paper.frequency_responses()[:3]
+    ('4a', '4b', '9a')
+    """
     return tuple(name for name, numbers in _CASES.items() if numbers.is_response)
 
 
@@ -195,10 +234,20 @@ def parameter_set(name: str) -> ParameterSet:
     name
         One of `names`. ``"20(a)"``, ``"20A"`` and ``"figure 20a"`` are understood as well.
 
+    Returns
+    -------
+    ParameterSet
+        The numbers.
+
     Raises
     ------
     ModelError
         If there is none of that name; the message lists them.
+
+    Examples
+    --------
+    >>> gw.paper.parameter_set("figure 13").mean
+    (0.25, 0.25)
     """
     plain = re.sub(r"^fig(ure|\.)?|[\s()]", "", str(name).strip().lower())
     if plain not in _CASES:
@@ -212,10 +261,25 @@ def parameter_set(name: str) -> ParameterSet:
 def describe(name: str) -> str:
     """Return the decisions for a figure that the printed tables leave open; a guess begins with the word GUESS.
 
+    Parameters
+    ----------
+    name
+        One of `names`.
+
+    Returns
+    -------
+    str
+        Sentences; empty if the tables leave nothing open.
+
     Raises
     ------
     ModelError
         If there is no figure of that name.
+
+    Examples
+    --------
+    >>> gw.paper.describe("21-zero-phase")
+    'The close-up of figure 20a.'
     """
     return parameter_set(name).note
 
@@ -235,10 +299,20 @@ def case(
     slope, damping
         Interpretations of the paper where it is ambiguous.
 
+    Returns
+    -------
+    System
+        The system, non-dimensional.
+
     Raises
     ------
     ModelError
         If there is no figure or no reading of that name.
+
+    Examples
+    --------
+    >>> gw.paper.case("13").coordinates
+    ('q1', 'q3')
     """
     numbers = parameter_set(name)
     slope = _reading(SlopeReading, "slope", slope)

@@ -23,8 +23,8 @@ from .answers.threshold import Confirmation as Confirmation
 from .answers.tolerance import Chance as Chance
 from .answers.tolerance import Influences as Influences
 from .answers.tolerance import ToleranceCheck as ToleranceCheck
-from .answers.tolerance_tracking import Further as Further
-from .answers.tolerance_tracking import HowFound as HowFound
+from .answers.tolerance_records import Further as Further
+from .answers.tolerance_records import HowFound as HowFound
 from .attractors.attractor import AttractorKind as AttractorKind
 from .attractors.basins import BasinCheck as BasinCheck
 from .attractors.basins import BasinShares as BasinShares

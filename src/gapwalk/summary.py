@@ -35,6 +35,12 @@ class Table:
         The cells of each row.
     groups
         Indices of the rows after which a gap separates groups of rows.
+
+    Examples
+    --------
+    >>> headings = [name for name, is_right in gw.records.Table(["name", ">value"], [["x", "1"]]).columns]
+    >>> headings
+    ['name', 'value']
     """
 
     headings: Sequence[str]
@@ -57,6 +63,11 @@ class Tree:
         The text.
     children
         Trees that depend on it.
+
+    Examples
+    --------
+    >>> gw.records.Tree("P1-1", [gw.records.Tree("P2-1")]).children[0].label
+    'P2-1'
     """
 
     label: str
@@ -74,7 +85,8 @@ class SummaryText(tuple[str | Table | Tree, ...]):
 
     Examples
     --------
-    >>> print(branch.summary())
+    >>> print(settled.summary())
+    Settled(period 1, settled after 16 forcing periods at frequency 0.6, residual 0.00041)
     """
 
     __slots__ = ()
@@ -116,8 +128,8 @@ class TableRows:
     signal
         Signal of a motion whose amplitudes the columns ``order 1``, ``order 2`` ... have; empty if there are none.
     units
-        By headings (or by their beginnings, with a point at the end) a parameter, or a signal as ``stop.force``, in
-        whose unit the column is; or the unit itself. It counts in systems with units.
+        For each heading (or each beginning of headings, if it ends with a point): a parameter or a signal that has the
+        unit of the column, such as ``stop.force``; or the unit itself. Used in systems with units only.
     """
 
     rows: Callable[[], Rows]
@@ -143,7 +155,13 @@ class Described:
     default the row has all fields that are numbers or texts."""
 
     def summary(self) -> SummaryText:
-        """Return the record in words: lines of text, tables and trees."""
+        """Return the record in words: lines of text, tables and trees.
+
+        Returns
+        -------
+        SummaryText
+            Printed, it is what the terminal shows.
+        """
         return SummaryText((repr(self),))
 
     def tables(self) -> Tables:
@@ -151,6 +169,11 @@ class Described:
 
         A field with several records is a table with a row for each of them. Fields with arrays of one length are the
         columns of a table, which is named after the first of them.
+
+        Returns
+        -------
+        mapping of str to callable
+            Each function returns the rows of a table, the headings first; the most important table is the first.
         """
         tables: dict[str, Callable[[], Rows]] = {}
         arrays: dict[int, dict[str, Any]] = {}
@@ -169,6 +192,11 @@ class Described:
         """Return the record as plain JSON values.
 
         Complex numbers become pairs, and numbers that are not finite become None.
+
+        Returns
+        -------
+        dict
+            Its keys are the names of the fields.
         """
         from gapwalk.results.plain import plain
 

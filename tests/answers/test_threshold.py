@@ -71,7 +71,14 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     assert "end of the range" in str(found.summary())
 
 
-@pytest.mark.parametrize(("to", "says"), [((0.8, 1.2), "nothing rattles"), ((0.05, 0.2), "still rattles")])
+@pytest.mark.parametrize(
+    ("to", "says"),
+    [
+        ((0.8, 1.2), "nothing rattles"),
+        ((0.05, 0.2), "still rattles"),
+        ((1.2, 0.2), "0.2; widen the range, or reverse it"),
+    ],
+)
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
     found = gw.ask.threshold(gear, "mean.x", to, "frequency", (0.7, 1.6), options=FEW)
     assert found.limit is None

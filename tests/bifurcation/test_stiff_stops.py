@@ -11,7 +11,9 @@ from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
+from gapwalk.model.contact import rigid_stop
 from gapwalk.orbit import find_orbit
+from gapwalk.studies.verify import verify
 from tests.tiers import in_campaign
 
 DAMPING, FORCE = 0.1, 0.3
@@ -227,3 +229,39 @@ def test_an_impact_that_passes_the_beginning_of_the_period_leaves_no_trace():
     assert [special.kind for special in found[0]] == [special.kind for special in found[1]]
     for one, other in zip(*found, strict=True):
         assert abs(one.value - other.value) < one.uncertainty + other.uncertainty < 1e-10
+
+
+def symmetric_force(speed, frequency=0.7, damping=0.1, restitution=0.8):
+    """Amplitude at which a mass between two rigid walls at -1 and 1 meets each of them once a period, at a speed.
+
+    Over half a period the motion is ``exp(-damping t / 2) (a cos n t + b sin n t) + p cos W t + q sin W t``. It begins
+    at a wall, ends at the other one, and is linear in these four numbers.
+    """
+    n, rows = math.sqrt(1.0 - 0.25 * damping**2), []
+    for time in (0.0, math.pi / frequency):
+        decay, cosine, sine = math.exp(-0.5 * damping * time), math.cos(n * time), math.sin(n * time)
+        c, s = math.cos(frequency * time), math.sin(frequency * time)
+        rows.append([decay * cosine, decay * sine, c, s])
+        rates = -0.5 * damping * cosine - n * sine, -0.5 * damping * sine + n * cosine
+        rows.append([decay * rates[0], decay * rates[1], -frequency * s, frequency * c])
+    p, q = np.linalg.solve(rows, [1.0, -restitution * speed, -1.0, -speed])[2:]
+    return math.hypot(p, q) * abs(complex(1.0 - frequency**2, damping * frequency))
+
+
+def test_a_symmetric_motion_begins_to_meet_both_rigid_walls_at_once():
+    walls = rigid_stop("walls", {"x": 1.0}, 1.0, restitution=0.8, side=Side.BOTH)
+    load = Harmonic(0.51, {"x": 1.0})
+    system = System(["x"], [[1.0]], [[0.1]], contacts=[walls], harmonics=[load], frequency=0.7)
+    branch = follow(find_orbit(system), "harmonic1.amplitude", 0.52)
+    graze = abs(complex(1.0 - 0.7**2, 0.1 * 0.7))  # where the motion without impacts has the amplitude 1
+    assert branch.ends[-1].reason is EndReason.RANGE
+    assert [each.kind for each in branch.special_points] == [Kind.GRAZING] * 2
+    assert [each.value for each in branch.special_points] == pytest.approx([graze] * 2, abs=1e-12)
+    struck = [point for point in branch.points if point.orbit.events]
+    assert len(struck) > 5
+    for point in struck:
+        first, last = (abs(event.velocity) for event in point.orbit.events)
+        assert last == pytest.approx(first, abs=1e-7)
+        assert point.value == pytest.approx(symmetric_force(first), abs=1e-9)
+    assert branch.unexplained == ()
+    assert verify(branch).ok

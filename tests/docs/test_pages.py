@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 import gapwalk
+from docs._ext.links import problems
 from tests.docs.page import blocks_of, run_page
 from tests.release.names import namespaces
 from tests.tiers import some_of
@@ -42,7 +43,7 @@ LONG = {
         "belt",
         "impact-damper",
     )
-} | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md"}
+} | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "reference/examples.md"}
 
 
 @pytest.mark.parametrize("name", some_of(NAMES, *(name for name in NAMES if name not in LONG)))
@@ -59,6 +60,40 @@ def test_a_page_does_what_it_says(name, tmp_path, monkeypatch) -> None:
         run_page(page)
     finally:
         plt.close("all")
+
+
+OF_THEIR_OWN = {
+    "index.md",
+    "design.md",
+    "reference/security.md",
+}  # an entrance, a record of the design, a file of the root
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        page.relative_to(DOCS).as_posix()
+        for page in sorted(DOCS.rglob("*.md"))
+        if not {"numerics", "generated"} & {*page.parts} and page.relative_to(DOCS).as_posix() not in OF_THEIR_OWN
+    ],
+)
+def test_a_page_begins_with_what_the_reader_gets(name: str) -> None:
+    text = re.sub(r"\A---\n.*?\n---\n", "", (DOCS / name).read_text(encoding="utf-8"), flags=re.S)
+    title, opening, *_ = text.strip().split("\n\n")
+    assert title.startswith("# ")
+    assert re.search(r"\b(You|[Tt]his page|[Tt]hese pages|Each page|For programs|Every|The examples)\b", opening), (
+        opening
+    )
+
+
+def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text('<a href="b.html#here">b</a> <a href="c.html">c</a>', encoding="utf-8")
+    (tmp_path / "b.html").write_text('<a href="a.html">a</a> <img src="https://elsewhere.org/x.png">', encoding="utf-8")
+    assert sorted(problems(tmp_path)) == [
+        "a.html: b.html#here names a place that is not there",
+        "a.html: c.html leads nowhere",
+        "b.html fetches https://elsewhere.org/x.png",
+    ]
 
 
 def test_the_reference_has_every_public_name() -> None:

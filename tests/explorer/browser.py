@@ -19,7 +19,9 @@ from playwright.sync_api import Browser, Page, sync_playwright
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
 
-PATIENCE = 120.0  # seconds: nothing here takes a tenth of that on a machine that does nothing else
+PATIENCE = float(
+    os.environ.get("PAT", "120")
+)  # seconds: nothing here takes a tenth of that on a machine that does nothing else
 
 READY = "Boolean(window.gapwalk?.page.about)"
 """A file is open on the page."""
@@ -55,7 +57,7 @@ def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[s
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         try:
-            assert str(file.parent.resolve()) in server.stdout.readline()
+            assert str((file if file.is_dir() else file.parent).resolve()) in server.stdout.readline()
             yield server.stdout.readline().strip()
         finally:
             server.send_signal(end)
@@ -73,7 +75,7 @@ def until(page: Page, condition: str, patience: float = PATIENCE) -> None:
 
 
 @contextmanager
-def watched(address: str, *, height: int = 720) -> Iterator[Page]:
+def watched(address: str, *, height: int = 720, ready: str = READY) -> Iterator[Page]:
     """The page at an address, with an ear for errors, and for requests to anyone else: there are none."""
     wrong: list[str] = []
     own = (address, "blob:", "data:")
@@ -83,7 +85,7 @@ def watched(address: str, *, height: int = 720) -> Iterator[Page]:
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
         page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
         page.goto(address)
-        until(page, READY)
+        until(page, ready)
         yield page
     assert wrong == [], wrong
 
@@ -120,3 +122,28 @@ def boxes(page: Page, what: str) -> list[tuple[float, float, float, float]]:
 def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     """Return True if two boxes share more than a pixel."""
     return min(a[2], b[2]) - max(a[0], b[0]) > 1.0 and min(a[3], b[3]) - max(a[1], b[1]) > 1.0
+
+
+Node = tuple[str, str]
+"""The role and the name of a part of the page, as a screen reader has them."""
+
+
+def tree_of(page: Page) -> tuple[list[Node], list[Node]]:
+    """Return the parts of the tree that a screen reader reads, and those of them that take the focus."""
+    tool = page.context.new_cdp_session(page)
+    nodes = tool.send("Accessibility.getFullAXTree")["nodes"]
+    tool.detach()
+    found = [(str(node["role"]["value"]), str(node.get("name", {}).get("value", ""))) for node in nodes]
+    takes = [
+        any(each["name"] == "focusable" and each["value"].get("value") for each in node.get("properties", ()))
+        for node in nodes
+    ]
+    return found, [each for each, is_taken in zip(found, takes, strict=True) if is_taken]
+
+
+_HOLDERS = {"RootWebArea", "generic", "figure", "MenuListPopup", "scrollable"}  # of things that have names
+
+
+def nameless(nodes: list[Node]) -> list[Node]:
+    """Return those parts that a screen reader cannot name."""
+    return [each for each in nodes if not each[1].strip() and each[0] not in _HOLDERS]

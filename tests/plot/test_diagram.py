@@ -97,7 +97,7 @@ def test_a_part_can_be_enlarged(result) -> None:
     assert lower.get_xlim() == (0.68, 0.69)
     assert middle.get_xlim() == upper.get_xlim()
     assert lower.get_ylabel() == "q3(0), once every forcing period"
-    assert upper.get_ylabel() == "amplitude of q3\n(half the peak to peak)"
+    assert upper.get_ylabel() == "amplitude of q3"  # with "(half the peak to peak)" it would leave the sheet
     assert not [text for ax in figure.axes for text in ax.texts if text.get_text().startswith("P")]
 
 

@@ -87,9 +87,35 @@ starts = 0
 search = { values = [1.0], starts = 2, newton_starts = 0 }
 """
 )
+BACKBONE = (
+    CLUTCH
+    + """
+[study]
+kind = "backbone"
+modes = [1, 2]
+largest_amplitude = 2.0
+"""
+)
+TORI = (
+    CLUTCH
+    + """
+[study]
+kind = "tori"
+parameter = "frequency"
+from = 1.198
+to = 1.194
+period = 2
+max_period = 2
+accuracy = 1e-7
+samples = 17
+workers = 1
+"""
+)
 MODELS = {
     "run-up": RUN_UP,
     "rattle": RATTLE,
+    "backbone": BACKBONE,
+    "tori": TORI,
     "threshold": THRESHOLD,
     "tolerance": TOLERANCE,
     "design": DESIGN,

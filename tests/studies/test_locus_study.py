@@ -126,7 +126,7 @@ def test_it_is_verified_and_shown_and_exported(written, tmp_path, monkeypatch, c
     assert gw.verify(gw.load(written)).ok
     assert main(["show", str(written), "--points"]) == 0
     text = capsys.readouterr().out
-    assert "1 loci, 1 of grazing" in text
+    assert "1 locus, 1 of grazing" in text
     assert "grazing-1  period 1 of stop +" in text
     assert main(["export", str(written), "--output", "x.csv"]) == 0
     (row, *_) = csv.DictReader(Path("x.csv").read_text(encoding="utf-8").splitlines())
@@ -150,7 +150,11 @@ def test_the_branch_is_walked_at_the_models_own_value_or_at_another() -> None:
         ('of = "grazing"\n', "", 'write which special points are followed, as in of = "grazing"'),
         ('"grazing"', '"grasing"', 'is "grasing"; it must be one of .*; did you mean grazing'),
         ('"grazing"', '"branch-point"', 'is "branch-point"; it must be one of'),
-        ('"grazing"\n', '"fold"\ncontact = "stop"\n', 'contact is for of = "grazing"; leave it out for "fold"'),
+        (
+            '"grazing"\n',
+            '"fold"\ncontact = "stop"\n',
+            'contact selects among grazing points; leave it out for of = "fold"',
+        ),
         ('"grazing"\n', '"grazing"\ncontact = "stip"\n', 'is "stip", which is no contact; did you mean stop'),
         ("from = 0.09,", "from = 0.4,", "harmonic1.amplitude = 0.3, outside the range from 0.4 to 0.6; write where"),
         ("to = 0.6 }", "to = 0.6, at = 0.7 }", "at has 0.7, outside the range from 0.09 to 0.6"),

@@ -14,7 +14,7 @@ from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
 from gapwalk.verification import Check, confirm
 from gapwalk.verification.dry_changes import Change, mismatch
-from gapwalk.verification.dry_dop853 import DryRound, carry
+from gapwalk.verification.dry_dop853 import DryRound, _Motion, carry
 from gapwalk.verification.dry_equations import Key
 from gapwalk.verification.guard_samples import brackets
 
@@ -215,3 +215,21 @@ def test_a_phase_that_is_too_short_to_be_found_again_counts_by_its_depth() -> No
         pause.append(last._replace(theta=pause[0].theta + length))
         more = replace(orbit, events=(), slips=(*orbit.slips, *pause))
         assert mismatch(more, changes) == pytest.approx(length**2)
+
+
+def test_a_stop_on_which_a_step_has_ended_is_struck() -> None:
+    """As at the stored angle of a slow impact, near the end of chatter: the gap is then zero to the last digit."""
+    system = oscillator([stop(0.8)], damping=0.1, load=[gw.loads.Harmonic(3.0, {"x": 1.0})])
+    motion = _Motion(gw.find_orbit(system, start="settle"))
+    motion.states[:, :2] = 1.0, 1e-8
+    assert motion._hops() == {("contact", 0): 0.0}
+    motion.states[:, :2] = 1.0, -1e-8  # it has left
+    assert motion._hops()["contact", 0] == pytest.approx(1e-8, rel=1e-6)
+
+
+def test_an_impact_that_only_one_motion_has_counts_by_its_depth() -> None:
+    orbit, _ = found("impact")
+    own = [Change("contact", each.switch, 1, each.theta, 1.0) for each in orbit.events]
+    assert mismatch(orbit, own) == 0.0
+    for slope, expected in ((1e-6, 1e-12), (1e-3, np.inf)):
+        assert mismatch(orbit, [*own, own[0]._replace(theta=own[0].theta + 1.0, slope=slope)]) == expected

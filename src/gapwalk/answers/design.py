@@ -37,6 +37,12 @@ class ChangedParameter:
         Its values.
     low, high
         Its limits.
+
+    Examples
+    --------
+    >>> change = design.changes[0]
+    >>> change.name, round(change.percent, 1)
+    ('stop.clearance', -12.7)
     """
 
     name: str
@@ -71,6 +77,12 @@ class JudgedGoal:
     without
         Change with which all other goals are reached without this one; nan if that was not asked, infinite if they are
         not reached either.
+
+    Examples
+    --------
+    >>> goal = design.judged[0]
+    >>> goal.words, goal.is_reached
+    ('no fold between Ω = 1.35 and 1.42', True)
     """
 
     words: str
@@ -116,6 +128,13 @@ class Design(Shown):
         False if the search for the least change was stopped before its end.
     notes, failures
         Remarks, in sentences; reasons why the goals are not proved.
+
+    Examples
+    --------
+    >>> design.is_reached, round(design.system.parameters["stop.clearance"], 3)
+    (True, 0.873)
+    >>> design.sentence
+    'no fold between Ω = 1.35 and 1.42: change stop.clearance -12.74 %'
     """
 
     before: System
@@ -156,7 +175,13 @@ class Design(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the answer, the changes, the goals and the proof; notes and failures if wanted."""
+        """Return the answer, the changes, the goals and the proof; notes and failures if wanted.
+
+        Parameters
+        ----------
+        notes
+            True to include notes and failures.
+        """
         units = self.system.units
         yield self.sentence
         yield ""
@@ -198,7 +223,15 @@ class Design(Shown):
         return {"changes": self._change_rows, "goals": self._goal_rows, "searches": self._route_rows}
 
     def plot(self, measure: str = "", **options: Any):
-        """Draw the response before and after, and the changes; see `gapwalk.plot.designs.draw_design`."""
+        """Draw the response before and after, and the changes; see `gapwalk.plot.designs.draw_design`.
+
+        Parameters
+        ----------
+        measure
+            Measure of the responses, as in `Orbit.measure`; by default that of the goals.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, measure, **options)

@@ -54,6 +54,12 @@ class Need(NamedTuple):
         Its derivatives by relative changes of the parameters.
     words
         Description.
+
+    Examples
+    --------
+    >>> need = gw.ask.Need(margin=0.1, slopes=np.array([0.5]), words="fold at 1.39 below the band")
+    >>> need.margin
+    0.1
     """
 
     margin: float
@@ -66,11 +72,35 @@ class Goal(ABC):
     """A goal of a design."""
 
     def ways(self, system: System) -> tuple[str, ...]:
-        """Return the ways in which it may be reached by a system; each is tried."""
+        """Return the ways in which it may be reached by a system; each is tried.
+
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        tuple of str
+            Names of the ways; one empty name if there is only one.
+        """
         return ("",)
 
     def posed(self, system: System, way: str) -> System:
-        """Return the system, with the same parameters, on whose response the margins of a way are taken."""
+        """Return the system, with the same parameters, on whose response the margins of a way are taken.
+
+        Parameters
+        ----------
+        system
+            The system.
+        way
+            One of `ways`.
+
+        Returns
+        -------
+        System
+            The system itself, unless the goal needs another one.
+        """
         return system
 
     @property
@@ -80,22 +110,85 @@ class Goal(ABC):
 
     @abstractmethod
     def words(self, system: System, parameter: str) -> str:
-        """Describe the goal."""
+        """Describe the goal.
+
+        Parameters
+        ----------
+        system
+            The system.
+        parameter
+            Name of the walked parameter.
+
+        Returns
+        -------
+        str
+            Part of a sentence.
+        """
 
     @abstractmethod
     def needs(self, response: LocalResponse, way: str, margin: float) -> list[Need]:
-        """Return the margins at a design, with their derivatives, less the safety margin."""
+        """Return the margins at a design, with their derivatives, less the safety margin.
+
+        Parameters
+        ----------
+        response
+            Response at the design.
+        way
+            One of `ways`.
+        margin
+            Safety margin, relative.
+
+        Returns
+        -------
+        list of Need
+            Each margin with its slopes.
+        """
 
     @abstractmethod
     def margin(self, response: LocalResponse) -> float:
-        """Return how far the goal is reached at a design, in whichever way; negative if it is not."""
+        """Return how far the goal is reached at a design, in whichever way; negative if it is not.
+
+        Parameters
+        ----------
+        response
+            Response at the design.
+
+        Returns
+        -------
+        float
+            Relative to the width of the band, or to the limit.
+        """
 
     def against(self, branch: Branch) -> list[str]:
-        """Return sentences on what an isolated branch has against the goal."""
+        """Return sentences on what an isolated branch has against the goal.
+
+        Parameters
+        ----------
+        branch
+            The isolated branch.
+
+        Returns
+        -------
+        list of str
+            One sentence for each contradiction.
+        """
         return []
 
     def check(self, system: System, ends: tuple[float, float]) -> None:
-        """Raise a ModelError if the goal is none of this system, or leaves the range of the response."""
+        """Raise a ModelError if the goal is none of this system, or leaves the range of the response.
+
+        Parameters
+        ----------
+        system
+            The system.
+        ends
+            Range of the walked parameter, the smaller end first.
+
+        Raises
+        ------
+        ModelError
+            If it does not suit.
+        """
         low, high = self.band or ends
         if not ends[0] <= low < high <= ends[1]:
             raise ModelError(
@@ -137,6 +230,11 @@ class NoPoint(Goal):
         ``fold``, ``flip``, ``neimark-sacker`` or ``grazing``.
     within
         The band.
+
+    Examples
+    --------
+    >>> gw.ask.NoPoint("fold", (1.35, 1.42)).words(system, "frequency")
+    'no fold between Ω = 1.35 and 1.42'
     """
 
     kind: Kind
@@ -212,6 +310,11 @@ class Quiet(Goal):
         Name of the contact.
     within
         The band.
+
+    Examples
+    --------
+    >>> gw.ask.Quiet("stop", (0.6, 0.8)).words(system, "frequency")
+    'stop quiet between Ω = 0.6 and 0.8'
     """
 
     gap: str
@@ -312,6 +415,11 @@ class PeakBelow(Goal):
         The limit of its magnitude, in the unit of the signal (N m for a torque) or non-dimensional.
     within
         The band.
+
+    Examples
+    --------
+    >>> gw.ask.PeakBelow("stop", 9.0, (1.2, 1.35)).words(system, "frequency")
+    'peak of stop below 9 between Ω = 1.2 and 1.35'
     """
 
     signal: str
@@ -350,7 +458,7 @@ class PeakBelow(Goal):
         ]
 
     def margin(self, response: LocalResponse) -> float:
-        """Return what is left to the limit, as a share of it."""
+        """Return the distance from the limit, as a share of it."""
         return min(response.lowest(partial(self._left, sign=sign), *self.within)[0][1] for sign in (1, -1))
 
     def against(self, branch: Branch) -> list[str]:
@@ -416,6 +524,11 @@ class Resonance(Goal):
     at
         The linearisation: ``"rest"``, about the static equilibrium under the mean load, with the stages that are closed
         there; ``"closed"``, with the first stage of every contact, or ``"open"``, as in `gapwalk.find_modes`.
+
+    Examples
+    --------
+    >>> gw.ask.Resonance(1, above=1.1, at="open").value(system)
+    1.0
     """
 
     number: int
@@ -445,7 +558,23 @@ class Resonance(Goal):
         self.value(system)
 
     def value(self, system: System) -> float:
-        """Return the frequency or speed at which the order meets the natural frequency."""
+        """Return the frequency or speed at which the order meets the natural frequency.
+
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        float
+            In the unit of the first parameter.
+
+        Raises
+        ------
+        ModelError
+            If the system has no such natural frequency.
+        """
         rates = find_modes(system, self._state(system)).frequencies
         rates = rates[np.isfinite(rates)]
         rates = rates[rates > 1e-6 * max(float(rates.max(initial=0.0)), np.finfo(float).tiny)]

@@ -42,6 +42,12 @@ class Mover:
         Estimated error of the slope.
     share
         Change of the end in percent for one percent more of the parameter.
+
+    Examples
+    --------
+    >>> mover = bands.of("stop", "rising")[0].high.with_movers().movers[0]
+    >>> mover.name, round(mover.share, 3)
+    ('mass.x.x', -0.458)
     """
 
     name: str
@@ -67,6 +73,12 @@ class BandEnd:
         The special point; None if there is none.
     movers
         Parameters that move it, those that move it most first.
+
+    Examples
+    --------
+    >>> end = bands.of("stop", "rising")[0].high
+    >>> end.kind, round(end.value, 6), end.is_jump
+    ('fold', 1.392109, True)
     """
 
     value: float
@@ -86,7 +98,13 @@ class BandEnd:
         return self.special is not None and self.special.kind is not Kind.GRAZING
 
     def with_movers(self) -> BandEnd:
-        """Return the end with the parameters that move it; without them if the point has no gradient."""
+        """Return the end with the parameters that move it; without them if the point has no gradient.
+
+        Returns
+        -------
+        BandEnd
+            A new record.
+        """
         if self.special is None or self.movers:
             return self
         try:
@@ -110,6 +128,12 @@ class GapSpan:
         Its ends.
     state
         The state of the gap.
+
+    Examples
+    --------
+    >>> span = bands.of("stop", "rising")[0].spans[0]
+    >>> round(span.high.value, 6), span.state.value
+    (1.392109, 'one side')
     """
 
     low: BandEnd
@@ -131,6 +155,12 @@ class RattleBand:
         Its ends.
     spans
         The spans of equal state in it, in the order of the parameter; those of a union may overlap.
+
+    Examples
+    --------
+    >>> band = bands.of("stop", "rising")[0]
+    >>> band.met, round(band.low.value, 6), round(band.high.value, 6)
+    ('rising', 1.1, 1.392109)
     """
 
     gap: str

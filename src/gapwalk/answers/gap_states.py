@@ -33,14 +33,20 @@ from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
 WATCHED = 16
-"""Forcing periods over which the gaps of many motions are watched; a multiple of most periods."""
+"""Forcing periods over which the gaps of many motions are observed; a multiple of most periods."""
 _TRANSIENT = 16  # forcing periods after which fewer steps may do: random starts close gaps at great velocities
 _LONGEST = 8  # longest period that is distinguished from motions without period
 _RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
 
 
 class GapState(StrEnum):
-    """State of a gap over a whole motion."""
+    """State of a gap over a whole motion.
+
+    Examples
+    --------
+    >>> [state.value for state in gw.records.GapState][:3]
+    ['closed', 'open', 'one side']
+    """
 
     CLOSED = "closed"
     """It never opens."""
@@ -184,7 +190,7 @@ class GapVerdicts(NamedTuple):
     error
         Error of the integrator over a forcing period of settled motions, relative to their size.
     waited
-        The most forcing periods over which any of them was followed before it was watched.
+        Largest number of forcing periods of the transients, before the gaps were observed.
     """
 
     codes: NDArray[np.int_]

@@ -33,6 +33,12 @@ class JumpDelay(NamedTuple):
         does not follow the branch up to the fold.
     delay
         Time from the fold to the jump.
+
+    Examples
+    --------
+    >>> delay = gw.records.JumpDelay(fold=1.39, jump=1.42, delay=1.5)
+    >>> delay.words(system)
+    'jump at Ω = 1.42, a time of 1.5 after the fold at Ω = 1.39, where a slow sweep jumps'
     """
 
     fold: float
@@ -40,7 +46,18 @@ class JumpDelay(NamedTuple):
     delay: float
 
     def words(self, system: System) -> str:
-        """Return the jump and its delay as a sentence."""
+        """Return the jump and its delay as a sentence.
+
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        str
+            One sentence.
+        """
         pace, units = system.structure.pace, system.units
         fold = f"the fold at {value_words(self.fold, pace, units, 6)}, where a slow sweep jumps"
         if np.isnan(self.jump):

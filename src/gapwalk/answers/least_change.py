@@ -49,6 +49,11 @@ class Change:
     weight
         Weight of its relative change: of two parameters that serve a goal equally, the one of larger weight changes
         less.
+
+    Examples
+    --------
+    >>> gw.ask.Change("stop.clearance", by=0.3).bounds(system)
+    (0.7, 1.3)
     """
 
     parameter: str
@@ -65,6 +70,16 @@ class Change:
 
     def bounds(self, system: System) -> tuple[float, float]:
         """Return the limits of the value.
+
+        Parameters
+        ----------
+        system
+            The system, with the present value.
+
+        Returns
+        -------
+        low, high : float
+            In the unit of the parameter.
 
         Raises
         ------
@@ -86,7 +101,18 @@ class Change:
         return low, high
 
     def scale(self, system: System) -> float:
-        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero."""
+        """Return the size of a relative change of 1: the value, or half of the range of a parameter that is zero.
+
+        Parameters
+        ----------
+        system
+            The system, with the present value.
+
+        Returns
+        -------
+        float
+            In the unit of the parameter.
+        """
         low, high = self.bounds(system)
         return abs(system[self.parameter]) or 0.5 * (high - low)
 
@@ -111,6 +137,12 @@ class Route:
         Responses that were walked.
     words
         Description of the margin that is missing most; or of a failure.
+
+    Examples
+    --------
+    >>> route = design.routes[0]
+    >>> route.start, route.is_reached
+    (0, True)
     """
 
     ways: tuple[str, ...]
@@ -143,6 +175,11 @@ class LeastChangeOptions:
         Seed of the further starts.
     walk
         Options of the walks.
+
+    Examples
+    --------
+    >>> gw.ask.LeastChangeOptions(starts=4, margin=0.01).margin
+    0.01
     """
 
     starts: int = 2

@@ -40,7 +40,8 @@ class MeasuredPoint:
 
     Examples
     --------
-    >>> gw.measure.MeasuredPoint("fold", 0.619, 0.0005)
+    >>> gw.measure.MeasuredPoint("fold", 0.619, 0.0005).words
+    'fold measured at 0.619 ± 0.0005'
     """
 
     kind: str
@@ -138,7 +139,7 @@ def _listed(alike: Sequence[SpecialPoint], value: float) -> str:
 
 
 def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
-    """Read measured special points from a CSV file with the columns kind, value, error and, if needed, which.
+    r"""Read measured special points from a CSV file with the columns kind, value, error and, if needed, which.
 
     Numbers are in the units of the parameter of the branch, such as rpm.
 
@@ -159,7 +160,10 @@ def read_points(path: str | os.PathLike[str]) -> tuple[MeasuredPoint, ...]:
 
     Examples
     --------
-    >>> gw.measure.fit_points(branch, gw.measure.read_points("jumps.csv"), ["stage2.clearance"])
+    >>> from pathlib import Path
+    >>> written = Path("jumps.csv").write_text("kind,value,error,which\nfold,1.39,0.001,1\n")
+    >>> gw.measure.read_points("jumps.csv")[0].value
+    1.39
     """
     name = repr(os.fspath(path))
     try:

@@ -58,6 +58,12 @@ class FittedPoint:
         Values computed with the first guess and with the fitted parameters.
     measured, error
         Measured value and its standard uncertainty.
+
+    Examples
+    --------
+    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
+    >>> round(fitted.points[0].before, 6), round(fitted.points[0].after, 6)
+    (1.392109, 1.39)
     """
 
     kind: str
@@ -84,6 +90,12 @@ class Combination:
         counts in its unit.
     singular
         Singular value: by how many standard uncertainties a relative change of 1 moves the points.
+
+    Examples
+    --------
+    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
+    >>> fitted.combinations[0].words(["stop.clearance"])
+    '1.00 stop.clearance'
     """
 
     weights: tuple[float, ...]
@@ -95,7 +107,18 @@ class Combination:
         return 1.0 / self.singular if self.singular > 0.0 else math.inf
 
     def words(self, names: Sequence[str]) -> str:
-        """Return the combination as a sum, without small parts."""
+        """Return the combination as a sum, without small parts.
+
+        Parameters
+        ----------
+        names
+            Names of the parameters, in the order of the weights.
+
+        Returns
+        -------
+        str
+            The sum as a text.
+        """
         parts = [(w, name) for w, name in zip(self.weights, names, strict=True) if abs(w) > _SMALL]
         parts.sort(key=lambda part: -abs(part[0]))
         text = " ".join(f"{'-' if w < 0.0 else '+'} {abs(w):.2f} {name}" for w, name in parts)
@@ -132,6 +155,12 @@ class PointFit(Shown):
         Further information, in sentences.
     failures
         Reasons to distrust the result.
+
+    Examples
+    --------
+    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
+    >>> round(fitted.system.parameters["stop.clearance"], 4), fitted.freedom
+    (1.0102, 0)
     """
 
     parameter: str
@@ -161,7 +190,13 @@ class PointFit(Shown):
 
     @summarizes
     def summary(self, failures: bool = True) -> SummaryParts:
-        """Return the parameters, the points, what the points determine, notes, and failures if wanted."""
+        """Return the parameters, the points, what the points determine, notes, and failures if wanted.
+
+        Parameters
+        ----------
+        failures
+            True to include the reasons to distrust the result.
+        """
         units = self.system.units
         parameters, points = len(self.estimates), len(self.points)
         yield f"{parameters} parameter{'s'[: parameters > 1]} fitted to {points} measured point{'s'[: points > 1]}"
@@ -251,9 +286,9 @@ def fit_points(
 
     Examples
     --------
-    >>> branch = gw.follow(gw.find_orbit(system), "frequency", 0.5)
-    >>> measured = [("fold", 0.6204, 0.0005), ("fold", 0.6388, 0.0005)]
-    >>> print(gw.measure.fit_points(branch, measured, ["stage2.clearance"]).summary())
+    >>> found = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
+    >>> round(found.estimates[0].value, 4)
+    1.0102
     """
     if isinstance(branch, System):
         raise ModelError(

@@ -3,7 +3,7 @@
 A special point is tracked through systems as long as its contacts and its other multipliers stay (its *key*). Beyond
 a grazing contact it is the same point in another form; folds appear in pairs at a cusp. Some branches are therefore
 walked, and each key that is met there, at its place between the points that all systems have, is a form. Solutions in
-all systems where it was met predict it in others (`gapwalk.answers.point_tracking.Fit`).
+all systems where it was met predict it in others (`gapwalk.answers.point_prediction.Fit`).
 
 Newton's method finds a form wherever it exists, even on another branch. What walks met among the forms found tells
 which ones lie on the branch (`Patterns`).
@@ -13,14 +13,16 @@ from __future__ import annotations
 
 from ast import literal_eval
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.point_tracking import Fit, TrackedPoint, count_of_terms, polynomial
+from gapwalk.answers.near_misses import Miss
+from gapwalk.answers.point_prediction import Fit, Regressions, degree_for
+from gapwalk.answers.point_tracking import TrackedPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.floquet import Instability
@@ -28,8 +30,8 @@ from gapwalk.orbit.floquet import Instability
 Array = NDArray[np.float64]
 
 _ATTACHED = 3e-5  # share of its value within which a point beside a grazing point is taken from it
-_SCORE_DEGREES = (2, 1)  # of the polynomials that tell where a form exists
-_FEATURES = 2.0  # samples for each of their coefficients
+_MOST = 2  # degree of the polynomials that tell where a form exists, and how far it is from its companion
+_CLOUD = 3.0  # a bound, as a multiple of what most solutions showed
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,12 @@ class Met:
         Number of unstable multipliers on either side.
     unknowns
         Solution of its equation; empty if it has none that can be tracked.
+    orientation
+        Sign of the determinant of the derivatives of its equation; 0 if it is not known.
+    way
+        Sign of the change of the parameter where the walk passes it; 0 where the branch turns back.
+    uncertainty
+        Estimated error of its value.
     """
 
     index: int
@@ -64,6 +72,9 @@ class Met:
     before: int
     after: int
     unknowns: Array
+    orientation: float = 0.0
+    way: float = 0.0
+    uncertainty: float = np.inf
 
     @property
     def key(self) -> str:
@@ -95,6 +106,8 @@ class Walked:
         The points in the order of the walk.
     which, specials
         Places in `met` of points of which no nominal point has kind and contact, and these points.
+    misses
+        Where the branch nearly has further points.
     """
 
     sample: int
@@ -102,6 +115,7 @@ class Walked:
     met: tuple[Met, ...] = ()
     which: tuple[int, ...] = ()
     specials: tuple[SpecialPoint, ...] = ()
+    misses: tuple[Miss, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +142,8 @@ class Form:
         Number of the form of a grazing point to which it is attached; -1 if it is tracked by itself.
     offset : shape (terms,)
         Coefficients of its distance from the companion.
+    offset_degree, offset_error
+        Degree of this polynomial, and a bound for its error.
     scores : shape (terms,)
         Coefficients of a polynomial that is about 1 where the form exists, and 0 elsewhere; empty if it always does.
     degree
@@ -143,29 +159,34 @@ class Form:
     fit: Fit | None = None
     companion: int = -1
     offset: Array = field(default_factory=lambda: np.zeros(0))
+    offset_degree: int = 0
+    offset_error: float = np.inf
     scores: Array = field(default_factory=lambda: np.zeros(0))
     degree: int = 0
 
     def point(self, names: Sequence[str]) -> TrackedPoint:
         """Return the point to track."""
         point = replace(TrackedPoint.of(self.special, names), fit=self.fit)
-        point.__dict__["signature"] = self.met.signature  # in the place of that of its special point
+        # in the place of those of its special point
+        point.__dict__.update(signature=self.met.signature, orientation=self.met.orientation)
         return point
 
 
 def met_of(special: SpecialPoint, names: Sequence[str], index: int, turns: str) -> Met:
-    """Return what forms need of a special point."""
+    """Return the properties of a special point that its form depends on."""
     closings = others = ""
-    unknowns = np.zeros(0)
+    unknowns, orientation = np.zeros(0), 0.0
     try:
         point = TrackedPoint.of(special, names)
-        signature, unknowns = point.signature, point.unknowns
+        signature, unknowns, orientation = point.signature, point.unknowns, point.orientation
         closings, others = repr(signature[0]), repr(tuple(signature[1]))  # pyright: ignore[reportArgumentType]
     except (ModelError, NumericalError):
         pass  # it cannot be tracked: samples that have it are noticed where it breaks the chain
     counts = special.before.total, special.after.total
     kind = special.kind.value
-    return Met(index, kind, special.contact, turns, special.value, closings, others, *counts, unknowns)
+    way = 0.0 if special.turns else float(np.sign(special.point.tangent[-1]))
+    label = index, kind, special.contact, turns, special.value, closings, others
+    return Met(*label, *counts, unknowns, orientation, way, special.uncertainty)
 
 
 def names_of(walked: Walked, anchors: Iterable[int]) -> list[str]:
@@ -237,13 +258,13 @@ class Pool:
     ----------
     rows
         Numbers of the samples.
-    unknowns, inverses, curvatures
+    unknowns, derivatives, curvatures
         As in `Fit.to`.
     """
 
     rows: NDArray[np.intp]
     unknowns: Array
-    inverses: Array
+    derivatives: Array
     curvatures: Array
 
 
@@ -259,8 +280,8 @@ class Solutions:
         Numbers of the samples.
     found
         Of each sample, the numbers of the forms that were found.
-    unknowns, inverses
-        Of each form its unknowns, shape (samples, unknowns), and the inverses of the derivatives, shape (samples,
+    unknowns, derivatives
+        Of each form its unknowns, shape (samples, unknowns), and the derivatives of its equation, shape (samples,
         unknowns, unknowns); nan where it was not found.
     curvatures
         Of each form the curvatures seen by Newton's method, shape (samples,).
@@ -270,7 +291,7 @@ class Solutions:
     rows: NDArray[np.intp]
     found: tuple[tuple[int, ...], ...]
     unknowns: tuple[Array, ...]
-    inverses: tuple[Array, ...]
+    derivatives: tuple[Array, ...]
     curvatures: tuple[Array, ...]
 
 
@@ -292,16 +313,18 @@ def pools_of(
         size = len(form.met.unknowns)
         rows = [np.array([row for row, _ in mine], dtype=int)]
         unknowns = [np.array([met.unknowns for _, met in mine]).reshape(-1, size)]
-        # the equations of walked points have other scales, and so other inverses
-        inverses = [np.full((len(mine), size, size), np.nan)]
+        # the equations of walked points have other scales, and so other derivatives
+        derivatives = [np.full((len(mine), size, size), np.nan)]
         curvatures = [np.full(len(mine), np.nan)]
         for chunk in chunks:
             has = np.flatnonzero(~np.isnan(chunk.unknowns[f]).any(axis=1))
             rows.append(chunk.rows[has])
             unknowns.append(chunk.unknowns[f][has])
-            inverses.append(chunk.inverses[f][has])
+            derivatives.append(chunk.derivatives[f][has])
             curvatures.append(chunk.curvatures[f][has])
-        found.append(Pool(np.concatenate(rows), *(np.concatenate(each) for each in (unknowns, inverses, curvatures))))
+        found.append(
+            Pool(np.concatenate(rows), *(np.concatenate(each) for each in (unknowns, derivatives, curvatures)))
+        )
     return tuple(found)
 
 
@@ -313,7 +336,7 @@ def with_predictors(
     known: NDArray[np.intp],
     scaled: tuple[Array, Array],
 ) -> tuple[Form, ...]:
-    """Return forms with predictors from their solutions; those that have one keep it.
+    """Return forms with predictors from their solutions.
 
     Parameters
     ----------
@@ -327,36 +350,31 @@ def with_predictors(
         Values of the parameters at zero, and their units.
     """
     found = []
-    x = (samples - scaled[0]) / scaled[1]
+    regressions = Regressions((samples - scaled[0]) / scaled[1])
     for number, (form, point, pool) in enumerate(zip(forms, points, pools, strict=True)):
-        if form.fit is not None:
-            found.append(form)
-            continue
         slopes = None
-        if len(pool.rows) < _FEATURES * count_of_terms(samples.shape[1], 1):
+        if not degree_for(len(pool.rows), samples.shape[1]):
             at = point.origin if form.sample < 0 else samples[form.sample]
             slopes = point.slopes_at(point.solved(at, form.met.unknowns))
         fit = Fit.to(
             scaled,
-            samples[pool.rows],
+            regressions,
+            pool.rows,
             pool.unknowns,
             point.scales,
             slopes=slopes,
-            inverses=pool.inverses,
+            derivatives=pool.derivatives,
             curvatures=pool.curvatures,
         )
         made = replace(form, fit=fit)
-        lacks = np.setdiff1d(known, pool.rows)
-        if len(lacks):
-            degree = next((d for d in _SCORE_DEGREES if len(known) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
-            exists = np.isin(known, pool.rows).astype(float)
-            coefficients = np.linalg.lstsq(polynomial(x[known], degree), exists)[0]
-            made = replace(made, scores=np.asarray(coefficients, dtype=float), degree=degree)
-        found.append(_attached(made, number, forms, pools, x))
+        if len(np.setdiff1d(known, pool.rows)):
+            by = regressions.at(known, min(_MOST, degree_for(len(known), samples.shape[1])))
+            made = replace(made, scores=by.fit(np.isin(known, pool.rows).astype(float)), degree=by.degree)
+        found.append(_attached(made, number, forms, pools, regressions))
     return tuple(found)
 
 
-def _attached(form: Form, number: int, forms: Sequence[Form], pools: Sequence[Pool], x: Array) -> Form:
+def _attached(form: Form, number: int, forms: Sequence[Form], pools: Sequence[Pool], regressions: Regressions) -> Form:
     """Return a form attached to a grazing point that is beside it in all samples, as a fold of a stiff stop is."""
     own = pools[number]
     if form.met.kind == "grazing" or not len(own.rows):
@@ -369,16 +387,10 @@ def _attached(form: Form, number: int, forms: Sequence[Form], pools: Sequence[Po
             continue
         apart = own.unknowns[mine, -1] - pool.unknowns[theirs, -1]
         if np.abs(apart).max() <= _ATTACHED * np.abs(own.unknowns[:, -1]).min():
-            degree = next((d for d in _SCORE_DEGREES if len(both) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
-            offset = np.asarray(np.linalg.lstsq(polynomial(x[both], degree), apart)[0], dtype=float)
-            return replace(form, companion=other, offset=offset)
+            by = regressions.at(both, min(_MOST, degree_for(len(both), regressions.x.shape[1])))
+            error = _CLOUD * float(np.abs(by.left_out(apart)).max())
+            return replace(form, companion=other, offset=by.fit(apart), offset_degree=by.degree, offset_error=error)
     return form
-
-
-def offset_at(form: Form, x: Array) -> float:
-    """Return the distance of an attached form from its companion at scaled values of the parameters."""
-    degree = next(d for d in (2, 1, 0) if count_of_terms(len(x), d) == len(form.offset))
-    return float((polynomial(x[None], degree) @ form.offset)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -431,19 +443,28 @@ class Patterns:
         kept = [(own, there) for (_, own), there in pairs.items() if there is not None and (own or there)]
         return cls(stretch, tuple(own for own, _ in kept), tuple(there for _, there in kept), told / max(len(sets), 1))
 
-    def on_branch(self, found: Iterable[int]) -> tuple[int, ...] | None:
-        """Return which of the forms found lie on the branch; None if no walk tells."""
+    def told(self, found: Iterable[int], near: Collection[int] = ()) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return which of the forms found lie on the branch, and the stretches of which no walk tells.
+
+        In the stretches `near`, points may have been born that were not looked for.
+        """
         parts: dict[int, list[int]] = {number: [] for number in range(max(self.stretch, default=0) + 1)}
         for f in sorted(found):
             parts[self.stretch[f]].append(f)
-        every: list[int] = []
+        every, unclear = list[int](), list[int]()
         for number, own in parts.items():
             # every stretch but the first begins with a point that all walks met: nothing found there is no answer
             there = self._known.get(tuple(own), None if own or number else ())
-            if there is None or not set(there) <= set(own):
-                return None
-            every += there
-        return tuple(every)
+            if there is None or not set(there) <= set(own) or number in near:
+                unclear.append(number)
+            else:
+                every += there
+        return tuple(every), tuple(unclear)
+
+    @cached_property
+    def anchors(self) -> tuple[int, ...]:
+        """The form that all walks met with which each stretch begins; -1 for the first one, the beginning."""
+        return (-1, *(f for f, number in enumerate(self.stretch) if number > (self.stretch[f - 1] if f else 0)))
 
     @cached_property
     def _known(self) -> dict[tuple[int, ...], tuple[int, ...]]:

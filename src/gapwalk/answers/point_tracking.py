@@ -6,8 +6,12 @@ Newton's method correct them. A result counts only if its contacts and its other
 point. Otherwise the point is followed along the straight path between the two systems, in steps that may shrink: then
 it is the same point by continuity, or it is lost.
 
-Where solutions in some hundred systems are known, polynomials fitted to them predict the point and the inverse of its
-equation's derivatives (`Fit`). One evaluation of the equation is then often enough, without derivatives of multipliers.
+Where solutions in some hundred systems are known, polynomials fitted to them predict the point and the derivatives of
+its equation (`gapwalk.answers.point_prediction`). One evaluation of the equation is then often enough,
+without derivatives of multipliers.
+
+Where two points of one kind meet and vanish, their equation is singular, and its determinant changes its sign from one
+to the other. So the sign tells two such points apart, also where Newton's method comes to the wrong one.
 """
 
 from __future__ import annotations
@@ -15,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations_with_replacement
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.answers.point_prediction import Fit, Guess
 from gapwalk.bifurcation.loci.gradient import shifts, shifts_at, wide_planes
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, LocusEquation
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
@@ -38,16 +41,13 @@ Array = NDArray[np.float64]
 _STEPS = 8  # of Newton's method at one system
 _EXACT = 1e-6  # scaled step after which the error is about the square of it, of any point
 _SEEN = 1e-5  # scaled step from which on the next one shows the curvature, and not rounding
-_ENOUGH = 5e-6  # scaled error of the parameter that may be left where the curvature of the equation is known
+ENOUGH = 5e-6
+"""Scaled error of the parameter that may be left where the curvature of the equation is known."""
 _LONGEST, _FITTED = 0.5, 0.05  # scaled steps that leave the neighbourhood of a prediction by the gradient, or closer
 _SHRINKS = 0.5  # by which steps must shrink after the second
 _PATH, _SHORTEST = 0.25, 1.0 / 16.0  # first and smallest step along the path between two systems
 _TOUCH = 0.05  # radians around a grazing angle within which crossings of the breakpoint are the touch itself
-_FEATURES = 2.0  # samples needed for each coefficient of a fitted predictor
-_DEGREES = (3, 2, 1)  # of fitted predictors
-_CLOUD = 3.0  # a bound, as a multiple of what most solutions showed
 _CHORDS = 3  # steps with a predicted inverse
-_HELD = 5  # one of so many solutions judges a fit to the others
 _ASIDE = 0.02  # scaled distance from a prediction beyond which a point is followed along its path
 _FAR = 0.1  # the same, from the first prediction by a gradient; from one by a fit, beyond which it is another point
 
@@ -71,6 +71,8 @@ class Corrected:
     equation: LocusEquation
     curvature: float = 0.0
     """Largest seen ratio of the parameter's part of a step of Newton's method to the square of the step before."""
+    orientation: float = 0.0
+    """Sign of the determinant of the equation's derivatives; 0 if it is not known."""
 
     @property
     def value(self) -> float:
@@ -148,6 +150,11 @@ class TrackedPoint:
         """Contacts of the orbit, and its unstable multipliers besides the critical ones."""
         return self._signature(Corrected(self.unknowns, self._place, self.equation))
 
+    @cached_property
+    def orientation(self) -> float:
+        """Sign of the determinant of the equation's derivatives."""
+        return _sign(self.equation.linearised(self.unknowns)[1])
+
     def found_at(self, values: Array, guess: Array | None = None) -> Corrected | None:
         """Return the point in the system with other values of the parameters; None if it is lost.
 
@@ -180,29 +187,32 @@ class TrackedPoint:
         assert isinstance(plane, ShotPlane)
         return plane.with_system(System.from_values(system.structure, data))
 
-    def fitted_at(self, plane: ShotPlane, guess: Array, inverse: Array | None) -> Corrected | None:
+    def fitted_at(self, plane: ShotPlane, guess: Guess, enough: float = ENOUGH) -> Corrected | None:
         """Return the point near a fitted prediction; None if it is not there.
 
         Parameters
         ----------
         plane
             The plane of the system (`plane_at`).
-        guess, inverse
-            Predicted unknowns, and the predicted inverse of the derivatives; see `Fit.predicted`.
+        guess
+            The prediction.
+        enough
+            Scaled error of the parameter that may be left.
         """
-        equation = replace(self.equation, plane=plane)
-        found = None if inverse is None else self._by_chords(equation, guess, inverse)
+        equation, found = replace(self.equation, plane=plane), None
+        if guess.inverse is not None and guess.mismatch < _SHRINKS and _sign(guess.inverse) == self.orientation:
+            found = self._by_chords(equation, guess, enough)
         if found is None:
-            found = self._corrected(equation, guess, _FAR)
-        if found is None or float(np.abs((found.unknowns - guess) / self.scales).max()) > _FAR:
+            found = self._corrected(equation, guess.unknowns, _FAR, guess.curvature, enough)
+        if found is None or float(np.abs((found.unknowns - guess.unknowns) / self.scales).max()) > _FAR:
             return None
         return found if self._is_like(found) else None
 
-    def inverse_at(self, found: Corrected) -> Array:
-        """Return the inverse of the derivatives at a solution, nan if there is none: shape (unknowns, unknowns)."""
+    def derivatives_at(self, found: Corrected) -> Array:
+        """Return the derivatives of the equation at a solution, nan if there are none: shape (unknowns, unknowns)."""
         try:
-            return found.equation.inverse(found.unknowns)
-        except (NumericalError, np.linalg.LinAlgError):
+            return found.equation.derivatives(found.unknowns)[1]
+        except NumericalError:
             return np.full((len(found.unknowns),) * 2, np.nan)
 
     def slopes_at(self, found: Corrected) -> Array:
@@ -224,14 +234,25 @@ class TrackedPoint:
         structure = self.special.orbit.system.structure
         return [structure.place(name) for name in self.names]
 
-    def _corrected(self, equation: LocusEquation, guess: Array, longest: float) -> Corrected | None:
-        """Correct a guess by Newton's method; None if it does not converge near by."""
+    def _corrected(
+        self,
+        equation: LocusEquation,
+        guess: Array,
+        longest: float,
+        known: float = np.inf,
+        enough: float = ENOUGH,
+    ) -> Corrected | None:
+        """Correct a guess by Newton's method; None if it does not converge near by.
+
+        With a `known` bound of the curvature, an error may be left that is small `enough`. Then the next step needs no
+        further derivatives if those of this one leave little enough of it: they change by the curvature times the step.
+        """
         unknowns, before, curvature = guess, np.inf, 0.0
-        known = np.inf if self.fit is None else self.fit.curvature
         for count in range(_STEPS):
             try:
-                residual, jacobian, place = equation.linearised(unknowns)
-                step = np.linalg.solve(jacobian * self.scales, -residual)
+                residual, jacobian, place = equation.derivatives(unknowns)
+                inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
+                step = -(inverse @ residual) / self.scales
             except (NumericalError, np.linalg.LinAlgError):
                 return None
             length = float(np.abs(step).max())
@@ -240,33 +261,38 @@ class TrackedPoint:
             if count and before > _SEEN:
                 curvature = max(curvature, abs(float(step[-1])) / before**2)
             unknowns, before = unknowns + step * self.scales, length
-            if length <= _EXACT or known * length**2 <= _ENOUGH:
-                return Corrected(unknowns, place, equation, curvature)
+            if length <= _EXACT or known * length**2 <= enough:
+                return Corrected(unknowns, place, equation, curvature, _sign(jacobian))
+            left = 2.0 * known * length
+            if left <= _SHRINKS and left * known * length**2 <= enough:
+                chord = self._by_chords(equation, Guess(unknowns, inverse, left, known), enough)
+                if chord is not None:
+                    return chord
         return None
 
-    def _by_chords(self, equation: LocusEquation, guess: Array, inverse: Array) -> Corrected | None:
-        """Correct a guess by steps with a predicted inverse; None if they shrink too slowly."""
-        assert self.fit is not None
-        unknowns, before = guess, np.inf
-        for count in range(_CHORDS):
+    def _by_chords(self, equation: LocusEquation, guess: Guess, enough: float) -> Corrected | None:
+        """Correct a guess by steps with the predicted inverse; None if they do not come near enough."""
+        assert guess.inverse is not None
+        unknowns = guess.unknowns
+        for _ in range(_CHORDS):
             try:
                 residual, place = equation.residual(unknowns)
             except NumericalError:
                 return None
-            step = -inverse @ residual
+            step = -guess.inverse @ residual
             length = float(np.abs(step / self.scales).max())
-            if not length <= _FITTED or (count and length > _SHRINKS * before):
+            rest = guess.mismatch + guess.curvature * length
+            if not length <= _FITTED or rest > _SHRINKS:
                 return None
             unknowns = unknowns + step
-            # what the inverse leaves of a step; after the second step it is seen
-            rest = self.fit.mismatch + self.fit.curvature * length if not count else length / before
-            if rest * length <= _ENOUGH:
-                return Corrected(unknowns, place, equation)
-            before = length
+            if rest * length <= enough:
+                return Corrected(unknowns, place, equation, orientation=_sign(guess.inverse))
         return None
 
     def _is_like(self, found: Corrected) -> bool:
-        """Compare contacts and multipliers with those of the point; beside a graze only those of the last iterate."""
+        """Compare sign, contacts and multipliers with those of the point; beside a graze only of the last iterate."""
+        if found.orientation * self.orientation < 0.0:
+            return False
         if self._signature(found) == self.signature:
             return True
         try:
@@ -318,122 +344,6 @@ class TrackedPoint:
         return tuple(sorted(closings.items())), classify(values)
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Polynomials in the parameters that predict the unknowns of a special point, and how to correct them.
-
-    Parameters
-    ----------
-    origin, widths
-        Values of the parameters at zero, and their units.
-    degree
-        Degree of the polynomials.
-    coefficients : shape (terms, unknowns)
-        Coefficients of the unknowns.
-    inverses : shape (terms, unknowns squared), or empty
-        Coefficients of the inverse of the equation's derivatives.
-    curvature
-        Ratio of the parameter's part of a step of Newton's method to the square of the step before, that hardly any
-        solution exceeded.
-    mismatch
-        Share of a step that the predicted inverse leaves in the parameter, that hardly any solution exceeded.
-    """
-
-    origin: Array
-    widths: Array
-    degree: int
-    coefficients: Array
-    inverses: Array
-    curvature: float = np.inf
-    mismatch: float = np.inf
-
-    @classmethod
-    def to(
-        cls,
-        scaled: tuple[Array, Array],
-        values: Array,
-        unknowns: Array,
-        scales: Array,
-        *,
-        slopes: Array | None = None,
-        inverses: Array | None = None,
-        curvatures: Array | None = None,
-    ) -> Fit | None:
-        """Fit polynomials to solutions; None if there are too few of them.
-
-        Parameters
-        ----------
-        scaled
-            Values of the parameters at zero, and their units.
-        values : shape (samples, parameters)
-            Values of the parameters of the solutions.
-        unknowns : shape (samples, unknowns)
-            The solutions.
-        scales
-            Scales of the unknowns.
-        slopes
-            Derivatives of the unknowns by the parameters, which serve where there are few solutions.
-        inverses : shape (samples, unknowns, unknowns)
-            Inverses of the equation's derivatives at the solutions; nan where they are not known.
-        curvatures
-            Curvatures seen by Newton's method; nan where they are not known.
-        """
-        origin, widths = scaled
-        x, size = (values - origin) / widths, unknowns.shape[1]
-        degree = next((d for d in _DEGREES if len(x) >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
-        nothing = np.zeros((0, size * size))
-        if not degree:
-            if slopes is None or not len(x):
-                return None
-            slopes = slopes * widths
-            coefficients = np.vstack(((unknowns - x @ slopes.T).mean(axis=0), slopes.T))
-            return cls(origin, widths, 1, coefficients, nothing)
-        coefficients = _least_squares(x, unknowns, degree)
-        if inverses is None or curvatures is None:
-            return cls(origin, widths, degree, coefficients, nothing)
-        seen = ~np.isnan(inverses).any(axis=(1, 2))
-        own = next((d for d in _DEGREES if seen.sum() >= _FEATURES * count_of_terms(x.shape[1], d)), 0)
-        if not own:
-            return cls(origin, widths, degree, coefficients, nothing)
-        own = min(own, degree)
-        flat, judged = inverses[seen].reshape(-1, size * size), np.arange(seen.sum()) % _HELD == 0
-        tried = polynomial(x[seen][judged], own) @ _least_squares(x[seen][~judged], flat[~judged], own)
-        rest = tried.reshape(-1, size, size) @ np.linalg.inv(inverses[seen][judged]) - np.eye(size)
-        mismatch = np.abs(rest[:, -1] * scales / scales[-1]).sum(axis=1)
-        found = _least_squares(x[seen], flat, own)
-        padded = np.zeros((coefficients.shape[0], size * size))
-        padded[: len(found)] = found
-        return cls(
-            origin,
-            widths,
-            degree,
-            coefficients,
-            padded,
-            # without any, the second step shows what an inverse leaves
-            np.inf if np.isnan(curvatures).all() else _CLOUD * float(np.nanquantile(curvatures, 0.99)),
-            _CLOUD * float(np.quantile(mismatch, 0.99)),
-        )
-
-    def predicted(self, values: Array) -> tuple[Array, Array | None]:
-        """Return unknowns, shape (samples, unknowns), and inverses, (samples, unknowns, unknowns), at some samples."""
-        terms, size = polynomial((values - self.origin) / self.widths, self.degree), self.coefficients.shape[1]
-        inverses = (terms @ self.inverses).reshape(-1, size, size) if len(self.inverses) else None
-        return terms @ self.coefficients, inverses
-
-
-def _least_squares(x: Array, y: Array, degree: int) -> Array:
-    return np.asarray(np.linalg.lstsq(polynomial(x, degree), y)[0], dtype=float)
-
-
-def count_of_terms(parameters: int, degree: int) -> int:
-    """Return the number of terms of a polynomial."""
-    return comb(parameters + degree, degree)
-
-
-def polynomial(values: Array, degree: int) -> Array:
-    """Return all products of up to `degree` columns, shape (rows, products), beginning with 1."""
-    columns = [np.ones(len(values))]
-    for order in range(1, degree + 1):
-        choices = combinations_with_replacement(range(values.shape[1]), order)
-        columns += [np.prod(values[:, list(chosen)], axis=1) for chosen in choices]
-    return np.column_stack(columns)
+def _sign(matrix: Array) -> float:
+    """Return the sign of the determinant of a matrix."""
+    return float(np.linalg.slogdet(matrix)[0])

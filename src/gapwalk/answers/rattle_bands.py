@@ -70,6 +70,12 @@ class Severity:
         Root mean square and kurtosis of the acceleration of the coordinate that moves most violently across the gap.
     level
         ``20 log10`` of that rms over the reference, in dB; -inf without acceleration.
+
+    Examples
+    --------
+    >>> severity = bands.severities[0]
+    >>> severity.gap, severity.impacts, round(severity.peak, 4)
+    ('stop', 1.0, 5.2365)
     """
 
     gap: str
@@ -101,6 +107,12 @@ class Worst:
         was followed.
     starts
         Number of these starts.
+
+    Examples
+    --------
+    >>> worst = bands.worst[0]
+    >>> worst.severity.gap, worst.starts
+    ('stop', 16)
     """
 
     severity: Severity
@@ -134,6 +146,13 @@ class RattleBands(Shown):
         False if the computation was stopped before its end.
     notes
         Remarks, in sentences.
+
+    Examples
+    --------
+    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in bands.of("stop", met="rising")]
+    [(1.1, 1.392109)]
+    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in bands.of("stop", met="falling")]
+    [(1.1, 1.218574)]
     """
 
     system: System
@@ -149,12 +168,36 @@ class RattleBands(Shown):
     notes: tuple[str, ...] = ()
 
     def of(self, gap: str | None = None, met: str = "any") -> tuple[RattleBand, ...]:
-        """Return the bands of a gap (by default the first one) that are met in one way, from low to high."""
+        """Return the bands of a gap (by default the first one) that are met in one way, from low to high.
+
+        Parameters
+        ----------
+        gap
+            Name of the contact; None for the first one.
+        met
+            ``"rising"``, ``"falling"``, or ``"any"``.
+
+        Returns
+        -------
+        tuple of RattleBand
+            From low to high.
+        """
         gap = self.gaps[0] if gap is None else gap
         return tuple(band for band in self.bands if band.gap == gap and band.met == met)
 
     def sentence(self, gap: str) -> str:
-        """Return the answer for one gap, as a sentence."""
+        """Return the answer for one gap, as a sentence.
+
+        Parameters
+        ----------
+        gap
+            Name of the contact.
+
+        Returns
+        -------
+        str
+            One sentence.
+        """
         low, high = (self._value(end) for end in self.within)
         bands = self.of(gap)
         if not bands:
@@ -182,7 +225,13 @@ class RattleBands(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted."""
+        """Return a sentence for each gap, the bands with their ends, the severity along them, and notes if wanted.
+
+        Parameters
+        ----------
+        notes
+            True to include the notes.
+        """
         yield from (self.sentence(gap) for gap in self.gaps)
         symbol = parameter_symbol(self.parameter, self.system.units)
         rows, groups = [], []
@@ -215,7 +264,15 @@ class RattleBands(Shown):
         }
 
     def plot(self, gap: str | None = None, **options: Any):
-        """Draw the bands over the response, and severity below; see `gapwalk.plot.rattle_picture.draw_rattle`."""
+        """Draw the bands over the response, and severity below; see `gapwalk.plot.rattle_picture.draw_rattle`.
+
+        Parameters
+        ----------
+        gap
+            Name of the contact; None for the first one.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, gap, **options)

@@ -37,7 +37,7 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class RattleMap(Shown):
-    """States of gaps in the plane of two parameters, cell by cell; the first row of each array is the lowest.
+    r"""States of gaps in the plane of two parameters, cell by cell; the first row of each array is the lowest.
 
     Attributes
     ----------
@@ -59,13 +59,21 @@ class RattleMap(Shown):
         Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
         motion that was followed is lost.
     checked, different
-        Number of random cells whose gaps were watched with the exact flow; one sentence for each that then differed.
+        Number of random cells whose gaps were observed with the exact flow; one sentence for each that then differed.
     error
         Error of the batch integrator over one forcing period, relative to the size of the motion.
     complete
         False if the computation was stopped before its end.
     notes
         Remarks, in sentences.
+
+    Examples
+    --------
+    >>> import io
+    >>> keys = "[study]\nresolution = 6\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
+    >>> text = file.replace("[study]", keys).replace("response", "rattle")
+    >>> gw.run(gw.read_study(io.StringIO(text))).finding.record.cells("stop")
+    {'open': 18, 'one side': 18}
     """
 
     system: System
@@ -101,14 +109,31 @@ class RattleMap(Shown):
         return first, second
 
     def cells(self, gap: str | None = None) -> dict[str, int]:
-        """Return the number of cells of each state of a gap, by default of the first one, in words."""
+        """Return the number of cells of each state of a gap, by default of the first one, in words.
+
+        Parameters
+        ----------
+        gap
+            Name of the contact; None for the first one.
+
+        Returns
+        -------
+        dict of str to int
+            Number of cells by the state in words.
+        """
         place = 0 if gap is None else self.gaps.index(gap)
         found = Counter(zip(self.codes[..., place].ravel().tolist(), (self.periods.ravel() > 0).tolist(), strict=True))
         return {cell_word(*key): found[key] for key in sorted(found)}
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the share of cells of each state of each gap, the loci, and the notes if wanted."""
+        """Return the share of cells of each state of each gap, the loci, and the notes if wanted.
+
+        Parameters
+        ----------
+        notes
+            True to include the notes.
+        """
         for gap in self.gaps:
             shares = "; ".join(f"{word}: {100 * n / self.periods.size:.3g} %" for word, n in self.cells(gap).items())
             yield f"{gap}: {shares}"
@@ -131,7 +156,15 @@ class RattleMap(Shown):
         return {"cells": TableRows(self._cell_rows, 2, units={"peak.": ".force"}), "borders": self._locus_rows}
 
     def plot(self, gap: str | None = None, **options: Any):
-        """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`."""
+        """Draw the map; see `gapwalk.plot.rattle_picture.draw_rattle_map`.
+
+        Parameters
+        ----------
+        gap
+            Name of the contact; None for the first one.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, gap, **options)
@@ -254,7 +287,7 @@ def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
 
 
 def differs(system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int]) -> str:
-    """Return what gaps do by the exact flow where that is not what their codes say; empty if it is."""
+    """Return the states of gaps by the exact flow where they differ from their codes; empty if none does."""
     try:
         found = watched(system, state, gaps)
     except FlowError as error:

@@ -8,24 +8,26 @@ with exact contact events, period by period.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.answers.jump_delay import JumpDelay, jump_delays
 from gapwalk.answers.speed_course import Piece, SpeedCourse, angles_of, pieces_of
+from gapwalk.attractors.order_tracking import Tracked
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.sound import RATE, Sound, instants, second_of, unit_of
 from gapwalk.attractors.spectrum import Waterfall
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import contact_deflections, contact_forces
-from gapwalk.flow.motion import check_state, force_of, integrate, train_histories, train_signals
+from gapwalk.flow.motion import check_state, force_of, integrate, signal_factor, train_histories, train_signals
 from gapwalk.flow.ramp import Ramped
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
@@ -36,6 +38,7 @@ from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
 
 _REFINED = 256  # samples of an interval in which the largest force is looked for
+_BLOCK = 1 << 17  # samples of a sound that are computed at once
 _TOPS = 6  # of the largest samples of a force, around each of which it is looked for
 
 
@@ -54,6 +57,12 @@ class ForcePeak(NamedTuple):
         Closures of the innermost stages during the run-up.
     fastest
         Largest approach velocity of them; 0 without any.
+
+    Examples
+    --------
+    >>> peak = run.peaks[0]
+    >>> peak.contact, round(peak.force, 4), peak.impacts
+    ('stop', 8.8825, 8)
     """
 
     contact: str
@@ -87,6 +96,13 @@ class RunUp(Shown):
         The crossings of breakpoints, in order.
     peaks
         The largest force of each contact.
+
+    Examples
+    --------
+    >>> run.signal("x").shape == run.time.shape, run.peaks[0].contact
+    (True, 'stop')
+    >>> round(run.peaks[0].force, 4), round(run.peaks[0].speed, 4)
+    (8.8825, 1.4774)
     """
 
     system: System
@@ -114,7 +130,7 @@ class RunUp(Shown):
     def signals(self) -> list[str]:
         """Names of all signals."""
         system = self.system
-        names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
+        names = [f"{name}{dashes}" for dashes in ("", "'", "''") for name in system.coordinates]
         names += [force_of(form) for form in system.structure.contacts]
         assembly = system.structure.assembly
         displaced = isinstance(assembly, TrainAssembly) and any(each.displaces for each in assembly.form.torques)
@@ -126,8 +142,13 @@ class RunUp(Shown):
         Parameters
         ----------
         name
-            A coordinate, its velocity (``"q1'"``), the force of a contact (``"stop.force"``), or the torque of a link
-            of a train (``"clutch.torque"``).
+            A coordinate, its velocity (``"q1'"``) or acceleration (``"q1''"``), the force of a contact
+            (``"stop.force"``), or the torque of a link of a train (``"clutch.torque"``).
+
+        Returns
+        -------
+        array, shape (samples,)
+            In the unit of the signal.
 
         Raises
         ------
@@ -140,11 +161,28 @@ class RunUp(Shown):
         size, place = self.system.size, known.index(name)
         if place < 2 * size:
             return self.states[:, place]
+        if place < 3 * size:
+            return self.accelerations[:, place - 2 * size] * signal_factor(self.system, name)
         if name.endswith(".force"):
-            return self.forces[:, place - 2 * size]
+            return self.forces[:, place - 3 * size]
         q, v = np.split(self.states, 2, axis=1)
         found = train_histories(self.system, self.theta, q, v, np.zeros_like(q), self.forces)
         return found[:, train_signals(self.system.structure).index(name)]
+
+    def tracked(self, signal: str) -> Tracked:
+        """Return a signal over the angle of the excitation, for order tracking.
+
+        Parameters
+        ----------
+        signal
+            Name of a signal, as in `signal`.
+
+        Returns
+        -------
+        Tracked
+            The signal, with speed and time.
+        """
+        return Tracked(self.system, signal, self.samples, self.theta, self.time, self.speed, self.signal(signal))
 
     @property
     def loudest(self) -> str:
@@ -157,7 +195,18 @@ class RunUp(Shown):
         return names[int(np.argmax(np.abs(numbers[layout.contacts[place].deflection])))]
 
     def coordinate_of(self, signal: str) -> str:
-        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`."""
+        """Return the coordinate of a signal such as ``"q1'"``; for a force or torque, `loudest`.
+
+        Parameters
+        ----------
+        signal
+            Name of a signal.
+
+        Returns
+        -------
+        str
+            Name of the coordinate.
+        """
         name = signal.rstrip("'")
         return name if name in self.system.coordinates else self.loudest
 
@@ -167,25 +216,47 @@ class RunUp(Shown):
         return _forces(self.system, self.theta, self.states)
 
     @cached_property
+    def accelerations(self) -> NDArray[np.float64]:
+        """Accelerations ``q''`` over time, shape (samples, n), in consistent units."""
+        ramped, unit, course = Ramped(self.system), self.system.structure.frequency, self.course
+        piece = np.clip(np.searchsorted(course.time, self.time, side="right") - 1, 0, len(course.rates) - 1)
+        q, v = np.split(self.states, 2, axis=1)
+        return ramped.accelerations(self.theta, q, v, self.forces, self.speed * unit, course.rates[piece] * unit)
+
+    @cached_property
     def deflections(self) -> NDArray[np.float64]:
         """Deflections of the contacts, shape (samples, contacts)."""
         layout = layout_of(self.system.structure)
         return contact_deflections(layout, coefficients_of(self.system), self.theta, self.states[:, : self.system.size])
 
     def envelope(self, signal: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return speed, smallest and largest value of a signal in each forcing period, shapes (periods,)."""
-        values = self.signal(signal)
-        turn = np.floor((self.theta - self.theta[0]) / PERIOD + 1e-9).astype(int)
-        firsts = np.flatnonzero(np.diff(turn, prepend=-1))
-        count = np.diff(np.append(firsts, len(turn)))
-        firsts = firsts[count >= max(2, self.samples // 2)]  # not the beginning of a period at the end
-        ends = np.minimum(firsts + self.samples, len(turn) - 1)
-        pieces = [values[a : b + 1] for a, b in zip(firsts, ends, strict=True)]
-        speeds = 0.5 * (self.speed[firsts] + self.speed[ends])
-        return speeds, np.array([each.min() for each in pieces]), np.array([each.max() for each in pieces])
+        """Return speed, smallest and largest value of a signal in each forcing period, shapes (periods,).
+
+        Parameters
+        ----------
+        signal
+            Name of a signal, as in `signal`.
+
+        Returns
+        -------
+        speed, low, high : array, shape (periods,)
+            The speed in the middle of each period, and the extremes in it.
+        """
+        return self.tracked(signal).extremes()
 
     def half(self, coordinate: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return speed, and half the range of a signal, in each forcing period: the measure ``half.X`` of orbits."""
+        """Return speed, and half the range of a signal, in each forcing period: the measure ``half.X`` of orbits.
+
+        Parameters
+        ----------
+        coordinate
+            Name of a signal, as in `signal`.
+
+        Returns
+        -------
+        speed, half : array, shape (periods,)
+            The speed in the middle of each period, and half the range.
+        """
         speed, low, high = self.envelope(coordinate)
         return speed, 0.5 * (high - low)
 
@@ -201,6 +272,11 @@ class RunUp(Shown):
             A response over the speed.
         coordinate
             The coordinate by which motions differ.
+
+        Returns
+        -------
+        tuple of JumpDelay
+            One for each fold, in the order of the run-up.
 
         Raises
         ------
@@ -226,35 +302,85 @@ class RunUp(Shown):
         overlap
             Share of a window that the next one repeats.
 
+        Returns
+        -------
+        Waterfall
+            A spectrum for each window.
+
         Raises
         ------
         ModelError
             If the run-up is shorter than a window, or has too few samples for the orders.
         """
-        turns = float(self.system.turns or 1)
-        even = np.abs((self.theta - self.theta[0]) / PERIOD * self.samples % 1.0 - 0.5) > 0.5 - 1e-6
-        values, length, over_speed = self.signal(signal)[even], periods * self.samples, self.course.is_invertible
-        if len(values) < length:
-            raise ModelError(
-                f"the run-up lasts {len(values) / self.samples:.3g} forcing periods, less than a window of {periods}; "
-                "give fewer periods"
-            )
-        count = round(top / turns * periods) + 1
-        if count > length // 2:
-            raise ModelError(f"top is {top:g}; with {self.samples} samples per period there are no such orders")
-        weights = np.hanning(length + 1)[:-1]
-        starts = np.arange(0, len(values) - length + 1, max(1, round(length * (1.0 - overlap))))
-        rows = []
-        for start in starts:
-            piece = values[start : start + length]
-            mean = piece.mean()
-            lines = 2.0 * np.abs(np.fft.rfft((piece - mean) * weights)) / weights.sum()
-            rows.append([abs(mean), *lines[1:count]])
-        orders, along = turns * np.arange(count) / periods, (self.speed if over_speed else self.time)[even]
-        return Waterfall(
-            self.system.structure.pace if over_speed else "time", signal, along[starts + length // 2], orders,
-            np.array(rows), np.ones(len(starts), bool), self.system.turns, self.system.units,
-        )  # fmt: skip
+        return self.tracked(signal).waterfall(top, periods, overlap, over_speed=self.course.is_invertible)
+
+    def at(self, times: ArrayLike) -> RunUp:
+        """Return the run-up at other instants, by the exact flow from the samples before them.
+
+        Parameters
+        ----------
+        times : shape (instants,)
+            Increasing times within the run-up.
+
+        Returns
+        -------
+        RunUp
+            The same run-up with these samples.
+
+        Raises
+        ------
+        ModelError
+            If they are no such times.
+        """
+        wanted = np.asarray(times, dtype=float)
+        last = float(self.time[-1])
+        if wanted.ndim != 1 or not len(wanted) or not np.all(np.diff(wanted) > 0.0):
+            raise ModelError("times must be a list of increasing numbers, as in times=[0.0, 0.1]")
+        if wanted[0] < 0.0 or wanted[-1] > last * (1.0 + 1e-12):
+            raise ModelError(f"times go from {wanted[0]:g} to {wanted[-1]:g}; the run-up lasts from 0 to {last:g}")
+        ramped, speed = Ramped(self.system), self.course.at(wanted)
+        theta = self.theta[0] + speed[1] * self.system.structure.frequency
+        theta = np.minimum(theta, self.theta[-1])
+        states, done = np.empty((len(wanted), self.states.shape[1])), 0
+        for piece in pieces_of(self.system, self.course, self.theta):
+            begun = piece.angles[0] + piece.turn
+            end = int(np.searchsorted(theta, piece.angles[-1] + piece.turn, side="right"))
+            own = theta[done:end] - piece.turn
+            if not len(own):
+                continue
+            start = int(np.searchsorted(self.theta, begun - 1e-9))
+            late = own > piece.angles[0] + 1e-12
+            angles = np.concatenate((piece.angles[:1], own[late]))
+            found = ramped.sample(self.states[start], angles, piece.speed, piece.acceleration).states
+            states[done:end] = np.concatenate((np.repeat(found[:1], np.sum(~late), axis=0), found[1:]))
+            done = end
+        return replace(self, theta=theta, time=wanted, speed=speed[0], states=states)
+
+    def sound(self, signal: str = "", *, rate: int = RATE, second: float | None = None) -> Sound:
+        """Return a signal as a sound, at its true pitch and level; see `gapwalk.analysis.sound`.
+
+        Parameters
+        ----------
+        signal
+            As in `signal`; by default the acceleration of `loudest`.
+        rate, second
+            As in `gapwalk.analysis.sound`.
+
+        Returns
+        -------
+        Sound
+            The signal over true time.
+
+        Raises
+        ------
+        ModelError
+            If there is no such signal, or a number is out of its range.
+        """
+        signal, system = signal or f"{self.loudest}''", self.system
+        lasts = second_of(system, second)
+        times = instants(float(self.time[-1]) / lasts, rate) * lasts
+        parts = [self.at(times[k : k + _BLOCK]).signal(signal) for k in range(0, len(times), _BLOCK)]
+        return Sound(signal, unit_of(system, signal), rate, np.concatenate(parts), lasts)
 
     @summarizes
     def summary(self) -> SummaryParts:
@@ -290,7 +416,18 @@ class RunUp(Shown):
         )
 
     def plot(self, **options: Any) -> Any:
-        """Draw the time history over the speed; see `gapwalk.plot.run_up_pictures.draw_run_up`. Return the axes."""
+        """Draw the time history over the speed; see `gapwalk.plot.run_up_pictures.draw_run_up`. Return the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+
+        Returns
+        -------
+        Axes
+            The axes of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)

@@ -220,7 +220,7 @@ class _Block:
         return [values[:, first:stop] for first, stop in pairwise(rows.values())]
 
     def _table(self, begun: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-        """Compute what the loads contribute over each of some steps, shape (steps, 2n, lanes).
+        """Compute the contribution of the loads to each of some steps, shape (steps, 2n, lanes).
 
         Along a ramp they are analytic functions of the time at which a step begins, so they are interpolated between
         Chebyshev points, as many as half the angle that the highest order turns by, and some for accuracy.
@@ -237,7 +237,7 @@ class _Block:
         return (between @ known.reshape(nodes, -1)).reshape(steps, 2 * self.n, LANES)
 
     def _contributions(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute what the loads contribute over steps that begin at some times, shape (times, 2n, lanes)."""
+        """Compute the contribution of the loads to steps that begin at some times, shape (times, 2n, lanes)."""
         table, buffer = np.zeros((len(times), 2 * self.n, LANES)), np.empty(times.shape)
         for end, since in enumerate((times, times + self.span)):
             value, slope = self._loads(*self._motion(since))

@@ -50,6 +50,11 @@ class RunUps(Shown):
     error, worst, trials
         Error over a forcing period or a bin, whichever is longer, from comparisons with the exact flow: the root mean
         square and the largest of all; see `BatchOptions.error`.
+
+    Examples
+    --------
+    >>> runs.contacts, runs.bins, runs.peaks("stop").shape
+    (('stop',), 20, (2,))
     """
 
     system: System
@@ -109,6 +114,16 @@ class RunUps(Shown):
     def peaks(self, contact: str) -> NDArray[np.float64]:
         """Return the largest magnitude of a contact's force in each run-up, shape (runs,); NaN if it diverged.
 
+        Parameters
+        ----------
+        contact
+            Name of the contact.
+
+        Returns
+        -------
+        array, shape (runs,)
+            In the unit of the force.
+
         Raises
         ------
         ModelError
@@ -117,12 +132,38 @@ class RunUps(Shown):
         return self.forces[:, :, self._place(contact)].max(axis=1)
 
     def places(self, contact: str) -> NDArray[np.float64]:
-        """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,)."""
+        """Return the speed of the bin with the largest force of a contact in each run-up, shape (runs,).
+
+        Parameters
+        ----------
+        contact
+            Name of the contact.
+
+        Returns
+        -------
+        array, shape (runs,)
+            In the unit of the first parameter.
+        """
         forces = np.nan_to_num(self.forces[:, :, self._place(contact)])
         return self.speeds[np.arange(len(forces)), forces.argmax(axis=1)]
 
     def quantiles(self, contact: str, levels: Sequence[float] = LEVELS) -> tuple[NDArray, NDArray]:
-        """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates)."""
+        """Return the different rates, and quantiles of the largest force at each, shapes (rates,), (levels, rates).
+
+        Parameters
+        ----------
+        contact
+            Name of the contact.
+        levels
+            Shares from 0 to 1.
+
+        Returns
+        -------
+        rates : array, shape (rates,)
+            The different rates, increasing.
+        quantiles : array, shape (levels, rates)
+            In the unit of the force.
+        """
         peaks, rates, group = self.peaks(contact), *self._groups
         return rates, np.array([np.nanquantile(peaks[group == k], levels) for k in range(len(rates))]).T
 
@@ -188,13 +229,35 @@ class RunUps(Shown):
             )  # fmt: skip
 
     def plot(self, **options: Any) -> Any:
-        """Draw largest forces over the rate; see `gapwalk.plot.run_up_pictures.draw_run_ups`. Return the axes."""
+        """Draw largest forces over the rate; see `gapwalk.plot.run_up_pictures.draw_run_ups`. Return the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+
+        Returns
+        -------
+        Axes
+            The axes of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)
 
     def joined(self, other: RunUps) -> RunUps:
-        """Return these run-ups with others of the same system; the error is the larger of both."""
+        """Return these run-ups with others of the same system; the error is the larger of both.
+
+        Parameters
+        ----------
+        other
+            Run-ups of the same system.
+
+        Returns
+        -------
+        RunUps
+            All of them, those of `other` last.
+        """
         rows = {name: np.concatenate((getattr(self, name), getattr(other, name))) for name in _ARRAYS}
         error, worst = max(self.error, other.error), max(self.worst, other.worst)
         return RunUps(
@@ -236,6 +299,11 @@ def run_ups(
     options
         Error and threads; the steps are chosen so that the error is at most `BatchOptions.error` over one forcing
         period or one bin, whichever is longer.
+
+    Returns
+    -------
+    RunUps
+        Largest forces, impacts and extremes of each run-up.
 
     Raises
     ------

@@ -37,7 +37,13 @@ _STUCK = 8  # walks in succession that may fail to leave their first point
 
 
 class Direction(StrEnum):
-    """Direction in which a sweep changes the parameter."""
+    """Direction in which a sweep changes the parameter.
+
+    Examples
+    --------
+    >>> bands.sweeps[0].direction
+    <Direction.UP: 'rising'>
+    """
 
     UP = "rising"
     DOWN = "falling"
@@ -62,6 +68,11 @@ class SlowSweepOptions:
         The most forcing periods in which a sampled motion may become periodic.
     walk
         Options of the walks.
+
+    Examples
+    --------
+    >>> gw.records.SlowSweepOptions(steps=50).steps
+    50
     """
 
     steps: int = 100
@@ -90,6 +101,12 @@ class Stretch:
         Special point at which it loses its stability; None if it does not.
     why
         Reason why it ends, in words.
+
+    Examples
+    --------
+    >>> stretch = bands.sweeps[0].stretches[0]
+    >>> stretch.begin, round(stretch.end, 6), stretch.why
+    (1.1, 1.392109, 'fold')
     """
 
     branch: Branch
@@ -121,6 +138,11 @@ class Sample:
         Value of the parameter.
     motion
         The motion, with its orbit if it is periodic.
+
+    Examples
+    --------
+    >>> gw.records.Sample(value=0.6, motion=settled).motion.period
+    1
     """
 
     value: float
@@ -145,6 +167,12 @@ class SettledSweep:
         Failures, in sentences.
     name
         How the motions are met if not by a sweep; empty for a sweep.
+
+    Examples
+    --------
+    >>> met = bands.sweeps[0]
+    >>> met.direction, len(met.stretches)
+    (<Direction.UP: 'rising'>, 2)
     """
 
     parameter: str

@@ -43,7 +43,7 @@ class SpeedCourse:
 
     Examples
     --------
-    >>> SpeedCourse.ramp(700.0, 1100.0, 200.0).duration
+    >>> gw.ask.SpeedCourse.ramp(700.0, 1100.0, 200.0).duration
     2.0
     """
 
@@ -86,6 +86,11 @@ class SpeedCourse:
         hold
             Time for which the last speed is held.
 
+        Returns
+        -------
+        SpeedCourse
+            The ramp, with the hold after it.
+
         Raises
         ------
         ModelError
@@ -112,6 +117,11 @@ class SpeedCourse:
             the first row.
         system
             The system, whose unit of speed the course has.
+
+        Returns
+        -------
+        SpeedCourse
+            The course.
 
         Raises
         ------
@@ -155,7 +165,20 @@ class SpeedCourse:
         return np.concatenate(([0.0], np.cumsum(means * np.diff(self.time))))
 
     def at(self, time: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the speed at some times, and its integral from the beginning up to there."""
+        """Return the speed at some times, and its integral from the beginning up to there.
+
+        Parameters
+        ----------
+        time
+            Times from 0 to `duration`, of any shape.
+
+        Returns
+        -------
+        speed : array
+            Speed at each time.
+        integral : array
+            Its integral from 0 to each time.
+        """
         time = np.asarray(time, dtype=float)
         piece = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         since, rate = time - self.time[piece], self.rates[piece]

@@ -34,7 +34,13 @@ _ROUNDING = 1e-9  # by which a written correlation matrix may differ from a symm
 
 
 class SpreadLaw(StrEnum):
-    """Law of a parameter that varies from part to part."""
+    """Law of a parameter that varies from part to part.
+
+    Examples
+    --------
+    >>> gw.ask.Spread("stop.clearance", gw.analysis.SpreadLaw.UNIFORM, low=0.9, high=1.1).law
+    <SpreadLaw.UNIFORM: 'uniform'>
+    """
 
     NORMAL = "normal"
     """About `mean` with the standard deviation `sd`; within `low` and `high` if they are given (truncated)."""
@@ -68,8 +74,10 @@ class Spread:
 
     Examples
     --------
-    >>> gw.ask.Spread("stage2.clearance", sd=0.05)
-    >>> gw.ask.Spread("mean.q1", "uniform", low=0.2, high=0.3)
+    >>> gw.ask.Spread("stop.clearance", sd=0.05).about(system).mean
+    1.0
+    >>> gw.ask.Spread("stop.clearance", "uniform", low=0.9, high=1.1).quantile(np.array([0.25, 0.5]))
+    array([0.95, 1.  ])
     """
 
     parameter: str
@@ -107,6 +115,16 @@ class Spread:
     def about(self, system: System) -> Spread:
         """Return the distribution with the value of a system for a missing mean.
 
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        Spread
+            The distribution with its mean.
+
         Raises
         ------
         ModelError
@@ -116,7 +134,18 @@ class Spread:
         return self if self.mean is not None or self.law is SpreadLaw.UNIFORM else replace(self, mean=value)
 
     def quantile(self, share: Array) -> Array:
-        """Return the values below which the given shares of the parts lie; the mean must be known."""
+        """Return the values below which the given shares of the parts lie; the mean must be known.
+
+        Parameters
+        ----------
+        share
+            Shares from 0 to 1, of any shape.
+
+        Returns
+        -------
+        array
+            Values of the parameter, of the same shape.
+        """
         if self.law is SpreadLaw.UNIFORM:
             assert self.low is not None
             assert self.high is not None
@@ -155,6 +184,12 @@ class Drawn:
         Share of all parts below each value, uniform between 0 and 1; for measured parts, from their ranks.
     independent
         True if no parameter says anything about another one: then Sobol indices are defined.
+
+    Examples
+    --------
+    >>> drawn = gw.analysis.Spreads([gw.ask.Spread("stop.clearance", sd=0.05, mean=1.0)]).design(8, seed=0)
+    >>> drawn.names, drawn.values.shape
+    (('stop.clearance',), (8, 1))
     """
 
     names: tuple[str, ...]
@@ -181,6 +216,12 @@ class Spreads:
     ------
     ModelError
         If the matrix is no correlation matrix of these parameters, or nothing varies.
+
+    Examples
+    --------
+    >>> laws = gw.analysis.spread_in_percent(system, 2, ["stop.clearance", "stop.stiffness"])
+    >>> gw.analysis.Spreads(laws, correlation=[[1.0, 0.5], [0.5, 1.0]]).design(4, seed=0).values.shape
+    (4, 2)
     """
 
     laws: tuple[Spread, ...] = ()
@@ -206,7 +247,18 @@ class Spreads:
         return self.names or tuple(law.parameter for law in self.laws)
 
     def about(self, system: System) -> Spreads:
-        """Return the distribution with the values of a system for missing means; see `Spread.about`."""
+        """Return the distribution with the values of a system for missing means; see `Spread.about`.
+
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        Spreads
+            The distribution with all means.
+        """
         for name in self.varied:
             system.structure.place(name)
         return replace(self, laws=tuple(law.about(system) for law in self.laws))
@@ -258,6 +310,20 @@ class Spreads:
 def spread_in_percent(system: System, percent: float, parameters: Sequence[str]) -> tuple[Spread, ...]:
     """Return normal laws about the values of a system, with standard deviations in percent of them.
 
+    Parameters
+    ----------
+    system
+        The system.
+    percent
+        Standard deviation in percent of the value.
+    parameters
+        Names of the parameters.
+
+    Returns
+    -------
+    tuple of Spread
+        One law for each parameter.
+
     Raises
     ------
     ModelError
@@ -265,16 +331,27 @@ def spread_in_percent(system: System, percent: float, parameters: Sequence[str])
 
     Examples
     --------
-    >>> gw.analysis.spread_in_percent(system, 5, ["stage2.clearance", "mean.q1"])
+    >>> gw.analysis.spread_in_percent(system, 5, ["stop.clearance"])[0].sd
+    0.05
     """
     return tuple(Spread(name, sd=abs(system[name]) * percent / 100.0, mean=system[name]) for name in parameters)
 
 
 def measured_parts(path: str | os.PathLike[str]) -> Spreads:
-    """Read measured parts from a CSV file: a line with names of parameters, then one row for each part.
+    r"""Read measured parts from a CSV file: a line with names of parameters, then one row for each part.
 
     The numbers are in the units of the model's parameters. Samples are drawn from the rows, so that whatever
     correlates in them correlates in the samples.
+
+    Parameters
+    ----------
+    path
+        The file; its first line names the parameters.
+
+    Returns
+    -------
+    Spreads
+        Their joint distribution.
 
     Raises
     ------
@@ -283,7 +360,10 @@ def measured_parts(path: str | os.PathLike[str]) -> Spreads:
 
     Examples
     --------
-    >>> gw.ask.tolerance(system, "frequency", (1.9, 0.6), gw.analysis.measured_parts("clutches.csv"))
+    >>> from pathlib import Path
+    >>> written = Path("parts.csv").write_text("stop.clearance,stop.stiffness\n0.98,20.5\n1.01,19.8\n1.03,20.1\n")
+    >>> gw.analysis.measured_parts("parts.csv").varied
+    ('stop.clearance', 'stop.stiffness')
     """
     try:
         with open_file(path) as file:

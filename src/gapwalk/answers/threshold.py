@@ -35,11 +35,17 @@ class ThresholdOptions:
     starts
         Starts at each of them: rest, and states spread over a box.
     periods
-        The most forcing periods in which a motion may become periodic; one that does not is watched after them.
+        Largest number of forcing periods in which a motion may become periodic; if it does not, its gaps are observed
+        after them.
     rounds
         The most borders that are followed one after the other.
     seed
         Seed of the starts.
+
+    Examples
+    --------
+    >>> gw.ask.ThresholdOptions(values=12, starts=6).values
+    12
     """
 
     values: int = 24
@@ -69,11 +75,17 @@ class Confirmation(NamedTuple):
     restless, lost
         Number of those that did not become periodic, and of those that diverge.
     waited
-        The most forcing periods over which a motion was followed before it was watched.
+        Largest number of forcing periods of the transients, before the gaps were observed.
     checked
-        Number of quiet motions that were watched by the exact flow too.
+        Number of quiet motions that were confirmed by the exact flow too.
     error
         Error of the batch integrator over a forcing period of settled motions, relative to their size.
+
+    Examples
+    --------
+    >>> tried = threshold.confirmation
+    >>> tried.motions, tried.rattling
+    (12, 0)
     """
 
     value: float
@@ -127,6 +139,13 @@ class Threshold(Shown):
         Motions that were tried just beyond it.
     notes
         Remarks, in sentences.
+
+    Examples
+    --------
+    >>> round(threshold.value, 6), round(threshold.at, 6), str(threshold.limit.kind)
+    (0.099875, 0.997497, 'grazing')
+    >>> threshold.confirmation.rattling  # of the motions that were tried just beyond
+    0
     """
 
     system: System
@@ -163,6 +182,16 @@ class Threshold(Shown):
         """Return how far other parameters move the threshold; see `SpecialPoint.gradient`.
 
         At an extremum the slope by the other parameter is zero, so these are the slopes of the limit itself.
+
+        Parameters
+        ----------
+        *names
+            The parameters; by default all that are not zero.
+
+        Returns
+        -------
+        Gradient
+            Slopes, their errors, and percent per percent.
 
         Raises
         ------
@@ -207,7 +236,13 @@ class Threshold(Shown):
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the answer, its evidence, and what moves it most; with the notes or without."""
+        """Return the answer, its evidence, and what moves it most; with the notes or without.
+
+        Parameters
+        ----------
+        notes
+            True to include the notes.
+        """
         yield self.sentence
         if self.limit is not None:
             place = ", at the end of the range: beyond it the limit is farther" if self.is_edge else ""
@@ -228,7 +263,13 @@ class Threshold(Shown):
             yield from remarks(self.notes, self.failures)
 
     def plot(self, **options):
-        """Draw the loci in the plane of both parameters, with the limit; return the figure."""
+        """Draw the loci in the plane of both parameters, with the limit; return the figure.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)

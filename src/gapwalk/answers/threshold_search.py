@@ -4,7 +4,7 @@ The quiet motion begins to rattle where a contact grazes, and rattling motions c
 these lie on loci in the plane of both parameters. The threshold is the extremum of the locus that reaches farthest. It
 is found from both sides, and then confirmed: many motions from random starts just beyond it are followed until they
 have settled. If one of them rattles, its own border is followed in the same way. The batch integrator follows them; one
-that rattles is watched by the exact flow before it counts, and so are some of the quiet ones.
+that rattles is followed by the exact flow before it counts, and so are some of the quiet ones.
 
 Method: docs/howto/studies.md
 """
@@ -159,7 +159,10 @@ class ThresholdSearch:
         if best is None and hit is None:
             notes = ["nothing rattles in the whole range"]
         elif best is None and hit is not None and hit.value == asked.to[1]:
-            notes = [f"something still rattles at {asked.parameter} = {asked.to[1]:.6g}; widen the range"]
+            notes = [
+                f"something still rattles at {asked.parameter} = {asked.to[1]:.6g}; widen the range, "
+                "or reverse it if its first value is the quiet end"
+            ]
         elif hit is not None and len(self.rounds) < options.rounds:
             extrema, notes = self._follow(hit)
             if best is None and not extrema:

@@ -8,16 +8,16 @@ the share of the variance that a polynomial of one parameter explains.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.point_tracking import polynomial
+from gapwalk.answers.point_prediction import polynomial
 from gapwalk.answers.spread import Spread, Spreads
-from gapwalk.answers.tolerance_tracking import Further, HowFound
+from gapwalk.answers.tolerance_records import Further, HowFound
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError
@@ -47,6 +47,12 @@ class Chance(NamedTuple):
         Samples in which it happened, and all samples that count.
     value, low, high
         Share, and ends of the interval of Clopper and Pearson (1934), which contains the probability in 95 % of cases.
+
+    Examples
+    --------
+    >>> chance = tolerance.chance(1.35, 1.4)
+    >>> chance.count, chance.samples, chance.value
+    (8, 8, 1.0)
     """
 
     count: int  # pyright: ignore[reportIncompatibleMethodOverride] - a probability has no use for tuple.count
@@ -87,6 +93,11 @@ class Influences:
         The same with all its interactions; nan where it is not known.
     unexplained
         Share of the variance that the polynomial behind the indices does not explain: about their error.
+
+    Examples
+    --------
+    >>> tolerance.influences[0].first
+    array([1.])
     """
 
     first: Array
@@ -106,6 +117,11 @@ class ToleranceCheck:
         Largest difference of a tracked point from that of the walk.
     different
         A sentence for each sample in which the walk has other points, or failed.
+
+    Examples
+    --------
+    >>> tolerance.check.checked, tolerance.check.different
+    (0, ())
     """
 
     checked: int = 0
@@ -143,6 +159,15 @@ class Tolerance(Shown):
         True if all samples were done.
     notes, failures
         Remarks and failures, in sentences.
+    errors : shape (samples, points), or empty
+        Bounds of the errors of the values.
+
+    Examples
+    --------
+    >>> tolerance.names, tolerance.values.shape
+    (('stop.clearance',), (8, 3))
+    >>> tolerance.quantiles(0.05, 0.95).shape
+    (2, 3)
     """
 
     branch: Branch
@@ -158,6 +183,7 @@ class Tolerance(Shown):
     complete: bool = True
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
+    errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def _check_read(self) -> None:
         """Raise a ValueError if its arrays do not fit together."""
@@ -166,6 +192,8 @@ class Tolerance(Shown):
             raise ValueError("samples and parameters do not fit together")
         if self.values.shape != (count, points) or self.how.shape != (count,):
             raise ValueError("samples and special points do not fit together")
+        if self.errors.size and self.errors.shape != self.values.shape:
+            raise ValueError("values and their errors do not fit together")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -180,12 +208,22 @@ class Tolerance(Shown):
     @cached_property
     def known(self) -> NDArray[np.bool_]:
         """True for samples whose points are known: tracked or walked."""
-        return np.isin(self.how, (HowFound.TRACKED, HowFound.WALKED))
+        return np.isin(self.how, (HowFound.TRACKED, HowFound.WALKED, HowFound.PARTLY))
 
     def quantiles(self, *shares: float) -> Array:
         """Return the values below which a point lies in given shares of the samples that have it: (shares, points).
 
         A point that exists in no sample has nan.
+
+        Parameters
+        ----------
+        *shares
+            Shares from 0 to 1.
+
+        Returns
+        -------
+        array, shape (shares, points)
+            In the unit of the branch's parameter.
         """
         found = np.full((len(shares), len(self.points)), np.nan)
         for j, column in enumerate(self._columns):
@@ -199,7 +237,18 @@ class Tolerance(Shown):
         return tuple(chance_of(len(column), int(self.known.sum())) for column in self._columns)
 
     def chances(self, low: float, high: float) -> tuple[Chance, ...]:
-        """Return the probability that each point lies in a band, ends included."""
+        """Return the probability that each point lies in a band, ends included.
+
+        Parameters
+        ----------
+        low, high
+            Ends of the band, in the unit of the branch's parameter.
+
+        Returns
+        -------
+        tuple of Chance
+            One for each nominal special point.
+        """
         inside = [int(np.sum((column >= low) & (column <= high))) for column in self._columns]
         return tuple(chance_of(count, int(self.known.sum())) for count in inside)
 
@@ -207,6 +256,18 @@ class Tolerance(Shown):
         """Return the probability that any point of a kind lies in a band; by default a fold, at which motions jump.
 
         Further points are counted too. A tracked sample may have one that was not noticed: see `check`.
+
+        Parameters
+        ----------
+        low, high
+            Ends of the band, in the unit of the branch's parameter.
+        kind
+            Name of the kind of special points.
+
+        Returns
+        -------
+        Chance
+            The probability, with its confidence interval.
         """
         columns = [j for j, special in enumerate(self.points) if special.kind.value == kind]
         inside = np.any((self.values[:, columns] >= low) & (self.values[:, columns] <= high), axis=1)
@@ -231,14 +292,31 @@ class Tolerance(Shown):
         return int(np.argmax(widths)) if max(widths, default=-1.0) > 0.0 else None
 
     def words(self, index: int) -> str:
-        """Name the parameters that matter most for a point, with their first-order indices."""
+        """Name the parameters that matter most for a point, with their first-order indices.
+
+        Parameters
+        ----------
+        index
+            Index of the point.
+
+        Returns
+        -------
+        str
+            Such as ``stop.clearance 1.00``.
+        """
         first = self.influences[index].first
         order = [k for k in np.argsort(-np.nan_to_num(first), kind="stable")[:_MOST] if first[k] >= _FAINT]
         return ", ".join(f"{self.names[k]} {first[k]:.2f}" for k in order)
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
-        """Return the distribution of each point, the probability of a jump in the band, and how sure; and the notes."""
+        """Return the distribution of each point, the probability of a jump in the band, and how sure; and the notes.
+
+        Parameters
+        ----------
+        notes
+            True to include the notes.
+        """
         units = self.branch.system.units
         symbol, known = parameter_symbol(self.parameter, units), int(self.known.sum())
         if self.band is not None and known:
@@ -255,8 +333,8 @@ class Tolerance(Shown):
         counts = {way: int(np.sum(self.how == way)) for way in HowFound}
         yield (
             f"{len(self.samples):,} samples of {len(self.names)} parameters: {counts[HowFound.TRACKED]:,} tracked, "
-            f"{counts[HowFound.WALKED]:,} walked, {counts[HowFound.REFUSED]:,} refused, "
-            f"{counts[HowFound.FAILED] + counts[HowFound.LOST]:,} failed"
+            f"{counts[HowFound.PARTLY]:,} tracked and walked in part, {counts[HowFound.WALKED]:,} walked, "
+            f"{counts[HowFound.REFUSED]:,} refused, {counts[HowFound.FAILED] + counts[HowFound.LOST]:,} failed"
         )
         if known:
             low, high = self.quantiles(0.05, 0.95)
@@ -316,7 +394,7 @@ class Tolerance(Shown):
                 f"{100.0 * wrong.high:.2g} % of all), the points of the others by {check.largest:.1g} at most"
             )
             yield from (f"  {text}" for text in check.different)
-        tracked = int(np.sum(self.how == HowFound.TRACKED))
+        tracked = int(np.sum(np.isin(self.how, (HowFound.TRACKED, HowFound.PARTLY))))
         if tracked > check.checked:
             yield (
                 f"note: the other {tracked - check.checked:,} tracked samples were not walked. Each has points that a "

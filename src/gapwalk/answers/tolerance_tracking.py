@@ -2,15 +2,14 @@
 
 The walks show in which forms the points occur, also those that the nominal system does not have
 (`gapwalk.answers.point_forms`). The forms are tracked in some more samples by Newton's method. Polynomials fitted to
-all these solutions predict those of the other samples, and where each form exists. A sample in which such forms are
-found together as no walk has met them is walked too.
+all these solutions predict those of the other samples, and where each form exists. A prediction whose error is known to
+be small is the answer; others are corrected. Where such forms are found together as no walk has met them, this stretch
+of the branch is walked (`gapwalk.answers.stretch_walk`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from collections.abc import Collection, Sequence
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -18,186 +17,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from gapwalk.answers.point_forms import (
-    Form,
-    Patterns,
-    Solutions,
-    Walked,
-    met_of,
-    offset_at,
+from gapwalk.answers.form_finder import FormFinder, Located
+from gapwalk.answers.near_misses import misses_of
+from gapwalk.answers.point_forms import Solutions, Walked, met_of
+from gapwalk.answers.point_tracking import TrackedPoint
+from gapwalk.answers.stretch_walk import Mark, walk_stretch
+from gapwalk.answers.tolerance_records import (
+    Further,
+    HowFound,
+    ToleranceChunk,
+    ToleranceWalks,
+    Tracking,
+    label_of,
 )
-from gapwalk.answers.point_tracking import Corrected, TrackedPoint, polynomial
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.orbit import Orbit
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-6  # share of the range within which two values are one point
 _BEYOND = 0.02  # share of the range by which a walk goes on beyond the farthest tracked point
 _NEAR = 3e-3  # share of the range within which a walked point may always be the counterpart of a nominal one
 _ALIKE = 1e-5  # share of the range within which a point found and one of a walk are the same
 _FAR = 4.0  # the same, as a multiple of its spread over the samples: a form beyond a contact may be so far
 _WORTH = 0.15  # share of samples that must be told by the walks, lest finding forms cost more than it saves
-_UNLIKELY = -0.2  # score below which a form is not looked for
-
-
-class HowFound(IntEnum):
-    """How the special points of one sample were found."""
-
-    TRACKED = 0
-    """By Newton's method, from predictions."""
-    WALKED = 1
-    """By walking the branch of the sample."""
-    REFUSED = 2
-    """Not at all: the model does not allow these values."""
-    FAILED = 3
-    """Not all: the walk failed."""
-    LOST = 4
-    """Not yet."""
-
-
-@dataclass(frozen=True, eq=False)
-class Further:
-    """A special point of a sample that has no nominal counterpart.
-
-    Attributes
-    ----------
-    sample
-        Number of the sample.
-    kind
-        Name of its kind.
-    value
-        Value of the parameter.
-    """
-
-    sample: int
-    kind: str
-    value: float
-
-
-@dataclass(frozen=True, eq=False)
-class ToleranceWalks:
-    """Walked branches of some samples.
-
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    walked
-        The samples.
-    """
-
-    number: int
-    walked: tuple[Walked, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class ToleranceChunk:
-    """Special points of some samples.
-
-    Attributes
-    ----------
-    number
-        Number of the chunk.
-    rows
-        Numbers of the samples.
-    values : shape (samples, points)
-        Value of the parameter at each point; nan where it does not exist.
-    how : shape (samples,)
-        Values of `HowFound`.
-    further
-        Special points without nominal counterpart.
-    unclear
-        Of each sample that is still lost, the numbers of the forms that were found: no walk has shown them together.
-    """
-
-    number: int
-    rows: NDArray[np.intp]
-    values: Array
-    how: NDArray[np.intp]
-    further: tuple[Further, ...] = ()
-    unclear: tuple[tuple[int, ...], ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Tracking:
-    """The nominal special points, and how those of samples are found.
-
-    Attributes
-    ----------
-    key
-        Text that no other tracking has: a process prepares the same points only once.
-    system
-        The nominal system.
-    names
-        The parameters that vary.
-    first
-        Nominal orbit from which the branch is walked.
-    parameter, begin, end
-        The branch.
-    specials
-        The nominal points that are tracked.
-    deviations
-        Standard deviations of the parameters.
-    walk
-        Options of the walks.
-    forms
-        Forms of all points; empty for the walks.
-    patterns
-        Which of the forms found in a sample lie on its branch; None for the first solutions.
-    """
-
-    key: str
-    system: System
-    names: tuple[str, ...]
-    first: Orbit
-    parameter: str
-    begin: float
-    end: float
-    specials: tuple[SpecialPoint, ...]
-    deviations: Array
-    walk: WalkOptions
-    forms: tuple[Form, ...] = ()
-    patterns: Patterns | None = None
-
-    @property
-    def width(self) -> float:
-        """Width of the range."""
-        return abs(self.end - self.begin)
-
-    @property
-    def labels(self) -> list[tuple[object, ...]]:
-        """Properties that a point shares with its counterpart."""
-        return [label_of(special) for special in self.specials]
-
-    def at(self, values: Array) -> System:
-        """Return the system of a sample at the beginning of its branch; raise a ModelError if it is not allowed."""
-        return self.system.at({**dict(zip(self.names, values.tolist(), strict=True)), self.parameter: self.begin})
-
-
-def label_of(special: SpecialPoint) -> tuple[object, ...]:
-    """Return kind, contact, and the side to which a fold opens; of other kinds, if it makes the branch less stable."""
-    turns = special.nature if special.kind.is_turning else np.sign(special.after.total - special.before.total)
-    return special.kind, special.contact, str(turns)
-
-
-def trackable(branch: Branch, names: Sequence[str]) -> tuple[tuple[SpecialPoint, ...], tuple[str, ...]]:
-    """Return the special points of a branch that can be tracked, and a sentence for each that cannot."""
-    points, failures = [], []
-    for special in branch.special_points:
-        try:
-            TrackedPoint.of(special, names)
-            points.append(special)
-        except (ModelError, NumericalError) as error:
-            failures.append(f"the {special.kind} at {special.value:.8g} is not tracked: {error}")
-    return tuple(points), tuple(failures)
 
 
 class Tracker:
@@ -209,69 +55,143 @@ class Tracker:
         self.mine = [
             met_of(special, asked.names, j, str(label_of(special)[2])) for j, special in enumerate(asked.specials)
         ]
-        self.points = [form.point(asked.names) for form in asked.forms]
+        self.finder = FormFinder(asked, self.nominal[0])
 
     def walks(self, number: int, rows: NDArray[np.intp], samples: Array) -> ToleranceWalks:
         """Walk the branches of some samples with the numbers `rows`."""
         known, found = {met.alike for met in self.mine}, []
         for row, sample in zip(rows.tolist(), samples, strict=True):
-            if not self._allows(sample):
+            if not self.finder.allows(sample):
                 found.append(Walked(row, HowFound.REFUSED))
                 continue
-            specials = self.walked(sample)
-            if specials is None:
+            branch = self.walked(sample)
+            if branch is None:
                 found.append(Walked(row, HowFound.FAILED))
                 continue
+            specials = branch.special_points
             indices, met = self.match(specials, sample), []
             for special, index in zip(specials, indices, strict=True):
                 met.append(met_of(special, self.asked.names, index, str(label_of(special)[2])))
             which = tuple(j for j, each in enumerate(met) if each.alike not in known)
-            found.append(Walked(row, HowFound.WALKED, tuple(met), which, tuple(specials[j] for j in which)))
+            found.append(
+                Walked(row, HowFound.WALKED, tuple(met), which, tuple(specials[j] for j in which), misses_of(branch))
+            )
         return ToleranceWalks(number, tuple(found))
 
-    def solve(self, number: int, rows: NDArray[np.intp], samples: Array, inverses_too: bool) -> Solutions:
-        """Find all forms in some samples with the numbers `rows`; keep their solutions, with inverses if wanted."""
-        sizes, count = [len(point.unknowns) for point in self.points], len(samples)
+    def solve(self, number: int, rows: NDArray[np.intp], samples: Array, derivatives_too: bool) -> Solutions:
+        """Find all forms in some samples with the numbers `rows`; keep their solutions, with derivatives if wanted."""
+        sizes, count = [len(point.unknowns) for point in self.finder.points], len(samples)
         unknowns = [np.full((count, size), np.nan) for size in sizes]
-        inverses = [np.full((count, size, size), np.nan) for size in sizes]
+        derivatives = [np.full((count, size, size), np.nan) for size in sizes]
         curvatures = [np.full(count, np.nan) for _ in sizes]
         every = []
-        for k, found in enumerate(self._found(samples)):
+        for k, found in enumerate(self.finder.found(samples, exact=self.asked.patterns is None)):
             for f, each in (found or {}).items():
-                if isinstance(each, Corrected):
-                    unknowns[f][k], curvatures[f][k] = each.unknowns, each.curvature or np.nan
-                    if inverses_too:
-                        inverses[f][k] = self.points[f].inverse_at(each)
+                if each.corrected is not None:
+                    unknowns[f][k], curvatures[f][k] = each.unknowns, each.corrected.curvature or np.nan
+                    if derivatives_too:
+                        derivatives[f][k] = self.finder.points[f].derivatives_at(each.corrected)
             every.append(tuple(sorted(found or ())))
-        return Solutions(number, rows, tuple(every), tuple(unknowns), tuple(inverses), tuple(curvatures))
+        return Solutions(number, rows, tuple(every), tuple(unknowns), tuple(derivatives), tuple(curvatures))
 
     def chunk(self, number: int, rows: NDArray[np.intp], samples: Array) -> ToleranceChunk:
         """Find the points of some samples with the numbers `rows`."""
-        asked, count = self.asked, len(samples)
-        values, how = np.full((count, len(asked.specials)), np.nan), np.zeros(count, dtype=int)
-        further, unclear = list[Further](), list[tuple[int, ...]]()
+        asked, shape = self.asked, (len(samples), len(self.asked.specials))
+        values, errors, how = np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(len(samples), dtype=int)
+        further = list[Further]()
         assert asked.patterns is not None
-        if asked.patterns.known_share < _WORTH:
-            for k, (row, sample) in enumerate(zip(rows.tolist(), samples, strict=True)):
-                how[k], more = self.recover(sample, values[k])
-                further += [replace(each, sample=row) for each in more]
-            return ToleranceChunk(number, rows, values, how, tuple(further))
-        for k, found in enumerate(self._found(samples)):
-            on = None if found is None else asked.patterns.on_branch(found)
+        tracks, near = asked.patterns.known_share >= _WORTH, self._near(samples)
+        every = (
+            self.finder.found(samples) if tracks else ({} if self.finder.allows(sample) else None for sample in samples)
+        )
+        for k, (row, found) in enumerate(zip(rows.tolist(), every, strict=True)):
             if found is None:
                 how[k] = HowFound.REFUSED
-            elif on is None:
-                how[k] = HowFound.LOST
-                unclear.append(tuple(sorted(found)))
-            else:
-                for f in on:
-                    each = found[f]
-                    form, value = asked.forms[f], each.value if isinstance(each, Corrected) else each
-                    if form.index >= 0:
-                        values[k, form.index] = value
-                    else:
-                        further.append(Further(int(rows[k]), form.met.kind, value))
-        return ToleranceChunk(number, rows, values, how, tuple(further), tuple(unclear))
+                continue
+            on, unclear = asked.patterns.told(found, near[k]) if tracks else ((), (0,))
+            specials: Sequence[SpecialPoint] | None = ()
+            if unclear:
+                specials, on = self._walked_stretches(samples[k], found, on, unclear) or (None, on)
+                how[k] = HowFound.PARTLY if specials is not None and on else HowFound.WALKED
+            if specials is None:
+                branch, on = self.walked(samples[k]), ()
+                specials = None if branch is None else branch.special_points
+            if specials is None:
+                how[k] = HowFound.FAILED
+                continue
+            points = [
+                (self.asked.forms[f].index, self.asked.forms[f].met.kind, found[f].value, found[f].error) for f in on
+            ]
+            indices = self.match(specials, samples[k], {index for index, *_ in points})
+            points += [
+                (index, special.kind.value, special.value, special.uncertainty)
+                for special, index in zip(specials, indices, strict=True)
+            ]
+            for index, kind, value, error in points:
+                if index >= 0:
+                    values[k, index], errors[k, index] = value, error
+                else:
+                    further.append(Further(row, kind, value))
+        return ToleranceChunk(number, rows, values, errors, how, tuple(further))
+
+    def _near(self, samples: Array) -> list[set[int]]:
+        """Return the stretches of samples in which points may have been born that walks only nearly met."""
+        near, terms = [set[int]() for _ in samples], self.finder.terms(samples)
+        for watch in self.asked.watches:
+            for k in np.flatnonzero(watch.is_near(terms)).tolist():
+                near[k].add(watch.stretch)
+        return near
+
+    def _walked_stretches(
+        self, sample: Array, found: dict[int, Located], on: Sequence[int], unclear: Sequence[int]
+    ) -> tuple[list[SpecialPoint], tuple[int, ...]] | None:
+        """Walk the unclear stretches of a branch: the points met there, and the forms that lie on the rest of it.
+
+        None if the whole branch is to be walked: where the first stretch is unclear, or a walk fails.
+        """
+        asked, specials = self.asked, list[SpecialPoint]()
+        assert asked.patterns is not None
+        stretch, anchors = asked.patterns.stretch, asked.patterns.anchors
+        kept, walked_to = set(on), 0
+        for number in unclear:
+            if number < walked_to:
+                continue
+            starts = [n for n in range(max(1, walked_to), number + 1) if self._is_mark(anchors[n], found)]
+            if not starts:
+                return None
+            # a walk may end where the next one could begin, or where nothing is left to walk
+            ends = [
+                self._mark(anchors[n], found)
+                for n in range(number + 1, len(anchors))
+                if anchors[n] in found
+                and (n not in unclear or self._is_mark(anchors[n], found))
+                and asked.forms[anchors[n]].companion < 0
+            ]
+            done = walk_stretch(
+                asked.at(sample),
+                asked.parameter,
+                asked.first.period,
+                (asked.begin, self._farthest(sample)),
+                self._mark(anchors[starts[-1]], found),
+                ends,
+                asked.walk,
+            )
+            if done is None:
+                return None
+            met, end = done
+            specials += met
+            walked_to = len(anchors) if end is None else stretch[end.form]
+            kept = {f for f in kept if not starts[-1] <= stretch[f] < walked_to} | {anchors[starts[-1]]}
+        return specials, tuple(sorted(kept))
+
+    def _is_mark(self, f: int, found: Collection[int]) -> bool:
+        """Return True if a walk can begin at a form that was found."""
+        return f in found and self.asked.forms[f].companion < 0 and self.asked.forms[f].met.way != 0.0
+
+    def _mark(self, f: int, found: dict[int, Located]) -> Mark:
+        met, unknowns = self.asked.forms[f].met, found[f].unknowns
+        state = unknowns[: len(self.asked.first.state)]
+        return Mark(f, met.kind, met.contact, found[f].value, state, met.way)
 
     def _allows(self, sample: Array) -> bool:
         try:
@@ -280,45 +200,34 @@ class Tracker:
             return False
         return True
 
-    def recover(self, sample: Array, values: Array) -> tuple[HowFound, list[Further]]:
-        """Walk the branch of a sample, and write the values of its points into `values`; return the further ones."""
-        if not self._allows(sample):
-            return HowFound.REFUSED, []
-        specials = self.walked(sample)
-        if specials is None:
-            return HowFound.FAILED, []
-        further = []
-        for special, index in zip(specials, self.match(specials, sample), strict=True):
-            if index >= 0:
-                values[index] = special.value
-            else:
-                further.append(Further(0, special.kind.value, special.value))
-        return HowFound.WALKED, further
-
-    def walked(self, sample: Array) -> tuple[SpecialPoint, ...] | None:
+    def walked(self, sample: Array) -> Branch | None:
         """Walk the branch of a sample; None if the walk fails."""
+        asked = self.asked
+        try:
+            start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
+            branch = follow(start, asked.parameter, self._farthest(sample), walk=asked.walk)
+        except (ModelError, NumericalError):
+            return None
+        return branch if branch.ends[-1].reason is EndReason.RANGE else None
+
+    def _farthest(self, sample: Array) -> float:
+        """Return the value of the parameter at which the walk of a sample ends."""
         asked = self.asked
         way = float(np.sign(asked.end - asked.begin))
         expected = [self.predicted_value(j, sample) for j in range(len(self.nominal))]
-        farthest = max([way * asked.end, *(way * value + _BEYOND * asked.width for value in expected)])
-        try:
-            start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
-            branch = follow(start, asked.parameter, way * farthest, walk=asked.walk)
-        except (ModelError, NumericalError):
-            return None
-        return branch.special_points if branch.ends[-1].reason is EndReason.RANGE else None
+        return way * max([way * asked.end, *(way * value + _BEYOND * asked.width for value in expected)])
 
-    def match(self, walked: Sequence[SpecialPoint], sample: Array) -> list[int]:
+    def match(self, walked: Sequence[SpecialPoint], sample: Array, taken: Collection[int] = ()) -> list[int]:
         """Return for each point of a walk the index of its nominal counterpart, or -1.
 
         Counterparts share a label, and are near to where the gradient predicts them, compared with how the point is
-        spread over the samples.
+        spread over the samples. Nominal points that are `taken` have one already.
         """
         labels, found = self.asked.labels, [-1] * len(walked)
         for label in dict.fromkeys(labels):
-            rows = [j for j, each in enumerate(labels) if each == label]
+            rows = [j for j, each in enumerate(labels) if each == label and j not in taken]
             columns = [k for k, special in enumerate(walked) if label_of(special) == label]
-            if not columns:
+            if not columns or not rows:
                 continue
             expected = np.array([self.predicted_value(j, sample) for j in rows])
             cost = np.abs(expected[:, None] - np.array([walked[k].value for k in columns])[None])
@@ -340,53 +249,6 @@ class Tracker:
         """How far from the value by its gradient the counterpart of each nominal point may be."""
         spreads = (float(np.linalg.norm(point.slopes[-1] * self.asked.deviations)) for point in self.nominal)
         return [max(_FAR * each, _NEAR * self.asked.width) for each in spreads]
-
-    def _scores(self, samples: Array) -> Array:
-        """Return a number for each sample and form: about 1 where the form exists, and 0 where it does not."""
-        found = np.ones((len(samples), len(self.points)))
-        x = (samples - self.nominal[0].origin) / self.asked.deviations
-        terms: dict[int, Array] = {}
-        for f, form in enumerate(self.asked.forms):
-            if len(form.scores):
-                if form.degree not in terms:
-                    terms[form.degree] = polynomial(x, form.degree)
-                found[:, f] = terms[form.degree] @ form.scores
-        return found
-
-    def _found(self, samples: Array) -> Iterator[dict[int, Corrected | float] | None]:
-        """Yield for each sample what was found of each form, of an attached one its value; None if it is refused."""
-        forms, x = self.asked.forms, (samples - self.nominal[0].origin) / self.asked.deviations
-        guesses = [None if point.fit is None else point.fit.predicted(samples) for point in self.points]
-        scores = self._scores(samples)
-        for k, sample in enumerate(samples):
-            found = dict[int, Corrected | float]()
-            if not self._allows(sample):
-                yield None
-                continue
-            plane = self.nominal[0].plane_at(sample)
-            for f in np.argsort(-scores[k], kind="stable").tolist():
-                guess = guesses[f]
-                if scores[k, f] < _UNLIKELY or forms[f].companion >= 0 or guess is None:
-                    continue
-                each = self.points[f].fitted_at(plane, guess[0][k], None if guess[1] is None else guess[1][k])
-                if each is not None and not self._is_double(f, each, found):
-                    found[f] = each
-            for f, form in enumerate(forms):
-                beside = found.get(form.companion)
-                if isinstance(beside, Corrected):
-                    found[f] = beside.value + offset_at(form, x[k])
-            yield found
-
-    def _is_double(self, f: int, each: Corrected, found: dict[int, Corrected | float]) -> bool:
-        """Return True if another form came to the same solution."""
-        kind, scales = self.asked.forms[f].met.kind, self.points[f].scales
-        return any(
-            isinstance(other, Corrected)
-            and self.asked.forms[g].met.kind == kind
-            and len(other.unknowns) == len(each.unknowns)
-            and float(np.abs((other.unknowns - each.unknowns) / scales).max()) < _SAME
-            for g, other in found.items()
-        )
 
 
 @lru_cache(maxsize=3)
@@ -448,7 +310,7 @@ def walk_sample(asked: Tracking, piece: tuple[Array, Array, tuple[tuple[str, flo
     if walked is None:
         return None
     mine = [(s.kind.value, v) for s, v in zip(asked.specials, values.tolist(), strict=True) if not np.isnan(v)]
-    mine, theirs = [*mine, *further], [(special.kind.value, special.value) for special in walked]
+    mine, theirs = [*mine, *further], [(special.kind.value, special.value) for special in walked.special_points]
     cost = np.full((len(mine), len(theirs)), asked.width)
     for row, (kind, value) in enumerate(mine):
         for column, (other, there) in enumerate(theirs):

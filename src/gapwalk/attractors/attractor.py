@@ -39,6 +39,11 @@ class Attractor(Shown):
         The rotation number of a quasi-periodic motion.
     evidence
         The evidence for the kind, in sentences.
+
+    Examples
+    --------
+    >>> attractor.label, attractor.multipliers.shape
+    ('P1', (2,))
     """
 
     kind: AttractorKind
@@ -88,7 +93,13 @@ class Attractor(Shown):
 
 
 class AttractorKind(StrEnum):
-    """The kind of motion on an attractor."""
+    """The kind of motion on an attractor.
+
+    Examples
+    --------
+    >>> attractor.kind is gw.records.AttractorKind.PERIODIC
+    True
+    """
 
     PERIODIC = "periodic"
     QUASI_PERIODIC = "quasi-periodic"
@@ -117,6 +128,11 @@ class Settled(Shown):
         windows; relative to the size of the motion.
     evidence
         The evidence for the decision, in sentences.
+
+    Examples
+    --------
+    >>> settled.converged, settled.period, settled.orbit.stable
+    (True, 1, True)
     """
 
     system: System
@@ -151,11 +167,24 @@ class Settled(Shown):
             Forcing periods; by default those of the orbit, or 64.
         samples
             Samples per forcing period.
+
+        Returns
+        -------
+        Motion
+            Sampled evenly over the angle of the excitation.
         """
         return integrate(self.system, self.state, periods or self.period or 64, samples)
 
     def plot(self, signal: str | None = None, **options: Any):
-        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Return the figure."""
+        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Return the figure.
+
+        Parameters
+        ----------
+        signal
+            The signal, as in `Motion.signal`; by default the first coordinate.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, signal, **options)

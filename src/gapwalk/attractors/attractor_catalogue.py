@@ -247,10 +247,20 @@ def match(
     tolerance
         Tolerance relative to the size of an orbit.
 
+    Returns
+    -------
+    int or None
+        Index of the attractor.
+
     Raises
     ------
     ModelError
         If the states have the wrong shape.
+
+    Examples
+    --------
+    >>> gw.analysis.match([attractor], settled)
+    0
     """
     if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
         same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]

@@ -39,6 +39,11 @@ class BasinCheck:
     shifted, shifted_wrong
         Checked cells that were followed again from a state shifted by 1e-15 of its size, and those of them that then
         got another label: rounding decides their label.
+
+    Examples
+    --------
+    >>> basins.check.cells, basins.check.share < 0.1
+    (64, True)
     """
 
     cells: int
@@ -108,6 +113,13 @@ class Basins(Shown):
         False if the computation was stopped before its end; the remaining cells are unresolved.
     notes
         Sentences on what could not be computed.
+
+    Examples
+    --------
+    >>> basins.names, basins.labels.shape
+    (('period 1a', 'period 1b'), (8, 8))
+    >>> basins.attractors[basins.labels[0, 0]].label
+    'P1'
     """
 
     system: System
@@ -170,7 +182,15 @@ class Basins(Shown):
         return {"diverges": self.runaway, "unresolved": self.unresolved, "beyond a rigid stop": self.impossible}
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes."""
+        """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes.
+
+        Parameters
+        ----------
+        title
+            Title above the picture.
+        **options
+            Options of `gapwalk.plot.cells.draw_basins`.
+        """
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -196,6 +216,12 @@ class Share:
         Fraction of the starts that lead to it.
     low, high
         Confidence limits of the fraction of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
+
+    Examples
+    --------
+    >>> share = shares.shares[0]
+    >>> share.name, share.share, round(share.low, 4), round(share.high, 4)
+    ('period 1a', 0.5, 0.272, 0.728)
     """
 
     name: str
@@ -229,6 +255,11 @@ class BasinShares:
         Accuracy of the labels.
     error
         As in `Basins`.
+
+    Examples
+    --------
+    >>> [(each.name, each.share) for each in shares.shares]
+    [('period 1a', 0.5), ('period 1b', 0.5)]
     """
 
     system: System

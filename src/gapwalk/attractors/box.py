@@ -33,6 +33,11 @@ class Box:
         Names of the components: coordinates, velocities, then extensions, which are zero.
     low, high
         The ends of the ranges, in the order of the names.
+
+    Examples
+    --------
+    >>> gw.records.Box.of(system, {"x": (-1, 1)}).draw(3, seed=0).shape
+    (3, 2)
     """
 
     names: tuple[str, ...]
@@ -42,6 +47,18 @@ class Box:
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Range]) -> Box:
         """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0.
+
+        Parameters
+        ----------
+        system
+            The system.
+        ranges
+            Two numbers, or one, by the name of a coordinate or velocity.
+
+        Returns
+        -------
+        Box
+            The box.
 
         Raises
         ------
@@ -72,6 +89,20 @@ class Box:
 
         Only those that are possible are kept.
 
+        Parameters
+        ----------
+        count
+            Number of states.
+        seed
+            Seed of the random numbers.
+        is_possible
+            Returns which of some states are possible; None if all are.
+
+        Returns
+        -------
+        array, shape (count, state_size)
+            The states.
+
         Raises
         ------
         ModelError
@@ -98,6 +129,12 @@ class Window:
         The box.
     across, up
         Names of the components along the two axes.
+
+    Examples
+    --------
+    >>> window = gw.records.Window.of(system, {"x": (-1, 1), "x'": (-2, 2)}, {})
+    >>> window.states((4, 3)).shape
+    (12, 2)
     """
 
     box: Box
@@ -107,6 +144,20 @@ class Window:
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Sequence[float]], fixed: Mapping[str, float]) -> Window:
         """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0.
+
+        Parameters
+        ----------
+        system
+            The system.
+        ranges
+            The two ranges by name, the horizontal one first.
+        fixed
+            Fixed values by name.
+
+        Returns
+        -------
+        Window
+            The window.
 
         Raises
         ------
@@ -137,12 +188,34 @@ class Window:
         return (self.box.low[first], self.box.high[first]), (self.box.low[second], self.box.high[second])
 
     def centres(self, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the centres of `resolution` cells (columns, rows) along the two axes."""
+        """Return the centres of `resolution` cells (columns, rows) along the two axes.
+
+        Parameters
+        ----------
+        resolution
+            Columns and rows.
+
+        Returns
+        -------
+        across, up : array
+            Centres of the columns, and of the rows.
+        """
         across, up = (centres(ends, count) for ends, count in zip(self.within, resolution, strict=True))
         return across, up
 
     def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size)."""
+        """Return the states at the centres of all cells, row by row from the bottom; shape (cells, state_size).
+
+        Parameters
+        ----------
+        resolution
+            Columns and rows.
+
+        Returns
+        -------
+        array, shape (cells, state_size)
+            The states.
+        """
         across, up = self.centres(resolution)
         states = np.tile(self.box.low, (len(across) * len(up), 1))
         states[:, self.box.names.index(self.across)] = np.tile(across, len(up))

@@ -44,6 +44,11 @@ class ClassifyOptions:
         Size of an exponent per forcing period below which it may be that of a torus.
     errors
         Number of standard errors by which an exponent must differ from zero to count as different.
+
+    Examples
+    --------
+    >>> gw.classify(system, options=gw.ClassifyOptions(settle=gw.SettleOptions(max_period=4))).label
+    'P1'
     """
 
     settle: SettleOptions = field(default_factory=SettleOptions)
@@ -79,12 +84,22 @@ def classify(
     at, **values
         Parameter values to change first.
 
+    Returns
+    -------
+    Attractor
+        The attractor, with the evidence for its kind.
+
     Raises
     ------
     ModelError
         For an invalid start or parameter.
     FlowError
         If the motion diverges.
+
+    Examples
+    --------
+    >>> gw.classify(system, frequency=0.8).label  # one motion in two forcing periods
+    'P2'
     """
     options = options or ClassifyOptions()
     return identify(settle(system, start, options.settle, at=at, **values), options)

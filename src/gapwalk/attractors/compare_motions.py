@@ -39,6 +39,11 @@ class Contrast:
         The two motions.
     pairs
         Their signals, in pairs.
+
+    Examples
+    --------
+    >>> gw.analysis.contrast(orbit, impacting, ["x"], names=("quiet", "rattling")).names
+    ('quiet', 'rattling')
     """
 
     names: tuple[str, str]
@@ -46,7 +51,15 @@ class Contrast:
     pairs: tuple[SignalPair, ...]
 
     def plot(self, title: str | None = None, **options: Any):
-        """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.draw`."""
+        """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.draw`.
+
+        Parameters
+        ----------
+        title
+            Title above the picture; by default the names of the motions.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -72,6 +85,12 @@ class LinePair(NamedTuple):
         Amplitudes.
     shift
         Phase of the second line minus that of the first one, in radians between -pi and pi.
+
+    Examples
+    --------
+    >>> line = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement.lines[1]
+    >>> line.order, line.difference
+    (2.0, 0.0)
     """
 
     order: float
@@ -99,6 +118,12 @@ class Agreement:
         Pearson's correlation coefficient: 1 if the histories are proportional.
     lines
         Spectral lines of both histories, by order.
+
+    Examples
+    --------
+    >>> found = gw.analysis.contrast(orbit, orbit, ["x"]).pairs[0].agreement
+    >>> found.rms, round(found.correlation, 9)
+    (0.0, 1.0)
     """
 
     rms: float
@@ -123,6 +148,12 @@ class SignalPair:
         Spectra of the first and of the second motion.
     agreement
         Agreement of the histories; None if a motion has no period.
+
+    Examples
+    --------
+    >>> pair = gw.analysis.contrast(orbit, impacting, ["x''"]).pairs[0]
+    >>> pair.signal, pair.histories.shape[0]
+    ("x''", 2)
     """
 
     signal: str
@@ -155,12 +186,23 @@ def contrast(
     options
         Options of the spectra.
 
+    Returns
+    -------
+    Contrast
+        The signals of both motions, with their agreement.
+
     Raises
     ------
     ModelError
         If one of the motions has no such signal.
     FlowError
         If a motion diverges.
+
+    Examples
+    --------
+    >>> found = gw.analysis.contrast(orbit, impacting, ["x"])
+    >>> found.pairs[0].agreement.correlation < 1.0
+    True
     """
     system = first.system
     if len(names) != 2:

@@ -56,6 +56,12 @@ class Lyapunov:
         True if the weighted averages converge as they do for periodic and quasi-periodic motion.
     converged
         True if the errors reached the required size.
+
+    Examples
+    --------
+    >>> found = gw.analysis.lyapunov(system, orbit.state)
+    >>> found.per_period.round(6), found.converged
+    (array([-0.523599, -0.523599]), True)
     """
 
     exponents: NDArray[np.float64]
@@ -68,7 +74,7 @@ class Lyapunov:
     def _check_read(self) -> None:
         """Raise a ValueError if its parts do not fit together."""
         if self.exponents.ndim != 1 or self.exponents.shape != self.errors.shape or not self.frequency > 0.0:
-            raise ValueError("Lyapunov exponents are not as many as their errors")
+            raise ValueError("the exponents and their errors have different shapes, or the frequency is not > 0")
 
     @property
     def per_period(self) -> NDArray[np.float64]:
@@ -126,6 +132,11 @@ class LyapunovOptions:
     relative, absolute
         The averages end when the standard error of each exponent is below `relative` times the exponent, or below
         `absolute` per forcing period.
+
+    Examples
+    --------
+    >>> gw.analysis.lyapunov(system, orbit.state, gw.analysis.LyapunovOptions(relative=0.01)).converged
+    True
     """
 
     max_periods: int = 16_384
@@ -142,12 +153,36 @@ class LyapunovOptions:
 def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
     """Compute the Lyapunov exponents of the motion from a settled state at theta = 0.
 
+    Parameters
+    ----------
+    system
+        The system.
+    start : shape (state_size,)
+        A state of the settled motion at theta = 0.
+    options
+        Length and accuracy of the averages.
+
+    Returns
+    -------
+    Lyapunov
+        The exponents with their standard errors.
+
     Raises
     ------
     ModelError
         If the state has the wrong length.
     FlowError
         If the motion diverges.
+
+    Notes
+    -----
+    Benettin, Galgani, Giorgilli and Strelcyn (1980), Meccanica 15, 9-20. Derivatives are carried over contact events as
+    in Müller (1995), Chaos, Solitons and Fractals 5, 1671-1681.
+
+    Examples
+    --------
+    >>> gw.analysis.lyapunov(system, orbit.state).exponents.round(6)
+    array([-0.05, -0.05])
     """
     return lyapunov_run(system, start, options)[0]
 

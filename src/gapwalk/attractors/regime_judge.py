@@ -52,6 +52,11 @@ class RegimeOptions:
         The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
     forces
         True if peak forces and impacts are computed.
+
+    Examples
+    --------
+    >>> gw.analysis.RegimeOptions(longest=500, forces=True).longest
+    500
     """
 
     longest: int = 3000

@@ -33,6 +33,11 @@ class RegimeCheck:
         Number of random cells whose motion was settled further and classified with the exact flow.
     different
         One sentence for each of them that then got another regime or period.
+
+    Examples
+    --------
+    >>> regimes.check.checked >= len(regimes.check.different)
+    True
     """
 
     checked: int = 0
@@ -71,6 +76,11 @@ class Regimes(Shown):
         False if the computation was stopped before its end; the remaining cells are undecided.
     notes
         Sentences on what could not be computed.
+
+    Examples
+    --------
+    >>> regimes.at(0.65, 1.0), regimes.periods.shape
+    ('period 1', (8, 8))
     """
 
     system: System
@@ -116,7 +126,23 @@ class Regimes(Shown):
         return {regime_word(*key): words[key] for key in order}
 
     def at(self, first: float, second: float) -> str:
-        """Return the regime of the cell that contains two parameter values."""
+        """Return the regime of the cell that contains two parameter values.
+
+        Parameters
+        ----------
+        first, second
+            Values of the horizontal and of the vertical parameter.
+
+        Returns
+        -------
+        str
+            Such as ``period 2`` or ``chaotic``.
+
+        Raises
+        ------
+        ModelError
+            If a value is outside of the map.
+        """
         place = []
         for value, (low, high), count in zip((first, second), self.within, self.resolution, strict=True):
             if not low <= value <= high:
@@ -126,7 +152,15 @@ class Regimes(Shown):
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure."""
+        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure.
+
+        Parameters
+        ----------
+        title
+            Title above the picture.
+        **options
+            Options of `gapwalk.plot.cells.draw_regimes`.
+        """
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -146,7 +180,13 @@ class Regimes(Shown):
 
 
 class Regime(IntEnum):
-    """The kind of a motion."""
+    """The kind of a motion.
+
+    Examples
+    --------
+    >>> gw.analysis.Regime(regimes.regimes[0, 0]).name
+    'PERIODIC'
+    """
 
     RUNAWAY = -2
     UNDECIDED = -1

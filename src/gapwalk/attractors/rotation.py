@@ -40,6 +40,11 @@ class Rotation:
     roughness
         Length of the closed polygon through the strobes in the order of their phases, over the length of their minimum
         spanning tree: 1 for a curve, much more if the order or the number of curves is wrong.
+
+    Examples
+    --------
+    >>> gw.records.Rotation(number=0.313, error=1e-6, curves=1, roughness=1.0).number
+    0.313
     """
 
     number: float

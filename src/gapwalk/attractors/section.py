@@ -39,6 +39,12 @@ class Section:
         Positions, velocities and extensions.
     text
         The plane or phase of the section, in words.
+
+    Examples
+    --------
+    >>> points = gw.analysis.strobe(system, orbit.state, periods=3)
+    >>> points.states.shape, points.text
+    ((3, 2), 'phase 0 of the period')
     """
 
     system: System
@@ -55,12 +61,29 @@ class Section:
         return self.theta % PERIOD
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """Return one signal at each state, by the names of `Motion.signal`; shape (count,)."""
+        """Return one signal at each state, by the names of `Motion.signal`; shape (count,).
+
+        Parameters
+        ----------
+        name
+            A coordinate, its velocity or acceleration, or a contact's force.
+
+        Returns
+        -------
+        array, shape (count,)
+            In the unit of the signal.
+        """
         return Motion.of(self.system, self.theta, self.states).signal(name)
 
 
 class Crossing(StrEnum):
-    """The direction in which a motion crosses a plane."""
+    """The direction in which a motion crosses a plane.
+
+    Examples
+    --------
+    >>> gw.analysis.Plane({"x": 1.0}, 0.5, gw.analysis.Crossing.UPWARDS).text
+    'x = 0.5, upwards'
+    """
 
     UPWARDS = "upwards"
     DOWNWARDS = "downwards"
@@ -83,6 +106,12 @@ class Plane:
         The value.
     crossing
         ``"upwards"``, ``"downwards"`` or ``"both"``.
+
+    Examples
+    --------
+    >>> plane = gw.analysis.Plane({"x": 1.0}, level=0.5, crossing="downwards")
+    >>> gw.analysis.section(system, orbit.state, plane, periods=2).states.shape
+    (2, 2)
     """
 
     normal: Mapping[str, float] = field(hash=False)
@@ -100,6 +129,16 @@ class Plane:
 
     def weights(self, system: System) -> NDArray[np.float64]:
         """Return the weights of all entries of a state, shape (state_size,).
+
+        Parameters
+        ----------
+        system
+            The system.
+
+        Returns
+        -------
+        array, shape (state_size,)
+            The weights.
 
         Raises
         ------
@@ -137,12 +176,23 @@ def section(system: System, start: NDArray[np.float64], plane: Plane, periods: i
     periods
         Number of forcing periods for which the motion is followed.
 
+    Returns
+    -------
+    Section
+        The states, in the order of the crossings.
+
     Raises
     ------
     ModelError
         For an invalid state, number or plane.
     FlowError
         If the motion diverges.
+
+    Examples
+    --------
+    >>> plane = gw.analysis.impact_plane(impacting.system, "stop")
+    >>> gw.analysis.section(impacting.system, impacting.state, plane, periods=3).signal("x'").round(6)
+    array([1.377284, 1.377284, 1.377284])
     """
     check_count("periods", periods)
     crossings = _Crossings(system, plane)
@@ -241,10 +291,31 @@ def _root(function: Callable[[float], float], start: float, stop: float) -> floa
 def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = True) -> Plane:
     """Return the plane on which a contact's innermost stage closes (or opens) on one side.
 
+    Parameters
+    ----------
+    system
+        The system.
+    contact
+        Name of the contact.
+    side
+        Side of the contact: +1 or -1.
+    closes
+        True where the stage closes, False where it opens.
+
+    Returns
+    -------
+    Plane
+        The plane, with the direction of crossing.
+
     Raises
     ------
     ModelError
         If there is no such contact, or none of its stages acts on that side.
+
+    Examples
+    --------
+    >>> gw.analysis.impact_plane(system, "stop").text
+    'x = 1, upwards'
     """
     forms = {form.name: form for form in system.structure.contacts}
     if contact not in forms:
@@ -289,12 +360,22 @@ def strobe(system: System, start: NDArray[np.float64], periods: int = 1000, phas
     phase
         Angle of the excitation at the states, in radians, 0 <= phase < 2 pi.
 
+    Returns
+    -------
+    Section
+        The states.
+
     Raises
     ------
     ModelError
         For an invalid state, number or phase.
     FlowError
         If the motion diverges.
+
+    Examples
+    --------
+    >>> gw.analysis.strobe(system, orbit.state, periods=2).signal("x").round(6)
+    array([0.774443, 0.774443])
     """
     check_count("periods", periods)
     if not 0.0 <= phase < PERIOD:

@@ -43,6 +43,11 @@ class SettleOptions:
     tolerance
         Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
         settled; a chaotic one may drift by four standard errors.
+
+    Examples
+    --------
+    >>> gw.settle(system, options=gw.SettleOptions(tolerance=1e-3)).converged
+    True
     """
 
     max_periods: int = 20_000
@@ -81,12 +86,22 @@ def settle(
     at, **values
         Parameter values to change first: ``settle(system, frequency=0.45)``.
 
+    Returns
+    -------
+    Settled
+        The motion after its transient.
+
     Raises
     ------
     ModelError
         For an invalid start or parameter.
     FlowError
         If the motion diverges.
+
+    Notes
+    -----
+    Averages of a motion that is not periodic: Das, Saiki, Sander and Yorke (2017), Nonlinearity 30, 4111-4140; their
+    errors for chaotic motion: Flyvbjerg and Petersen (1989), Journal of Chemical Physics 91, 461-466.
 
     Examples
     --------

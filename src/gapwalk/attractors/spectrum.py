@@ -53,6 +53,12 @@ class Spectrum(Described):
         Width of a line, as an order: 0 for a periodic motion.
     folding
         Bound on the contribution of aliasing to any line, in the units of the signal.
+
+    Examples
+    --------
+    >>> lines = gw.analysis.spectrum(impacting, "x")
+    >>> lines.orders[:3], round(lines.amplitude(1), 6)
+    (array([0., 1., 2.]), 1.302088)
     """
 
     system: System
@@ -78,7 +84,18 @@ class Spectrum(Described):
         yield from map(list, np.column_stack(columns).tolist())
 
     def amplitude(self, order: float) -> float:
-        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none."""
+        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none.
+
+        Parameters
+        ----------
+        order
+            The order, a multiple of W or per turn, as in `orders`.
+
+        Returns
+        -------
+        float
+            In the unit of the signal.
+        """
         nearest = int(np.argmin(np.abs(self.orders - order)))
         reach = max(self.resolution, 1e-9)
         return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
@@ -92,6 +109,11 @@ class Spectrum(Described):
             Largest number of peaks.
         least
             Smallest height, relative to the highest peak.
+
+        Returns
+        -------
+        tuple of Peak
+            Each with its order and its amplitude.
         """
         from scipy.signal import find_peaks  # imported late: it takes long
 
@@ -125,6 +147,11 @@ class SpectrumOptions:
         ``"hann"`` separates neighbouring lines better.
     tolerance
         The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
+
+    Examples
+    --------
+    >>> gw.analysis.SpectrumOptions(periods=128, window="hann").window
+    'hann'
     """
 
     periods: int = 256
@@ -146,7 +173,23 @@ class SpectrumOptions:
 
 
 class Peak(NamedTuple):
-    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
+    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude.
+
+    Attributes
+    ----------
+    name
+        Name of the line.
+    order
+        Its order.
+    amplitude
+        Its amplitude, in the unit of the signal.
+
+    Examples
+    --------
+    >>> peak = gw.analysis.spectrum(impacting, "x").peaks(1)[0]
+    >>> peak.order, round(peak.amplitude, 6)
+    (1.0, 1.302088)
+    """
 
     name: str
     order: float
@@ -175,6 +218,12 @@ class Waterfall(Described):
         See `System.turns`.
     units
         Units of the system.
+
+    Examples
+    --------
+    >>> found = gw.analysis.waterfall([orbit, impacting], "x''", top=4.0)
+    >>> found.values, found.amplitudes.shape
+    (array([0.6, 1.1]), (2, 5))
     """
 
     parameter: str
@@ -198,7 +247,13 @@ class Waterfall(Described):
             yield [value, stable, *row]
 
     def plot(self, **options):
-        """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
+        """Draw the waterfall as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of `gapwalk.plot.motions.draw_waterfall`.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -226,12 +281,22 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     options
         Length, window and accuracy.
 
+    Returns
+    -------
+    Spectrum
+        The lines.
+
     Raises
     ------
     ModelError
         If there is no such signal.
     FlowError
         If the motion diverges.
+
+    Examples
+    --------
+    >>> gw.analysis.spectrum(impacting, "x''").amplitudes[1:4].round(4)
+    array([1.5755, 0.885 , 0.7284])
     """
     from scipy.signal import get_window  # imported late: it takes long
 
@@ -319,10 +384,21 @@ def waterfall(
     options
         As in `spectrum`; by default aliasing is limited to 1e-4 of the largest line.
 
+    Returns
+    -------
+    Waterfall
+        The spectra, in the order of the orbits.
+
     Raises
     ------
     ModelError
         If there are no orbits, no such signal, or no such parameter.
+
+    Examples
+    --------
+    >>> found = gw.analysis.waterfall(branch, "x''", top=5.0)
+    >>> found.amplitudes.shape == (found.values.size, found.orders.size)
+    True
     """
     if isinstance(orbits, Branch):
         parameter, orbits = orbits.parameter, [point.orbit for point in orbits.points]

@@ -33,6 +33,11 @@ class Unexplained:
         Values of the parameter at the points before and after it.
     text
         Description of the change, as a sentence.
+
+    Examples
+    --------
+    >>> gw.records.Unexplained(first=0.7, last=0.8, text="the motion became unstable").text
+    'the motion became unstable'
     """
 
     first: float
@@ -59,6 +64,13 @@ class Branch(Shown):
         Special points in the order of the walk.
     ends
         Ends of the branch with their reasons, at its first and at its last point.
+
+    Examples
+    --------
+    >>> branch.values[[0, -1]], len(branch.special("fold"))
+    (array([0.6, 1.6]), 2)
+    >>> branch.measure("max.x").shape == branch.values.shape
+    True
     """
 
     parameter: str
@@ -86,7 +98,18 @@ class Branch(Shown):
         return np.array([point.value for point in self.points])
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure (see `Orbit.measure`) at each point, shape (points,)."""
+        """Return one measure (see `Orbit.measure`) at each point, shape (points,).
+
+        Parameters
+        ----------
+        name
+            Name of the measure, such as ``half.q1``.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the signal.
+        """
         return np.array([point.measure(name) for point in self.points])
 
     @property
@@ -111,12 +134,29 @@ class Branch(Shown):
         return tuple(point.instability for point in self.points)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
-        """Return the special points of one kind."""
+        """Return the special points of one kind.
+
+        Parameters
+        ----------
+        kind
+            The kind, or its name, such as ``fold``.
+
+        Returns
+        -------
+        tuple of SpecialPoint
+            In the order of the walk.
+        """
         return tuple(special for special in self.special_points if special.kind == kind)
 
     @summarizes
     def summary(self, points: bool = True) -> SummaryParts:
-        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted."""
+        """Return range and counts of the branch, where and why it ends, and the table of special points if wanted.
+
+        Parameters
+        ----------
+        points
+            True to include the table of special points.
+        """
         symbol = parameter_symbol(self.parameter, self.system.units)
         yield (
             f"period-{self.period} motions over {symbol} from {self.values[0]:.10g} to {self.values[-1]:.10g}: "
@@ -139,6 +179,13 @@ class Branch(Shown):
         """Draw the branch and return the axes; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``).
 
         Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
+
+        Parameters
+        ----------
+        measure
+            A coordinate, or a measure as in `Orbit.measure`.
+        **options
+            Options of the picture.
         """
         from gapwalk.plot import draw
 
@@ -148,6 +195,16 @@ class Branch(Shown):
         """Return the points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
 
         Needs pandas (``pip install gapwalk[dataframe]``).
+
+        Parameters
+        ----------
+        *measures
+            Further measures, as in `Orbit.measure`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row for each point, in the order of the walk.
         """
         import pandas as pd
 

@@ -33,6 +33,12 @@ class Match:
     ----------
     first, second
         The point of either branch.
+
+    Examples
+    --------
+    >>> match = gw.compare(branch, branch).matches[0]
+    >>> match.difference
+    0.0
     """
 
     first: SpecialPoint
@@ -64,6 +70,12 @@ class Comparison(Shown):
         Special points that both have.
     only_first, only_second
         Special points that only one of them has, within the common range.
+
+    Examples
+    --------
+    >>> found = gw.compare(branch, branch)
+    >>> found.within(1e-3), len(found.matches)
+    (True, 6)
     """
 
     parameter: str
@@ -87,7 +99,18 @@ class Comparison(Shown):
         return max((abs(match.difference) for match in self.matches), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if the branches agree: no distance or relative shift above the tolerance, no point unmatched."""
+        """Return True if the branches agree: no distance or relative shift above the tolerance, no point unmatched.
+
+        Parameters
+        ----------
+        tolerance
+            The tolerance, as a share of the ranges.
+
+        Returns
+        -------
+        bool
+            False if they differ by more.
+        """
         unmatched = self.only_first or self.only_second
         return not unmatched and max(self.largest, self.largest_shift / self.width) <= tolerance
 
@@ -117,6 +140,11 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
         Measures (see `Orbit.measure`) that distinguish the motions; by default mean and root mean square of each
         coordinate, since these have no corners along a branch, unlike extremes.
 
+    Returns
+    -------
+    Comparison
+        Distances along the branch, and which special points both have.
+
     Raises
     ------
     ModelError
@@ -127,6 +155,12 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     Two orbits at equal values of the parameter cannot be compared at a fold. Therefore the distance of each point of
     the first branch is measured from the second branch as a curve: the cubic spline through its points and special
     points.
+
+    Examples
+    --------
+    >>> again = gw.follow(orbit, "frequency", 1.6, walk=gw.WalkOptions(largest_step=0.01))
+    >>> gw.compare(branch, again).within(1e-3)
+    True
     """
     if first.parameter != second.parameter:
         raise ModelError(

@@ -98,7 +98,9 @@ class BranchTracer(Iterator[Step]):
             if finer is None:
                 break
             if state.previous is not None and len(state.previous.x) < len(finer.first.x):
-                state = replace(state, previous=lift(state.previous, finer.corrector))
+                state = replace(state, previous=lift(state.previous, finer.corrector), earlier=None)
+            elif state.earlier is not None and len(state.earlier.x) < len(finer.first.x):
+                state = replace(state, earlier=lift(state.earlier, finer.corrector))
             beginning = finer
         self.beginning, self.first = beginning, beginning.first
         self._kinds = (*Kind.known(), *events)

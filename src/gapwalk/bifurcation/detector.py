@@ -159,11 +159,8 @@ def unexplained(
     """
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
-        unclear = [_is_unclear(kind, point) or (_is_vertex(point, kind) and point in joining) for point in (a, b)]
-        signs = [
-            0.0 if doubt else math.copysign(1.0, kind.at(point)) for doubt, point in zip(unclear, (a, b), strict=True)
-        ]
-        found = sum(each.kind is kind or _passes(kind, each) for each in special)
+        signs = [0.0 if point in joining and _is_vertex(point, kind) else _sign(kind, point) for point in (a, b)]
+        found = sum(each.kind is kind or _passes(kind, each, a, b, special) for each in special) if special else 0
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"
@@ -175,9 +172,23 @@ def unexplained(
     yield from _friction(a, b, special)
 
 
-def _passes(kind: Kind, special: SpecialPoint) -> bool:
-    """Return True if the test function of a kind changes its sign at a special point of another kind."""
-    return special.is_vertex or special.turns if kind.is_turning else kind is Kind.FLIP and special.passes_flip
+def _passes(kind: Kind, special: SpecialPoint, a: BranchPoint, b: BranchPoint, others: Sequence[SpecialPoint]) -> bool:
+    """Return True if the test function of a kind changes its sign at a special point of another kind.
+
+    A multiplier that jumps across +1 turns the branch. If that of a motion with a symmetry does, where both sides of a
+    rigid stop graze at once, a branch without the symmetry may begin instead, and this one does not turn.
+    """
+    at_once = any(
+        each.kind is Kind.GRAZING and each.contact != special.contact and _is_at(each, special) for each in others
+    )
+    crosses = special.is_corner and special.turns and at_once and float(a.tangent[-1] * b.tangent[-1]) > 0.0
+    if kind.is_turning:
+        return special.is_vertex or (special.turns and not crosses)
+    return special.passes_flip if kind is Kind.FLIP else kind is Kind.BRANCH_POINT and crosses
+
+
+def _is_at(other: SpecialPoint, special: SpecialPoint) -> bool:
+    return other.point.arclength == special.point.arclength
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
@@ -202,18 +213,24 @@ def _is_undecided(point: BranchPoint) -> bool:
     return known
 
 
-def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
-    """Return True if the sign of a test function is not significant at a point.
+def _sign(kind: Kind, point: BranchPoint) -> float:
+    """Return the sign of a test function at a point, 1 or -1; 0 if it is not significant.
 
     The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
     and only known to a few digits.
     """
-    if abs(kind.at(point)) < kind.noise:
-        return True
-    if not kind.moves_through_one:
-        return _is_undecided(point)
-    near = abs(point.orbit.free_multipliers - 1.0).min()
-    return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
+    known = point.memo.get((_sign, kind))
+    if known is None:
+        value = kind.at(point)
+        if abs(value) < kind.noise:
+            is_unclear = True
+        elif not kind.moves_through_one:
+            is_unclear = _is_undecided(point)
+        else:
+            near = min(abs(each - 1.0) for each in point.orbit.free_multipliers.tolist())
+            is_unclear = near < _SINGULAR and abs(float(point.tangent[-1])) > _SINGULAR
+        known = point.memo[_sign, kind] = 0.0 if is_unclear else math.copysign(1.0, value)
+    return known
 
 
 def _is_vertex(point: BranchPoint, kind: Kind) -> bool:
@@ -224,6 +241,8 @@ def _is_vertex(point: BranchPoint, kind: Kind) -> bool:
 def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """Yield the stages whose number of closings changes by more than the grazing points between account for."""
     changes = a.orbit.closing_changes(b.orbit)
+    if not special and not any(changes):
+        return
     for switch, (now, then, change) in enumerate(zip(a.orbit.closings, b.orbit.closings, changes, strict=True)):
         if a.orbit.system.gapless[switch] or b.orbit.system.gapless[switch]:
             continue  # without a gap nothing can touch

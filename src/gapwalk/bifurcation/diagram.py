@@ -27,7 +27,20 @@ from gapwalk.summary import SummaryParts, Tree, remarks, summarizes
 
 @dataclass(frozen=True)
 class Origin:
-    """Special point at which a branch begins on another: the name of that branch, and the index of the point."""
+    """Special point at which a branch begins on another: the name of that branch, and the index of the point.
+
+    Attributes
+    ----------
+    parent
+        Name of that branch.
+    special
+        Index of the special point, from 0.
+
+    Examples
+    --------
+    >>> diagram.members[1].begins
+    Origin(parent='P1-1', special=1)
+    """
 
     parent: str
     special: int
@@ -47,6 +60,12 @@ class DiagramBranch:
         Its beginning on another branch; None for a branch that was found independently.
     joins
         Its end on another branch; None if it ends otherwise.
+
+    Examples
+    --------
+    >>> member = diagram.members[1]
+    >>> member.name, member.period, member.begins.parent
+    ('P2-1', 2, 'P1-1')
     """
 
     name: str
@@ -79,6 +98,11 @@ class Cascade:
         Names of the branches on which the flips lie.
     values
         The parameter at each flip.
+
+    Examples
+    --------
+    >>> diagram.cascades
+    ()
     """
 
     members: tuple[str, ...]
@@ -113,6 +137,11 @@ class Diagram(Shown):
         Result of the search for isolated branches; None if there was none.
     max_period
         The longest period of branches that was requested; None if it does not apply, as for a single branch.
+
+    Examples
+    --------
+    >>> [(member.name, str(member.begins)) for member in diagram.members]
+    [('P1-1', 'None'), ('P2-1', "Origin(parent='P1-1', special=1)")]
     """
 
     parameter: str
@@ -141,15 +170,50 @@ class Diagram(Shown):
         return self[origin.parent].branch.special_points[origin.special]
 
     def children(self, name: str) -> tuple[DiagramBranch, ...]:
-        """Return the members that begin or end on the branch of one name."""
+        """Return the members that begin or end on the branch of one name.
+
+        Parameters
+        ----------
+        name
+            Name of the branch, such as ``P1-1``.
+
+        Returns
+        -------
+        tuple of DiagramBranch
+            In the order of the diagram.
+        """
         return tuple(member for member in self.members if any(origin.parent == name for origin in member.origins))
 
     def attached(self, name: str, special: int) -> tuple[DiagramBranch, ...]:
-        """Return the members that begin or end at a special point, given by its index on the branch of one name."""
+        """Return the members that begin or end at a special point, given by its index on the branch of one name.
+
+        Parameters
+        ----------
+        name
+            Name of the branch.
+        special
+            Index of the special point, from 0.
+
+        Returns
+        -------
+        tuple of DiagramBranch
+            In the order of the diagram.
+        """
         return tuple(member for member in self.members if Origin(name, special) in member.origins)
 
     def depth(self, member: DiagramBranch) -> int:
-        """Return the number of branches between a member and the branch found on its own from which it descends."""
+        """Return the number of branches between a member and the branch found on its own from which it descends.
+
+        Parameters
+        ----------
+        member
+            A member of the diagram.
+
+        Returns
+        -------
+        int
+            0 for a branch that was found on its own.
+        """
         return 0 if member.begins is None else 1 + self.depth(self[member.begins.parent])
 
     @cached_property
@@ -179,6 +243,11 @@ class Diagram(Shown):
             Its beginning on another branch.
         method
             Method by which its orbits were found.
+
+        Returns
+        -------
+        Diagram
+            A new record; this one does not change.
         """
         count = sum(member.period == branch.period for member in self.members) + 1
         member = DiagramBranch(f"P{branch.period}-{count}", branch, begins)
@@ -246,6 +315,13 @@ class Diagram(Shown):
 
         Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only the
         states are drawn.
+
+        Parameters
+        ----------
+        measure
+            A coordinate, or a measure as in `Orbit.measure`.
+        **options
+            Options of the picture.
         """
         from gapwalk.plot import draw
 

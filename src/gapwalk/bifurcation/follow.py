@@ -58,6 +58,11 @@ def follow(
     events
         User-defined special points: functions of the orbit whose zeros are located; see `Event`.
 
+    Returns
+    -------
+    Branch
+        Its points, its special points, and why it ends.
+
     Raises
     ------
     ModelError
@@ -69,6 +74,11 @@ def follow(
         If the branch is to be verified, and a check fails.
     Interrupted
         After Ctrl-C; its `found` is the branch so far.
+
+    Notes
+    -----
+    Pseudo-arclength continuation: Keller (1977); Padmanabhan and Singh (1995), section 3. Step size: den Heijer and
+    Rheinboldt (1981), SIAM Journal on Numerical Analysis 18, 925-948.
 
     Examples
     --------
@@ -119,11 +129,10 @@ def walk(
 
     Examples
     --------
-    >>> steps = gw.walk(orbit, "frequency", 0.2)
-    >>> for point in steps:
-    ...     if point.measure("max.q1") > 3.0:
-    ...         break
-    >>> steps.branch.plot()
+    >>> steps = gw.walk(orbit, "frequency", 1.6)
+    >>> first = next(point for point in steps if point.measure("max.x") > 1.0)  # the first impact
+    >>> round(first.value, 2), str(steps.special_points[0].kind)
+    (0.71, 'grazing')
     """
     return BranchWalk(_beginnings(start, parameter, to, method), walk, events, resume)
 
@@ -147,6 +156,13 @@ class BranchWalk(Iterator[BranchPoint]):
         User-defined special points.
     resume
         State of a stopped walk with the same beginnings.
+
+    Examples
+    --------
+    >>> steps = gw.walk(orbit, "frequency", 0.62)
+    >>> points = list(steps)
+    >>> steps.branch.points[-1].value == points[-1].value
+    True
     """
 
     def __init__(

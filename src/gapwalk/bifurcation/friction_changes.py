@@ -43,6 +43,7 @@ _DOUBT = 0.5  # share of its bend by which a margin may have moved between two p
 _NEAR = 0.05  # share of its range within which a least value that appears counts as near zero
 _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
+_JUMPS = 1e-11  # arclength from a located point within which the margin is that small too
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -228,7 +229,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         if sizes[0] * sizes[1] >= 0.0 or min(map(abs, sizes)) <= _TOUCH * max(map(abs, sizes)):
             return None
         root = float(brentq(value, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
-        if abs(value(root)) > _TOUCH * max(map(abs, sizes)):
+        # where the margin jumps, one of several phases was tracked on one side, and another one on the other side
+        around = [size for place, (_, size) in tracked.items() if abs(place - root) <= _JUMPS]
+        if max(map(abs, [value(root), *around])) > _TOUCH * max(map(abs, sizes)):
             return None
     except LookupError:
         return None

@@ -53,6 +53,13 @@ class SpecialPoint(Shown):
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     parameter
         Name of the parameter along which its branch was followed.
+
+    Examples
+    --------
+    >>> str(fold.kind), round(fold.value, 9), fold.uncertainty < 1e-10
+    ('fold', 1.392108885, True)
+    >>> fold.nature, fold.orbit.measure("max.x") > 1.0
+    ('opens to lower values', True)
     """
 
     _row: ClassVar = {
@@ -155,6 +162,11 @@ class SpecialPoint(Shown):
         method
             How the orbits are posed; by default the method that found them.
 
+        Returns
+        -------
+        Gradient
+            Slopes, their errors, and percent per percent.
+
         Raises
         ------
         ModelError
@@ -164,7 +176,8 @@ class SpecialPoint(Shown):
 
         Examples
         --------
-        >>> print(branch.special_points[0].gradient().summary())
+        >>> round(fold.gradient("stop.clearance")["stop.clearance"], 6)
+        -0.20789
         """
         from gapwalk.bifurcation.loci.gradient import gradient
 

@@ -47,6 +47,11 @@ class Symbol:
         Matplotlib dashes of its locus in a map; None if it has no locus.
     width
         Width of that line, in points.
+
+    Examples
+    --------
+    >>> gw.Kind.named("fold").symbol.letters
+    'LP'
     """
 
     label: str
@@ -132,17 +137,39 @@ class Kind(str):
 
     @staticmethod
     def known() -> tuple[Kind, ...]:
-        """Return all kinds, in the order of tables and legends."""
+        """Return all kinds, in the order of tables and legends.
+
+        Returns
+        -------
+        tuple of Kind
+            One of each kind.
+        """
         return tuple(KINDS.values())
 
     @staticmethod
     def with_locus() -> tuple[Kind, ...]:
-        """Return the kinds whose points can be followed in two parameters, in the same order."""
+        """Return the kinds whose points can be followed in two parameters, in the same order.
+
+        Returns
+        -------
+        tuple of Kind
+            Those that can be followed in two parameters.
+        """
         return tuple(kind for kind in KINDS.values() if not kind.no_locus)
 
     @staticmethod
     def named(name: str) -> Kind:
         """Return the kind with a name.
+
+        Parameters
+        ----------
+        name
+            Name of the kind, such as ``fold``.
+
+        Returns
+        -------
+        Kind
+            The kind.
 
         Raises
         ------
@@ -152,7 +179,18 @@ class Kind(str):
         return KINDS.named(name)
 
     def function(self, point: BranchPoint) -> float:
-        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind."""
+        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind.
+
+        Parameters
+        ----------
+        point
+            A point of a branch.
+
+        Returns
+        -------
+        float
+            It changes its sign at a point of this kind.
+        """
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     @property
@@ -166,21 +204,61 @@ class Kind(str):
         return type(self).function is not Kind.function
 
     def at(self, point: BranchPoint) -> float:
-        """Return the test function at a point; it is computed once."""
+        """Return the test function at a point; it is computed once.
+
+        Parameters
+        ----------
+        point
+            A point of a branch.
+
+        Returns
+        -------
+        float
+            As `function`.
+        """
         known = point.memo.get(self)
         if known is None:
             known = point.memo[self] = self.function(point)
         return known
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
+        """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier.
+
+        Parameters
+        ----------
+        point
+            The located point.
+        near
+            The nearest point of the walk.
+
+        Returns
+        -------
+        bool
+            False if the zero has another cause.
+        """
         return True
 
     def prepare(self, search: Search) -> None:
-        """Prepare a step before any kind is searched for in it; by default nothing is done."""
+        """Prepare a step before any kind is searched for in it; by default nothing is done.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        """
 
     def points_in(self, search: Search) -> list[Zero]:
         """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+
+        Returns
+        -------
+        list
+            The zeros in the step, in their order.
 
         Raises
         ------
@@ -190,11 +268,38 @@ class Kind(str):
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
-        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None."""
+        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        a, b
+            Fractions of the step between which the function changes its sign.
+
+        Returns
+        -------
+        zero or None
+            The located zero; None if there is none.
+        """
         return None
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
+
+        Parameters
+        ----------
+        search
+            The step in which the point was found.
+        zero
+            The located zero.
+        second
+            The same zero of another discretisation.
+
+        Returns
+        -------
+        float
+            In the unit of the parameter.
 
         Raises
         ------
@@ -204,13 +309,31 @@ class Kind(str):
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
-        """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
+        """Return the criticality that follows from the points on both sides, in words; None to reject the point.
+
+        Parameters
+        ----------
+        before, after
+            Points on both sides.
+
+        Returns
+        -------
+        str or None
+            In words; None to reject the point.
+        """
         return ""
 
     def examined(
         self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
     ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
         """Compare a special point with points computed again on both sides of it.
+
+        Parameters
+        ----------
+        special
+            The special point.
+        before, after
+            Points computed again on both sides of it.
 
         Returns
         -------
@@ -224,11 +347,42 @@ class Kind(str):
         return [], self.at
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """Complete the special point with information from other branches, such as the criticality of a flip."""
+        """Complete the special point with information from other branches, such as the criticality of a flip.
+
+        Parameters
+        ----------
+        special
+            The special point.
+        parameter
+            Name of the walked parameter.
+        method
+            Method of the orbits; None for the one that found them.
+
+        Returns
+        -------
+        SpecialPoint
+            The point, with its criticality if it is known.
+        """
         return special
 
     def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return the beginnings of the other branches that begin or cross at a point of this kind.
+
+        Parameters
+        ----------
+        special
+            The special point.
+        parameter
+            Name of the walked parameter.
+        within
+            Range of the parameter.
+        method
+            Method of the orbits.
+
+        Returns
+        -------
+        list of BranchStart
+            One for each branch, in each direction.
 
         Raises
         ------
@@ -238,11 +392,33 @@ class Kind(str):
         raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
-        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality."""
+        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality.
+
+        Parameters
+        ----------
+        monodromy : shape (state_size, state_size)
+            Monodromy matrix of an orbit.
+
+        Returns
+        -------
+        Criticality
+            The distance, and its derivative by the matrix.
+        """
         raise NotImplementedError(f"a {self} is not defined by multipliers")
 
     def angle(self, multipliers: NDArray[np.complex128]) -> float:
-        """Return the argument of the critical multiplier, from 0 to pi."""
+        """Return the argument of the critical multiplier, from 0 to pi.
+
+        Parameters
+        ----------
+        multipliers : shape (state_size,)
+            Floquet multipliers.
+
+        Returns
+        -------
+        float
+            In radians.
+        """
         return math.pi if self.target is not None and self.target < 0.0 else 0.0
 
     def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
@@ -250,6 +426,18 @@ class Kind(str):
 
         It is a product over all multipliers, if the kind has such a function. So a factor that is small for
         another reason, as at a point of codimension two, does no harm.
+
+        Parameters
+        ----------
+        orbit
+            The orbit.
+        multipliers : shape (state_size,)
+            Its Floquet multipliers, computed again.
+
+        Returns
+        -------
+        float
+            0 at a point of this kind; non-dimensional.
         """
         if self.target is not None:
             return float(np.prod(np.minimum(np.abs(multipliers - self.target), 1.0)))
@@ -263,13 +451,35 @@ class Kind(str):
         return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
 
     def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty."""
+        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty.
+
+        Parameters
+        ----------
+        multipliers : shape (state_size,)
+            Floquet multipliers.
+
+        Returns
+        -------
+        array of int
+            Their indices.
+        """
         if self.target is None:
             return np.zeros(0, dtype=np.intp)
         return np.argsort(np.abs(multipliers - self.target), kind="stable")[:1]
 
     def critical_multiplier(self, multipliers: NDArray[np.complex128]) -> complex:
-        """Return the critical multiplier of a point of this kind; nan if there is none."""
+        """Return the critical multiplier of a point of this kind; nan if there is none.
+
+        Parameters
+        ----------
+        multipliers : shape (state_size,)
+            Floquet multipliers.
+
+        Returns
+        -------
+        complex
+            The multiplier nearest to the critical value.
+        """
         places = self.critical(multipliers)
         return complex(multipliers[places[0]]) if len(places) else complex(np.nan, np.nan)
 
@@ -298,9 +508,24 @@ _WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point, or 
 def register(kind: Kind) -> Kind:
     """Register a kind under its name; a class that is defined again replaces its earlier definition.
 
+    Parameters
+    ----------
+    kind
+        The kind, an instance of its class.
+
+    Returns
+    -------
+    Kind
+        The kind itself.
+
     Raises
     ------
     ModelError
         If a kind of another class has the name.
+
+    Examples
+    --------
+    >>> gw.special_points.register(gw.Kind.named("fold"))  # as gapwalk has done
+    'fold'
     """
     return KINDS.add(str(kind), kind)

@@ -189,7 +189,7 @@ class Search:
         return near and zero.kind.by_multipliers and abs(zero.kind.at(zero.point)) > zero.kind.noise
 
     def recent(self, kind: Kind) -> list[float]:
-        """Return what the walk remembers of a kind, by default the arclengths of its last zeros; it may be changed."""
+        """Return the data that the walk keeps for a kind: by default the arclengths of its last zeros."""
         return self._recent.setdefault(kind, [])
 
     def near(self, point: BranchPoint) -> BranchPoint:

@@ -34,6 +34,7 @@ _MISSING = (-1e-6, 1e-6, -1e-7, 1e-7, -1e-8, 1e-8)  # arclengths at which orbits
 _BEHIND = (1e-7, 1e-6)  # arclengths behind a point at which orbits are sought whose impact has a depth
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
 _LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
+_WILD = 1e6  # multiplier beyond a rigid stop that steps along the branch cannot follow
 _GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
 _LEAST = 1e-16  # depth, in the scale of positions, that is only rounding
 _SOFTEST = 1e-12  # the same at a rigid stop
@@ -140,6 +141,7 @@ class _Corner:
             if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
         ]
         self._touches = [first, *self._simultaneous] if at_once else [first]
+        self._is_several = rigid and len(self._touches) > 1
         # the effect of an impact on a rigid stop is that of the root of its depth, which must be the more exact
         self._posed = by_touches(point.orbit, self._touches, corrector.scales, _RIGID_LEAD if rigid else LEAD)
         start = self._posed.at(point.orbit)
@@ -161,8 +163,8 @@ class _Corner:
         graze = self._at(0.0)
         if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
             raise ConvergenceError("the graze is behind the walk, and far enough away")
-        label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
-        while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
+        label = max(begin, _BLUR)
+        while self._is_near(label, graze):
             try:
                 self._at(label + self._growth(label))
             except NumericalError:  # where the acceleration is about to vanish, a deflection does not turn any more
@@ -175,6 +177,21 @@ class _Corner:
             special = [each for each in special if each.point.arclength > point.arclength]
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
+
+    def _is_near(self, label: float, graze: BranchPoint) -> bool:
+        """Return True while a point is too near to the graze for steps along the branch, and touches can be posed.
+
+        The softest impact on a rigid stop may be far enough away. But a symmetric motion with several of them at once
+        is still more sensitive than such steps can follow.
+        """
+        point, deepest = self._at(label), self._posed.deepest
+        is_wild = self._is_several and float(np.abs(point.orbit.multipliers).max()) > _WILD
+        if is_wild:
+            try:
+                deepest = self._further.deepest
+            except NumericalError:
+                is_wild = False
+        return label < abs(self._label(deepest)) and (is_wild or length_of(point.x - graze.x) < _BEYOND)
 
     def retreat(self, before: BranchPoint) -> Passage:
         """Return the step to this corner's first point from an orbit that touches, of another branch of the graze."""
@@ -219,10 +236,41 @@ class _Corner:
     def _at(self, label: float) -> BranchPoint:
         """Return the point of the branch at a label; all but the first have no arclength yet."""
         if label not in self._points:
-            nearest = min(self._held, key=lambda known: (known * label < 0.0, abs(known - label)))
-            held = self._held[label] = self._posed.hold(self._held[nearest], self._depth(label))
-            self._points[label] = self._point(self._posed, held)
+            posed = self._posed_at(label)
+            own = [known for known in self._held if self._posed_at(known) is posed] or [self._outermost]
+            nearest = min(own, key=lambda known: (known * label < 0.0, abs(known - label)))
+            start = self._held[nearest] if own != [self._outermost] else posed.at(self._points[nearest].orbit)
+            held = self._held[label] = posed.hold(start, self._depth(label))
+            self._points[label] = self._point(posed, held)
         return self._points[label]
+
+    def _posed_at(self, label: float) -> TouchEquation:
+        """Return the equation whose segments begin early enough before the touches at a label."""
+        is_deep = self._is_several and self._depth(label) * self._posed.free < -self._posed.deepest
+        return self._further if is_deep else self._posed
+
+    @property
+    def _outermost(self) -> float:
+        """Label of the deepest touch that the first equation has."""
+        own = [known for known in self._points if self._posed_at(known) is self._posed]
+        return max(own, key=lambda known: -self._depth(known) * self._posed.free)
+
+    @cached_property
+    def _further(self) -> TouchEquation:
+        """The equation with segments that begin earlier, for deeper touches."""
+        orbit = self._points[self._outermost].orbit
+        found = [touch for touch in touches(orbit) if touch.depth * self._posed.free < 0.0]
+        nearest = [
+            min(
+                (each for each in found if each.switch == own.switch),
+                key=lambda each: abs(each.theta - own.theta),
+                default=None,
+            )
+            for own in self._touches
+        ]
+        if None in nearest:
+            raise ConvergenceError("the touches are not found again")
+        return self._by_touches(orbit, [each for each in nearest if each], self._corrector.scales, LEAD)
 
     def _point(self, posed: TouchEquation, held: Held) -> BranchPoint:
         unknowns, evaluation = posed.evaluation(held)
@@ -298,6 +346,8 @@ class _Corner:
 
         pairs = pairwise(nodes)
         changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
+        if kind.target is None and self._is_several:  # a product of real multipliers, one of them huge: rounding
+            changes = [(a, b) for a, b in changes if self._at(a).instability != self._at(b).instability]
         zeros = []
         for a, b in changes:
             if a < 0.0 < b and self._least > _LEAST:
@@ -327,7 +377,7 @@ class _Corner:
             other = self._point(second, second.hold(start, self._depth(label)))
             beside = self._at(label + _NEAR)
             held = self._held[label]
-            off = abs(other.value - here.value) + held.error + self._posed.rounding(held)
+            off = abs(other.value - here.value) + held.error + self._posed_at(label).rounding(held)
         except NumericalError:
             return math.inf
         if kind is Kind.GRAZING:  # at a rigid stop the orbit there misses it

@@ -18,7 +18,7 @@ app = App(
 
 EXIT_CODES = (
     "Exit codes: 0 done, 1 a bug, 2 bad input, 3 the numerics failed, 4 compared results differ, 5 a check of verify "
-    "failed, 130 Ctrl-C, 143 SIGTERM; before the last two, everything is stored."
+    "failed, 130 Ctrl-C, 143 SIGTERM; before the last two, all complete parts are stored."
 )
 """The last lines of each help text."""
 
@@ -27,6 +27,7 @@ Flag = Annotated[bool, _SWITCH]
 Json = Annotated[bool, _SWITCH, Parameter(help="Print one JSON document.")]
 Debug = Annotated[bool, _SWITCH, Parameter(help="Show the traceback of an error.")]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
+Form = Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
 Names = Annotated[list[str] | None, Parameter(negative=())]
 
 
@@ -155,7 +156,7 @@ def run(
 ) -> int:
     """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
 
-    Ctrl-C stops the run with everything stored; --resume continues as if it had not been interrupted.
+    Ctrl-C stops the run with all complete parts stored, such as points of a branch; --resume computes the others.
 
     Parameters
     ----------
@@ -216,22 +217,27 @@ def show(
     "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
     "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
     "gapwalk export rattle.gapwalk --size column --output rattle.pdf",
+    "gapwalk export start.gapwalk --format wav --signal mesh.force  # the sound of a run-up",
 )
 def export(
     result: Path,
     /,
     *,
-    format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html"] | None = None,
+    format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
+    | None = None,
     output: Path | None = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
+    signal: str | None = None,
+    full_scale: float | None = None,
     debug: Debug = False,
 ) -> int:
-    """Write the tables or the picture of a result file, or a web page with its diagram and motions (html).
+    """Write the tables, the picture or the sound of a result file, or a web page with its diagram and motions (html).
 
     Tables are written as csv, json, netcdf (for xarray), mat (for MATLAB), parquet (for pandas) or xlsx (for Excel);
     netcdf, parquet and xlsx need pip install "gapwalk[data]". The page is a single file that opens in any browser
-    without a network. A click on a point shows its motion.
+    without a network. A click on a point shows its motion. The sound (wav) of a run-up or a settled motion has its true
+    pitch and level.
 
     Parameters
     ----------
@@ -247,10 +253,14 @@ def export(
     size
         Size of a picture: for a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
         slide (250 mm), or a screen.
+    signal
+        Signal of a sound, as in mesh.force or gear''; by default the acceleration of what hits hardest.
+    full_scale
+        Amplitude of that signal which is as loud as a file can be. Give sounds that are compared the same one.
     """
     from gapwalk.cli.file_commands import export_result
 
-    return export_result(result, format, output, measure, size)
+    return export_result(result, format, output, measure, size, signal, full_scale)
 
 
 @command(

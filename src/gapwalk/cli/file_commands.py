@@ -129,24 +129,36 @@ def _gradients(result: Result) -> Gradients:
 
 
 def export_result(
-    path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
+    path: Path,
+    form: str | None,
+    output: Path | None,
+    measure: str | None,
+    size: SizeName | None = None,
+    signal: str | None = None,
+    full_scale: float | None = None,
 ) -> int:
-    """Write the tables or the picture of a result, or a page with its motions."""
+    """Write the tables, the picture or the sound of a result, or a page with its motions."""
     from gapwalk.studies.export import export_data
     from gapwalk.studies.formats.data_format import canonical, format_names, format_of
     from gapwalk.studies.read_result import load_result
 
     form = canonical(form or (output.suffix.lstrip(".") if output and output.suffix else "csv"))
-    if form not in (*format_names(), "html", *_PICTURES):
-        known = ", ".join((*format_names(), *_PICTURES))
+    if form not in (*format_names(), "html", "wav", *_PICTURES):
+        known = ", ".join((*format_names(), *_PICTURES, "wav"))
         raise ModelError(f"nothing can be exported as {form!r}; write --format {known} or html")
     if size is not None and form not in _PICTURES:
         raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
+    if form != "wav" and (signal is not None or full_scale is not None):
+        raise ModelError("--signal and --full-scale concern sounds; write --format wav")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
     result = load_result(path)
     if result.finding is not None and result.finding.record is None:
         raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
+    if form == "wav":
+        from gapwalk.cli.sound_command import save_sound
+
+        return save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
     if form in format_names():
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")

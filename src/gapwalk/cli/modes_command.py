@@ -115,7 +115,8 @@ def train_lines(system: System) -> list[str]:
         return []
     form = assembly.form
     gears = sum(link.geared for link in form.links)
-    parts = f"{len(form.inertias)} inertias, {len(form.links) - gears} shafts, {gears} gears"
+    counts = {"inertia": len(form.inertias), "shaft": len(form.links) - gears, "gear": gears}
+    parts = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
     if not form.is_free:
         return [f"  train: {parts}; connected to the ground"]
     lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]

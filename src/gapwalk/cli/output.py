@@ -64,11 +64,18 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
         _tell(f"the output of the command cannot be written: {error.strerror or error}", {}, json=False)
         return BAD_INPUT
     except KeyboardInterrupt as error:
-        text = f"interrupted: {error}" if str(error) else "interrupted"
+        text = failure_text(error)
         _tell(text, {"type": "KeyboardInterrupt", "message": text}, json=json)
         return INTERRUPTED
     except Exception as error:
         return report_error(error, json=json, debug=debug)
+
+
+def failure_text(error: BaseException) -> str:
+    """Return the words for an error; those for Ctrl-C begin with "interrupted"."""
+    if isinstance(error, KeyboardInterrupt):
+        return f"interrupted: {error}" if str(error) else "interrupted"
+    return str(error)
 
 
 def failure_code(error: BaseException) -> int:

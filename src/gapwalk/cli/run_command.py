@@ -18,6 +18,7 @@ from gapwalk.cli.output import (
     INTERRUPTED,
     console,
     failure_code,
+    failure_text,
     print_json,
     printable,
     show,
@@ -76,11 +77,13 @@ def run_file(
             try:
                 code, document = _run_study(study, path, **how)
             except (GapwalkError, KeyboardInterrupt) as error:
+                if isinstance(error, KeyboardInterrupt) and not error.args and not path.exists():
+                    error.args = ("no part was complete, so nothing is stored",)
                 if alone:
                     if isinstance(error, KeyboardInterrupt) and path.exists():
                         _say_how_to_resume(resume_words, path)
                     raise
-                code, text = failure_code(error), str(error) or "interrupted"
+                code, text = failure_code(error), failure_text(error)
                 document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
                 print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
             codes.append(code)

@@ -7,6 +7,7 @@ corrector is Newton's method on the bordered system, which also gives the tangen
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from operator import truediv
 from typing import NamedTuple
 
@@ -29,6 +30,8 @@ _POLISH = 1e-5  # longest last step once the residual is within tolerance: a lon
 _SHALLOW = 1e-3  # share of the depth of the shallowest contact: after a longer step the multipliers are others
 _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is returned with its true size
 _ACROSS = 0.3  # cosine of the angle to the direction of travel below which the tangent is solved for again
+_ALONG = 0.5  # cosine of the angle between tangents up to which points are interpolated along one of them
+_AGREES = 0.3  # distance of the quintic from the cubic, as a share of that of the cubic from the tangent
 _TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
@@ -252,7 +255,7 @@ def _largest(vector: NDArray[np.float64]) -> float:
 
 def length_of(vector: NDArray[np.float64]) -> float:
     """Return the length of a vector (for short vectors several times faster than NumPy's)."""
-    return math.sqrt(float(vector @ vector))
+    return math.sqrt(vector.dot(vector))
 
 
 def bounded_product(factors: list[float]) -> float:
@@ -268,8 +271,13 @@ def bounded_product(factors: list[float]) -> float:
     return sign * math.exp(min(max(logarithm, -_LOGARITHM), _LOGARITHM))
 
 
-def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list[NDArray[np.float64]]:
-    """Return guesses for the point one step ahead, best first: by the cubic through two points, by the tangent."""
+def ahead(
+    earlier: BranchPoint | None, previous: BranchPoint | None, point: BranchPoint, step: float
+) -> list[NDArray[np.float64]]:
+    """Return guesses for the point one step ahead, best first: by a polynomial through known points, by the tangent.
+
+    The polynomial is the cubic through two points or, if the point before them agrees, the quintic through three.
+    """
     straight = point.x + step * point.tangent
     if previous is None or point.orbit.stuck:  # a cubic would amplify errors of what friction keeps, fivefold in a step
         return [straight]
@@ -277,11 +285,37 @@ def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list
     if not 0.0 < step < 3.0 * length:
         return [straight]
     curved = hermite(previous, point, 1.0 + step / length)
-    if length_of(curved - straight) > 0.5 * step:
+    bent = length_of(curved - straight)
+    if bent > 0.5 * step:
         return [straight]
     # both guesses lie on the same plane across the tangent
     curved += ((straight - curved) @ point.tangent) * point.tangent
+    if earlier is not None and length < 3.0 * (previous.arclength - earlier.arclength):
+        finer = interpolated((earlier, previous, point), point, step)
+        if finer is not None and length_of(finer - curved) < _AGREES * bent:
+            curved = finer
     return [curved, straight]
+
+
+def interpolated(points: Sequence[BranchPoint], origin: BranchPoint, ahead: float) -> NDArray[np.float64] | None:
+    """Return the place ahead of a point on the polynomial through some points, with their tangents.
+
+    The polynomial is a function of the distance along the tangent at that point. Unlike the arclength, which sums
+    chords, this distance is exact, so that the order of the polynomial counts. The result is None if the branch turns
+    away from the tangent.
+    """
+    along = origin.tangent
+    rates = [float(point.tangent @ along) for point in points]
+    if min(rates) < _ALONG:
+        return None
+    places = [float((point.x - origin.x) @ along) for point in points]
+    total = np.zeros(len(along))
+    for point, place, rate in zip(points, places, rates, strict=True):
+        others = [each for each in places if each != place]
+        weight = math.prod((ahead - each) / (place - each) for each in others) ** 2
+        off, slope = ahead - place, sum(1.0 / (place - each) for each in others)
+        total += (weight * (1.0 - 2.0 * slope * off)) * point.x + (weight * off / rate) * point.tangent
+    return total
 
 
 def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:

@@ -32,6 +32,12 @@ class BranchPoint:
         Scaled arclength from the start of the walk.
     memo
         Cache of values derived from the point that are needed repeatedly.
+
+    Examples
+    --------
+    >>> point = branch.points[0]
+    >>> point.value, point.stable, round(point.measure("max.x"), 6)
+    (0.6, True, 0.777839)
     """
 
     _row: ClassVar = {
@@ -65,7 +71,18 @@ class BranchPoint:
         return self.orbit.instability
 
     def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`."""
+        """Return one measure of the motion; see `Orbit.measure`.
+
+        Parameters
+        ----------
+        name
+            Name of the measure, such as ``half.q1``.
+
+        Returns
+        -------
+        float
+            In the unit of the signal.
+        """
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:

@@ -31,14 +31,22 @@ class WalkOptions:
     ----------
     initial_step
         The first step; it is clipped to the two limits below.
-    smallest_step, largest_step
-        The step at which the walk gives up, and the longest step.
+    smallest_step
+        The step at which the walk gives up.
+    largest_step
+        The longest step.
     largest_turn
         The largest angle between the tangents at both ends of a step, in radians.
     iterations
         Newton iterations per step that the step-size control aims at.
     max_points
         Number of points after which the walk stops and reports that limit.
+
+    Examples
+    --------
+    >>> short = gw.follow(orbit, "frequency", 1.6, walk=gw.WalkOptions(max_points=10))
+    >>> short.ends[1].reason_words
+    'the largest number of points was reached (max_points = 10)'
     """
 
     initial_step: _Positive = 0.002

@@ -32,7 +32,13 @@ _GOOD = 0.1  # distance from a guess, in steps, within which another guess would
 
 
 class EndReason(Enum):
-    """Reason why a branch ends; the value is the sentence that a user reads."""
+    """Reason why a branch ends; the value is the sentence that a user reads.
+
+    Examples
+    --------
+    >>> branch.ends[1].reason
+    <EndReason.RANGE: 'the end of the range was reached'>
+    """
 
     START = "the walk began here"
     RANGE = "the end of the range was reached"
@@ -64,7 +70,22 @@ class EndReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Place and reason of the end of a branch."""
+    """Place and reason of the end of a branch.
+
+    Attributes
+    ----------
+    reason
+        The reason.
+    value
+        Value of the parameter there.
+    detail
+        Further explanation; may be empty.
+
+    Examples
+    --------
+    >>> branch.ends[1].reason_words
+    'the end of the range was reached'
+    """
 
     reason: EndReason
     value: float
@@ -82,12 +103,16 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class WalkState:
-    """Progress of a walk: its last two points, the next step, and the number of points so far."""
+    """Progress of a walk: its last points, the next step, and the number of points so far.
+
+    Where the walk has not so many points, `previous` and `earlier`, the point before it, are None.
+    """
 
     previous: BranchPoint | None
     point: BranchPoint
     step: float
     count: int
+    earlier: BranchPoint | None = None
 
 
 class Walk(Iterator[BranchPoint]):
@@ -131,6 +156,7 @@ class Walk(Iterator[BranchPoint]):
         self._first_step = self._longest(first, options.first_step)
         state = resume or WalkState(None, first, self._first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
+        self.earlier = state.earlier
         self.end: End | None = None
         self.rejected = 0
         self._least = max(options.smallest_step, _SHORT)
@@ -138,7 +164,7 @@ class Walk(Iterator[BranchPoint]):
     @property
     def state(self) -> WalkState:
         """Progress so far: everything needed to continue from there."""
-        return WalkState(self.previous, self.point, self.step, self.count)
+        return WalkState(self.previous, self.point, self.step, self.count, self.earlier)
 
     def __next__(self) -> BranchPoint:
         if self.end is not None:
@@ -149,7 +175,7 @@ class Walk(Iterator[BranchPoint]):
         point = self._advance()
         if point is None:
             raise StopIteration
-        self.previous, self.point = self.point, point
+        self.earlier, self.previous, self.point = self.previous, self.point, point
         self.count += 1
         return point
 
@@ -166,14 +192,15 @@ class Walk(Iterator[BranchPoint]):
 
     def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
         """Continue from a point that another method has reached from a state, with the given next step."""
-        self.previous, self.point, self.count = state.point, point, state.count + 1
+        self.earlier, self.previous, self.point, self.count = state.previous, state.point, point, state.count + 1
         self.step = min(step, self._longest(point, self.options.largest_step))
         least = _SHORT if self.step > _SHORT else _SHORTER * self.step  # it must be able to take the step
         self.end, self._least = None, max(self.options.smallest_step, least)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it was wrong, and continue with shorter steps."""
-        self.previous, self.point, self.count, self.end = state.previous, state.point, state.count, None
+        self.earlier, self.previous, self.point = state.earlier, state.previous, state.point
+        self.count, self.end = state.count, None
         self.step = shorter_step(rejected.arclength - state.point.arclength)
         self.rejected += 1
 
@@ -238,7 +265,7 @@ class Walk(Iterator[BranchPoint]):
         """Return the correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
-        for guess in ahead(self.previous, self.point, self.step):
+        for guess in ahead(self.earlier, self.previous, self.point, self.step):
             correction = self.corrector.correct(guess, self.point.tangent, trust, _NEAR * self.step)
             if correction is None:
                 continue

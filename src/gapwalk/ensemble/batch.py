@@ -85,6 +85,11 @@ class BatchOptions:
         Number of trajectories that are compared with the exact flow, at several times of each run.
     threads
         Number of threads; by default all local cores. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.analysis.BatchOptions(error=1e-6, threads=1).thread_count
+    1
     """
 
     error: float = 1e-4
@@ -131,6 +136,12 @@ class BatchSurvey:
         Contacts per forcing period: entries into the innermost stage of each contact on the positive and on the
         negative side. A contact that lasts less than a step may be missed. Of the impacts of a rigid stop that follow
         each other within a step, the first is counted.
+
+    Examples
+    --------
+    >>> flow = gw.parallel.batch_flow_of(system.at(frequency=1.1))
+    >>> flow.run(np.zeros((1, 2)), periods=40, survey=8).survey.impacts[0, 0]  # positive side, negative side
+    array([1., 0.])
     """
 
     periods: int
@@ -163,6 +174,12 @@ class BatchRun:
         Number of comparisons (one trajectory over one period each).
     steps
         Steps per forcing period.
+
+    Examples
+    --------
+    >>> found = gw.parallel.batch_flow_of(system).run(np.zeros((3, 2)), periods=4, every=2)
+    >>> found.strobes.shape, found.error < 1e-4
+    ((2, 3, 2), True)
     """
 
     states: NDArray[np.float64]

@@ -50,7 +50,21 @@ _MOST_AT_ONCE = 4.0
 
 @dataclass(frozen=True)
 class BatchFlow:
-    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`."""
+    """Integrator of many trajectories of one system, or of several systems of its structure; see `batch_flow_of`.
+
+    Attributes
+    ----------
+    system
+        The system.
+    options
+        Accuracy and threads.
+
+    Examples
+    --------
+    >>> flow = gw.parallel.batch_flow_of(system)
+    >>> flow.run(np.zeros((3, 2)), periods=4).states.shape
+    (3, 2)
+    """
 
     system: System
     options: BatchOptions = BatchOptions()
@@ -79,6 +93,11 @@ class BatchFlow:
         survey
             If not 0, extremes, contacts and largest forces are recorded over that many last periods.
 
+        Returns
+        -------
+        BatchRun
+            The states at the end, and the error of the run.
+
         Raises
         ------
         ModelError
@@ -104,6 +123,20 @@ class BatchFlow:
 
         With `may_be_few` False, they resolve the fastest vibration of closed contacts even if none closes. It raises a
         FlowError as `run` does.
+
+        Parameters
+        ----------
+        batch
+            The trajectories.
+        periods
+            Number of forcing periods.
+        may_be_few
+            False to resolve the contacts in any case.
+
+        Returns
+        -------
+        int
+            Steps per forcing period.
         """
         guess = first_guess(batch.linear, self.options.error, batch.states)
         return self._pilot(batch, periods, guess, 0 if may_be_few else guess)
@@ -217,6 +250,21 @@ def batch_flow_of(system: System, options: BatchOptions = BatchOptions()) -> Bat
         The system.
     options
         Accuracy and threads.
+
+    Returns
+    -------
+    BatchFlow
+        The integrator.
+
+    Notes
+    -----
+    Exponential integrators: Hochbruck and Ostermann (2010), Acta Numerica 19, 209-286.
+
+    Examples
+    --------
+    >>> flow = gw.parallel.batch_flow_of(system, gw.parallel.BatchOptions(error=1e-6))
+    >>> flow.run(np.zeros((2, 2)), 10, parameters={"stop.clearance": [0.8, 1.2]}).states.shape
+    (2, 2)
     """
     return BatchFlow(system, options)
 

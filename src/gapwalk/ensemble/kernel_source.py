@@ -356,7 +356,7 @@ class Source:
         return lines
 
     def _held(self, i: int, stop: int, k: int, first: int = 2) -> str:
-        """Write what a reaction changes in a component of the state."""
+        """Write the change of a component of the state by a reaction."""
         deflection, rate = (self._slot("hold", which, i, stop) for which in (0, 1))
         return f"({deflection} * j{first}_{k} + {rate} * j{first + 1}_{k})"
 

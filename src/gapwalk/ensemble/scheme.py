@@ -212,7 +212,7 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
 
 
 def _of_stops(linear: Linear, span: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Compute what impulses and reactions of rigid stops contribute: `Scheme.impulse`, `echo` and `hold`."""
+    """Compute the contributions of impulses and reactions of rigid stops: `Scheme.impulse`, `echo` and `hold`."""
     stops = rigid_stops(linear.layout)
     if not stops:
         lanes, n2 = len(span), 2 * linear.n

@@ -160,7 +160,7 @@ def either(condition: Term, one: Any, other: Any) -> Any:
 
 
 def bump(guard: Any, width: Any) -> Any:
-    """Write what ``max(guard, 0)`` is too small by next to its kink, if the guard changes by `width` in a step."""
+    """Write the error of ``max(guard, 0)`` next to its kink, if the guard changes by `width` in a step."""
     away = least(size(guard) / width, 1.0)
     return width * (1.0 / 12.0) * ((1.0 - away) * (1.0 - 3.0 * away))
 

@@ -7,7 +7,7 @@ whose type is not registered has its sentences and tables alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,11 @@ class AnswerView:
         return None
 
     @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of parameters in which its curves differ, besides those along which they go."""
+        return ()
+
+    @property
     def contacts(self) -> Sequence[str]:
         """Names of the contacts of which one is chosen."""
         return ()
@@ -75,7 +80,7 @@ class AnswerView:
         return first or [self.finding.stored]
 
     def drawn(self) -> Json:
-        """Return what is drawn.
+        """Return the curves and axes of the picture.
 
         Returns
         -------
@@ -83,6 +88,7 @@ class AnswerView:
             Any of these lists: ``shades``, spans of a parameter (``over``, ``low``, ``high``, ``tint``, ``text``);
             ``lines``, its values (``over``, ``at``, ``text``, ``exact``); ``cells`` of a plane; ``layers`` over the
             diagram, series with the names of their ``axes``; ``below``, panels of series over a parameter; ``bars``;
+            ``shares``; ``space``, the depth of each curve in three dimensions; ``ribs``, paths of special points;
             ``ends``, special points to choose (``text``, with ``branch`` and ``special``, or with ``place`` and
             ``gradient``); and ``within``, the range of each parameter.
         """
@@ -135,14 +141,15 @@ def _plain(part: Any) -> str | Json:
 
 
 Maker = Callable[[Finding], AnswerView]
+View = TypeVar("View", bound=AnswerView)
 
 _VIEWS: dict[type, Maker] = {}
 
 
-def shown(record: type) -> Callable[[type[AnswerView]], type[AnswerView]]:
+def shown(record: type) -> Callable[[type[View]], type[View]]:
     """Register the view of a type of record."""
 
-    def register(view: type[AnswerView]) -> type[AnswerView]:
+    def register(view: type[View]) -> type[View]:
         _VIEWS[record] = view
         return view
 
@@ -160,9 +167,10 @@ def view_of(finding: Finding) -> AnswerView:
 
 
 def _views() -> dict[type, Maker]:
-    from gapwalk.explorer import change_views, rattle_views, sweep_view  # they register themselves
+    # they register themselves
+    from gapwalk.explorer import cell_views, change_views, family_view, rattle_views, run_up_view, sweep_view
 
-    del change_views, rattle_views, sweep_view
+    del cell_views, change_views, family_view, rattle_views, run_up_view, sweep_view
     return _VIEWS
 
 
@@ -183,8 +191,8 @@ class Alone(Finding):
         return ""
 
     def summary(self) -> Any:
-        """Return what the record says."""
-        return self._record.summary()
+        """Return the sentences of the record."""
+        return self._record.summary() if hasattr(self._record, "summary") else (repr(self._record),)
 
     def document(self, points: bool) -> Json:
         """Return the record as JSON values."""

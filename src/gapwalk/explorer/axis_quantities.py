@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from gapwalk.answers.design_goals import peaks
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
-from gapwalk.model.words import measure_words, parameter_words, state_words
+from gapwalk.model.words import coordinate_words, measure_words, parameter_words, state_words
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 
@@ -17,6 +17,9 @@ MEASURE = "measure:"
 
 SECTION = "section."
 """Prefix of a state at the start of the forcing period, which a sweep is over: ``section.q1``."""
+
+START = "start."
+"""Prefix of a state from which motions begin, which a plane of basins is over: ``start.q1``."""
 
 PEAK, IMPACTS = "peak.", "impacts."
 """Prefixes of the largest magnitude of the force of a contact, and of its impacts per second: ``peak.stop``."""
@@ -46,6 +49,8 @@ def _words(name: str, system: System) -> str:
         return parameter_words(name, system.units)
     if name.startswith(SECTION):
         return state_words(name.removeprefix(SECTION), system.units)
+    if name.startswith(START):
+        return f"{coordinate_words(name.removeprefix(START), system.units)} at the start"
     units = system.units
     if contact := _contact(PEAK, name, system):
         form = system.structure.contacts[contact - 1]

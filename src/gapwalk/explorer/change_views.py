@@ -1,4 +1,4 @@
-"""Views of answers about changed parameters and speeds on the page: designs, tolerances and run-ups."""
+"""Views of answers about changed parameters and speeds on the page: designs, tolerances and many run-ups."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.design import ChangedParameter, Design
-from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.bifurcation.branch import Branch
@@ -16,14 +15,11 @@ from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.explorer.answer_view import AnswerView, Json, Series, numbers, panel, shown, unit_of, with_unit
 from gapwalk.model.system import System
-from gapwalk.model.words import signal_words
-from gapwalk.studies.run_up_study import RunUpStudy
 
 _SAID = 2  # points that the sentences name
 _DOTS = 600  # of the cloud of one point
 _BINS = 60  # classes of a distribution
 _COORDINATES = 6  # whose motion is drawn over a diagram
-_PERIODS = 1500  # of a run-up that are drawn; of more, the extremes of several
 _SPEEDS = 100  # classes of the speed of many run-ups
 _LEVELS = ((0.5, "middle", "half of them are below"), (0.95, "most", "95 % are below"), (1.0, "largest", "largest"))
 
@@ -202,62 +198,6 @@ class ToleranceView(AnswerView):
             text = "" if special.kind in seen else f"{special.kind}: distribution"
             seen.add(special.kind)
             yield Series(x, y, "area", f"kind-{special.kind.value}", text)
-
-
-@shown(RunUp)
-class RunUpView(AnswerView):
-    """Half the range of a coordinate in each period over the speed, and below the signal and the contact forces."""
-
-    record: RunUp
-
-    @property
-    def axes(self) -> tuple[str, str]:
-        """The speed, and the amplitude of a coordinate."""
-        signal, names = self._signal, self.record.system.coordinates
-        return self.record.system.structure.pace, f"half.{signal if signal in names else names[0]}"
-
-    @property
-    def _signal(self) -> str:
-        asked = getattr(self.finding, "asked", None)
-        return (asked.signal if isinstance(asked, RunUpStudy) else "") or self.record.loudest
-
-    def sentences(self) -> list[str]:
-        """Return the largest force of each contact; without any, the course."""
-        return list(self.record.sentences) or super().sentences()
-
-    def drawn(self) -> Json:
-        """Return the amplitude over the speed for each coordinate, and the histories below."""
-        run, pace, system = self.record, self.axes[0], self.record.system
-        layers = []
-        for name in dict.fromkeys((self.axes[1].partition(".")[2], *system.coordinates[:_COORDINATES])):
-            speed, low, high = _thinned(*run.envelope(name))
-            axes = (pace, f"half.{name}")
-            layers.append(Series(speed, 0.5 * (high - low), "dots", "run", "run-up: each period", axes=axes).plain)
-        own = signal_words(self._signal, system.units)
-        below = [panel(own, pace, system, self._extremes(self._signal))]
-        for each in run.peaks:
-            if each.force:
-                title = f"force of {each.contact}" + " [N m]" * bool(system.units)
-                star = Series([each.speed], [each.force], "stars", "worst", "largest")
-                below.append(panel(title, pace, system, [*self._extremes(f"{each.contact}.force"), star]))
-        ends = [float(run.speed.min()), float(run.speed.max())]
-        return {"layers": layers, "below": below, "within": {pace: ends}}
-
-    def _extremes(self, signal: str) -> Iterator[Series]:
-        speed, low, high = _thinned(*self.record.envelope(signal))
-        yield Series(speed, low, "line", "middle", "extremes of each period")
-        yield Series(speed, high, "line", "middle")
-
-
-def _thinned(
-    speed: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the extremes of several periods in place of those of one, if there are too many."""
-    every = max(1, -(-len(speed) // _PERIODS))
-    firsts = np.arange(0, len(speed), every)
-    if every == 1 or not len(firsts):
-        return speed, low, high
-    return speed[firsts], np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
 
 
 @shown(RunUps)

@@ -117,7 +117,8 @@ def curve_of(wanted: Quantities) -> dict[str, Any]:
         "node": _packed([node.number for node in nodes], "<i4"),
         "label": _packed([node.label for node in nodes], "u1"),
         "special": [
-            {**special_words(each), **dict(zip("xy", map(finite, wanted.of(each.orbit)), strict=True))}
+            special_words(each, (line.parameter, line.second))
+            | dict(zip("xy", map(finite, wanted.of(each.orbit)), strict=True))
             for each in line.special_points
         ],
     }
@@ -156,14 +157,21 @@ def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Ki
     return labels().index(kind.value)
 
 
-def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
-    """Describe a special point for the page: symbol, lines of text, and what can begin at it."""
+def special_words(special: SpecialPoint | Codim2Point, names: tuple[str, str] = ("", "")) -> dict[str, Any]:
+    """Describe a special point for the page: symbol, lines of text, and what can begin at it.
+
+    `names` are the parameters of the locus of a point of codimension two.
+    """
+    units = special.orbit.system.units
     if isinstance(special, Codim2Point):
         style = CODIM2[special.kind]
-        lines = [f"at {', '.join(f'{value:.9g}' for value in special.values)}", special.contact]
+        own = [units.parameter(name) if units and name else "" for name in names]
+        at = (f"{value:.9g} {unit}".rstrip() for value, unit in zip(special.values, own, strict=True))
+        lines = [f"at {', '.join(at)}", special.contact]
         return {"kind": f"codim2 {special.kind.value}", "text": style.legend, "label": style.label, "lines": lines}
     style, kind, words = symbol_style(special.kind), special.kind, special.words
-    at = " ± ".join(filter(None, (f"at {words['at']}", words["±"])))
+    unit = units.parameter(special.parameter) if units else ""
+    at = f"at {' ± '.join(filter(None, (words['at'], words['±'])))} {unit}".rstrip()
     return {
         "kind": kind.value,
         "text": style.text,

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 from gapwalk.attractors.attractor import Settled
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusEnd, LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.walk import End
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.answer_view import AnswerView, view_of
 from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
@@ -28,6 +29,7 @@ from gapwalk.explorer.tasks import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
 from gapwalk.model.model_file import file_paths
 from gapwalk.model.model_source import read_source
+from gapwalk.model.words import value_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
 from gapwalk.studies.options import BranchOptions
@@ -453,6 +455,12 @@ def _stamp(path: str) -> str:
     return f"{found.st_mtime_ns}-{found.st_size}"
 
 
+def _end_words(end: End | LocusEnd, values: Mapping[str, float], study: Study) -> str:
+    """Return the reason and the place of an end, with units."""
+    at = (value_words(value, name, study.system.units) for name, value in values.items())
+    return f"{end.reason_words}, at {', '.join(at)}"
+
+
 def _ends(entry: Entry) -> str:
     """Return the ends of the only branch or locus of a result, or the coverage of a search."""
     result = entry.result
@@ -463,9 +471,12 @@ def _ends(entry: Entry) -> str:
         found = f"{count} new {'branch' if count == 1 else 'branches'}." if count else "Nothing new was found."
         return " ".join([found, *result.diagram.notes[:2]])
     if result.map is not None and len(result.map.loci) == 1:
-        return "; ".join(dict.fromkeys(str(end) for end in result.map.loci[0].ends))
+        locus = result.map.loci[0]
+        places = ((end, dict(zip((locus.first, locus.second), end.values, strict=True))) for end in locus.ends)
+        return "; ".join(dict.fromkeys(_end_words(*each, result.study) for each in places))
     if len(result.branches) == 1:
-        return str(result.branches[0].ends[-1])
+        end = result.branches[0].ends[-1]
+        return _end_words(end, {result.branches[0].parameter: end.value}, result.study)
     if entry.answer is not None:
         return "; ".join(entry.answer.sentences())
     settled = entry.settled()

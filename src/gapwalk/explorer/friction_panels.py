@@ -82,7 +82,7 @@ def _shares(found: StickSlip, name: str) -> dict[str, float]:
 
 
 def element_curve(sampled: Motion, index: int) -> dict[str, NDArray[np.float64]]:
-    """Return what the page draws of an element beside force and deflection.
+    """Return the curves that the page draws of an element, besides force and deflection.
 
     It is the ``rate`` of the deflection of a rigid stop, whose force is no curve; and, if friction sticks by a spring,
     the position of its ``slider``: the deflection less the extension of that spring.

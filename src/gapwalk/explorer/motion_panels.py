@@ -79,6 +79,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "q": {name: _rounded(sampled.signal(name)) for name in names},
         "v": {name: _rounded(sampled.signal(f"{name}'")) for name in names},
         "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
+        "struck": _struck(sampled, names),
         "others": {signal: _rounded(sampled.signal(signal))} if signal in train_signals(system.structure) else {},
         **_contacts(sampled, signal),
         "elements": None if found is None else elements_of(found),
@@ -106,7 +107,16 @@ def lines_and_section(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
         "across": order_words(motion.system.turns),
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
-        "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},
+        "section": {
+            "of": base,
+            "q": _rounded(states.signal(base)),
+            "v": _rounded(states.signal(f"{base}'")),
+            "states": {
+                f"{name}{dash}": _rounded(states.signal(f"{name}{dash}"))
+                for name in dict.fromkeys((base, *motion.system.coordinates[:_COORDINATES]))
+                for dash in ("", "'")
+            },
+        },
     }
 
 
@@ -126,6 +136,17 @@ def _text(motion: Orbit | Settled) -> str:
         return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
     state = "stable" if motion.stable else f"unstable ({motion.instability.label})"
     return f"period {motion.period}, {state}, contacts {motion.pattern}"
+
+
+def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]]]:
+    """Return what accelerations leave out where rigid stops strike: instants in periods, and jumps of the velocity."""
+    if not sampled.impacts:
+        return {}
+    found = {}
+    for name in names:
+        theta, sizes = sampled.impulses(f"{name}''")
+        found[name] = [_rounded(theta / PERIOD), _rounded(sizes / sampled.system.frequency)]
+    return found
 
 
 def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ _HEARD = ("hear", "pin")  # steps that need no job, and so no end of the result
 
 
 def next_of(exploration: Exploration, place: Place) -> dict[str, Any]:
-    """Return what a point means for the machine, and the steps from there that work now; see `at_special`.
+    """Return the meaning of a point for the machine, and the next steps that work now; see `at_special`.
 
     Raises
     ------

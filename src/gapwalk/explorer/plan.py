@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -10,10 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gapwalk.attractors.sound import second_of
 from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.result_titles import along_words, changed_words, study_title
 from gapwalk.explorer.tasks import Task, follow_others, follow_special_point, follow_switch
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.ramp import Ramped
 from gapwalk.model.system import System
 from gapwalk.model.words import pace_words, value_words
 from gapwalk.orbit.method import Method, chosen
@@ -22,12 +26,17 @@ from gapwalk.studies.diagram_study import DiagramStudyOptions
 from gapwalk.studies.map_study import MapStudyOptions
 from gapwalk.studies.options import BranchOptions, ParameterRange
 from gapwalk.studies.response_study import ResponseOptions
+from gapwalk.studies.run_up_study import RunUpStudy
 from gapwalk.studies.settle_study import SettleStudyOptions
 from gapwalk.studies.study_file import Study
 
 if TYPE_CHECKING:
     from gapwalk.explorer.exploration import Exploration
 
+
+MOST_SECONDS = 120
+"""Length of one way of a run-up that a page can ask for."""
+_SAMPLES, _FEWEST, _TOTAL = 512, 32, 400_000  # of a run-up in a forcing period, and in all
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -127,7 +136,33 @@ class Settle(_Part):
     values: Values = {}
 
 
-Action = Compute | Walk | Switch | Search | FollowLocus | Settle
+class RunUp(_Part):
+    """Run the speed up, down, or both, in some seconds, from the motion that settles at the first speed.
+
+    Parameters
+    ----------
+    start
+        A motion of the system that runs up; None for the system of the file that was opened.
+    values
+        Changed values, if there are any.
+    low, high
+        Values of the speed between which it goes.
+    seconds
+        How long it takes; without units of the model, seconds as they are heard.
+    way
+        Up, down, or up and then down in twice the time.
+    """
+
+    do: Literal["runup"]
+    start: Place | None = None
+    values: Values = {}
+    low: Annotated[Number, Field(gt=0)]
+    high: Annotated[Number, Field(gt=0)]
+    seconds: Annotated[Number, Field(gt=0, le=MOST_SECONDS)] = 10.0
+    way: Literal["up", "down", "both"] = "both"
+
+
+Action = Compute | Walk | Switch | Search | FollowLocus | Settle | RunUp
 _ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator="do")])
 
 
@@ -317,6 +352,40 @@ def _settle(action: Settle, shown: Exploration) -> tuple[str, Task]:
     return title, Task(_study_of(system, options, title, origin), Path())
 
 
+def _run_up(action: RunUp, shown: Exploration) -> tuple[str, Task]:
+    origin = shown.base() if action.start is None else shown.origin(action.start)
+    system = origin.system if action.start is None else shown.motion(action.start).system
+    system = system.at(dict(action.values))
+    options = run_up_study(action, system)
+    pace, low, high = system.structure.pace, action.low, action.high
+    ends = (high, low) if action.way == "down" else (low, high)
+    back = " and back" if action.way == "both" else ""
+    title = f"run-up, {along_words(system, pace, *ends)}{back} in {options.times[-1] / _second(system):.4g} s"
+    title += changed_words(system, _base(shown), {pace})
+    return title, Task(_study_of(system, options, title, origin), Path())
+
+
+def run_up_study(action: RunUp, system: System) -> RunUpStudy:
+    """Return the study of a run-up; raise a ModelError if the system cannot run up."""
+    if not action.low < action.high:
+        given = f"the range of {system.structure.pace} is from {action.low:g} to {action.high:g}"
+        raise ModelError(f"{given}; its second value must be the larger one")
+    Ramped(system)  # refuses what cannot run up
+    for bound in (action.low, action.high):
+        system.at({system.structure.pace: bound})
+    lasts = action.seconds * _second(system)
+    speeds = {"up": (action.low, action.high), "down": (action.high, action.low)}
+    course = speeds.get(action.way, (action.low, action.high, action.low))
+    times = tuple(lasts * number for number in range(len(course)))
+    periods = 0.5 * (action.low + action.high) * system.structure.frequency / PERIOD * times[-1]
+    samples = 2 ** int(math.log2(max(_TOTAL / max(periods, 1.0), _FEWEST)))
+    return RunUpStudy(times=times, speeds=course, samples=min(samples, _SAMPLES))
+
+
+def _second(system: System) -> float:
+    return second_of(system, None)
+
+
 def _from_orbit(
     kind: Callable[..., BranchOptions], orbit: Orbit, origin: Study, *where: str | float, **options: Any
 ) -> BranchOptions:
@@ -351,4 +420,5 @@ _PLANS: dict[type[Action], Callable[[Any, Exploration], tuple[str, Task]]] = {
     Search: _search,
     FollowLocus: _locus,
     Settle: _settle,
+    RunUp: _run_up,
 }

@@ -74,7 +74,7 @@ def _listed(words: list[str]) -> str:
 
 
 def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> str:
-    """Return what a motion is in a few words: ``torus, rotation number 0.313``.
+    """Describe a motion in a few words: ``torus, rotation number 0.313``.
 
     Parameters
     ----------

@@ -6,18 +6,11 @@ chosen, and the motions of many of their points. Arrays are one run of bytes tha
 
 from __future__ import annotations
 
-import base64
-import gzip
-import html
-import json
 import os
-import re
 from collections.abc import Iterable, Sequence
-from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gapwalk.answers.design import Design
 from gapwalk.answers.rattle_bands import RattleBands
@@ -27,6 +20,8 @@ from gapwalk.answers.run_ups import RunUps
 from gapwalk.answers.threshold import Threshold
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.basins import Basins, BasinShares
+from gapwalk.attractors.regimes import Regimes
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.loci import Codim2Point, Locus
@@ -43,9 +38,11 @@ from gapwalk.explorer.curve_data import (
 from gapwalk.explorer.exploration import Line, answer_lines, line_of
 from gapwalk.explorer.friction_panels import energy_table
 from gapwalk.explorer.gradient_panel import gradient_of
+from gapwalk.explorer.html_file import Blob, html_file
 from gapwalk.explorer.motion_panels import lines_and_section, panels_of, scenes_of
 from gapwalk.explorer.next_view import neighbours, stretches
 from gapwalk.explorer.result_titles import verdict
+from gapwalk.explorer.run_up_view import RunUpView
 from gapwalk.explorer.what_next import at_special
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
@@ -59,121 +56,6 @@ from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep import Sweep
 from gapwalk.studies.sweep_study import SweepFinding
-
-_PAGE = files("gapwalk.explorer") / "page"
-_ENTRY = "saved.js"
-_INSTEAD = {"api.js": "saved_data.js"}  # there is no server: its answers are in the file
-_IMPORT = re.compile(r'(\bfrom|\bimport) "\./([\w-]+\.js)"')
-_HEAD = re.compile(r"<title>.*?(?=</head>)", re.S)
-_ICON = "/static/icon.svg"
-
-
-def html_file(title: str, shown: Any, numbers: bytes | bytearray) -> bytes:
-    """Return the whole file.
-
-    Parameters
-    ----------
-    title
-        Title of the page.
-    shown
-        Content of the page as a JSON value; see `content_of`.
-    numbers
-        Its arrays.
-    """
-    plotly = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
-    head = [
-        f"<title>{html.escape(title)} – gapwalk</title>",
-        f'<link rel="icon" href="{_icon()}">',
-        f"<style>\n{_text('style.css').replace(_ICON, _icon())}</style>",
-        f'<script type="importmap">{json.dumps({"imports": _modules()})}</script>',
-        f'<script type="text/plain" id="plotly">{_zipped(plotly)}</script>',
-        f'<script type="text/plain" id="shown">{_zipped(json.dumps(shown).encode())}</script>',
-        f'<script type="text/plain" id="numbers">{_zipped(numbers)}</script>',
-        f'<script type="module">import "gapwalk/{_ENTRY}";</script>\n',
-    ]
-    page = _HEAD.sub(lambda _: "\n".join(head), _text("index.html"), count=1)
-    return page.replace("<body>", '<body class="saved">', 1).encode()
-
-
-def _modules() -> dict[str, str]:
-    """Return the modules of the page as data URLs, in which they can import others only by bare names."""
-    found: dict[str, str] = {}
-    left = [_ENTRY]
-    while left:
-        name = left.pop()
-        if f"gapwalk/{name}" in found:
-            continue
-        text = _text(_INSTEAD.get(name, name))
-        left += [other for _, other in _IMPORT.findall(text)]
-        found[f"gapwalk/{name}"] = _data("text/javascript", _IMPORT.sub(r'\1 "gapwalk/\2"', text))
-    return found
-
-
-def _icon() -> str:
-    return _data("image/svg+xml", _text("icon.svg"))
-
-
-def _data(kind: str, text: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(text.encode()).decode()}"
-
-
-def _zipped(content: bytes | bytearray) -> str:
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
-
-
-def _text(name: str) -> str:
-    return (_PAGE / name).read_text(encoding="utf-8")
-
-
-STEPS = 1 << 14
-"""Levels between the least and the greatest value of a drawn array: more than a screen has pixels."""
-
-_SHORTEST = 8  # of a list that is packed
-
-
-class Blob:
-    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads.
-
-    Attributes
-    ----------
-    content
-        All bytes.
-    """
-
-    def __init__(self) -> None:
-        self.content = bytearray()
-
-    def exact(self, values: ArrayLike, kind: str) -> dict[str, Any]:
-        """Store an array as it is; `kind` is its little-endian dtype: ``f8``, ``f4``, ``i4`` or ``u1``."""
-        array = np.asarray(values, dtype=f"<{kind}")
-        return {"kind": kind, "at": self._take(array.tobytes(), array.itemsize), "n": len(array)}
-
-    def drawn(self, values: ArrayLike) -> dict[str, Any]:
-        """Store a curve in `STEPS` levels, as fine as a screen: their second differences, low bytes first."""
-        array = np.asarray(values, dtype=float)
-        low, high = float(array.min()), float(array.max())
-        levels = np.rint((array - low) * ((STEPS - 1) / ((high - low) or 1.0))).astype(np.int64)
-        steps = np.diff(np.diff(levels, prepend=0), prepend=0).astype(np.uint16)  # modulo 2**16: nothing is lost
-        content = (steps & 0xFF).astype(np.uint8).tobytes() + (steps >> 8).astype(np.uint8).tobytes()
-        return {"kind": "drawn", "at": self._take(content, 1), "n": len(array), "low": low, "high": high}
-
-    def packed(self, plain: Any) -> Any:
-        """Return a JSON value with its long lists of numbers stored as curves."""
-        if isinstance(plain, dict):
-            return {key: self.packed(value) for key, value in plain.items()}
-        if isinstance(plain, list):
-            if len(plain) >= _SHORTEST and all(isinstance(each, float) for each in plain):
-                return self.drawn(plain)
-            return [self.packed(each) for each in plain]
-        return plain
-
-    def _take(self, content: bytes, size: int) -> int:
-        """Append bytes, and return their place, a multiple of the size of an element."""
-        self.content += b"\0" * (-len(self.content) % size)
-        at = len(self.content)
-        self.content += content
-        return at
-
 
 Found = (
     Result
@@ -189,6 +71,9 @@ Found = (
     | Tolerance
     | RunUp
     | RunUps
+    | Basins
+    | BasinShares
+    | Regimes
     | Locus
     | Map
     | Sweep
@@ -227,17 +112,13 @@ def lines_of(found: Found) -> Lines:
             return _along([(f"P{found.period}-1", found)])
         case Diagram():
             return _along((member.name, member.branch) for member in found.members)
-        case Family():
-            members = ((member.value, *each) for member in found.members for each in member.named)
-            lines = _along((f"{name} at {found.over.name} = {value:.6g}", branch) for value, name, branch in members)
-            moved = [name for name, _ in found.over.moved if name in found.system.parameters]
-            return lines._replace(parameters=(*lines.parameters, *moved))
         case Settled() | Orbit():
             return Lines((), (), found)
         case Locus():
             return _in_plane([(f"{found.kind.value}-1", found)], found.first, found.second)
         case Map():
-            return _in_plane(zip(found.names, found.loci, strict=True), found.first, found.second)
+            sections = [(f"P{each.period}-{number}", each) for number, each in enumerate(found.branches, start=1)]
+            return _in_plane([*sections, *zip(found.names, found.loci, strict=True)], found.first, found.second)
         case Sweep():
             return _answered(view_of(SweepFinding(found)))
         case Result(finding=None, map=None):
@@ -246,8 +127,6 @@ def lines_of(found: Found) -> Lines:
             return lines_of(chart)
         case Result(finding=SettleFinding() as finding):
             return lines_of(finding.settled)._replace(verdict=verdict(finding.settled, finding))
-        case Result(finding=finding) if finding is not None and isinstance(finding.record, Family):
-            return lines_of(finding.record)
         case Result(finding=finding) if finding is not None and has_picture(finding.record):
             return _answered(view_of(finding))
     if has_picture(found):
@@ -266,8 +145,8 @@ def _along(named: Iterable[tuple[str, Branch]]) -> Lines:
     return Lines(lines, tuple(dict.fromkeys(line.parameter for line in lines)))
 
 
-def _in_plane(named: Iterable[tuple[str, Locus]], first: str, second: str) -> Lines:
-    """Return loci over both parameters; the branches of the sections, on which they begin, are left out."""
+def _in_plane(named: Iterable[tuple[str, Branch | Locus]], first: str, second: str) -> Lines:
+    """Return loci over both parameters, and the branches on which they begin."""
     lines = tuple(line_of(name, locus, (0.0, 0.0)) for name, locus in named)
     if not lines:
         raise ModelError("there are no loci yet, so there is nothing to show")
@@ -277,14 +156,16 @@ def _in_plane(named: Iterable[tuple[str, Locus]], first: str, second: str) -> Li
 def _answered(view: AnswerView) -> Lines:
     lines, system = answer_lines(view), view.system
     names = [name for line in lines for name in (line.parameter, line.second) if name]
-    names = [*(name for name in view.axes or () if name in system.parameters), *names]
+    names = [*(name for name in view.axes or () if name in system.parameters), *names, *view.parameters]
     return Lines(tuple(lines), tuple(dict.fromkeys(names)), None, view)
 
 
 _SAMPLES = 512  # of a motion, at most
 _COORDINATES = 6  # with measures to choose from
+_MAPS = 4  # signals of a run-up whose order maps are stored
+_SOUND, _RATE, _LOWEST_RATE = 600_000, 24_000, 8_000  # samples of a stored sound, at most; in a second
 _MEASURES = ("half", "max", "min")
-_LEFT_OUT = ("parameters", "seconds", "others")  # of the panels: only a page with a server uses them
+_LEFT_OUT = ("parameters", "others")  # of the panels: only a page with a server uses them
 
 
 def content_of(
@@ -337,6 +218,7 @@ def content_of(
         "verdict": lines.verdict,
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
+        "heard": _heard(lines.answer, answer, blob) if answer and isinstance(lines.answer, RunUpView) else None,
         "branches": [
             {
                 "name": line.name,
@@ -366,8 +248,23 @@ def content_of(
     }
 
 
+def _heard(view: RunUpView, answer: dict[str, Any], blob: Blob) -> dict[str, Any]:
+    """Return the order maps of the first signals of a run-up, and the sound of the first; leave others out."""
+    kept = answer["heard"]["signals"][:_MAPS]
+    answer["heard"]["signals"] = kept
+    seconds = answer["heard"]["seconds"][-1]
+    rate = int(min(_RATE, max(_LOWEST_RATE, _SOUND / seconds)))
+    sound = None
+    if seconds * rate <= _SOUND:
+        found = view.sound(kept[0][0], rate)
+        scale = found.peak / 32767.0 or 1.0
+        levels = np.rint((found.values - found.values.mean()) / scale)
+        sound = {"of": kept[0][0], "rate": rate, "scale": scale, "levels": blob.exact(levels, "i2")}
+    return {"maps": {name: view.heard(name) for name, _ in kept}, "sound": sound}
+
+
 def _next(special: SpecialPoint | Codim2Point, line: Line, named: Sequence[Line], measure: str) -> str:
-    """Return what a special point means for the machine; empty for points of codimension two."""
+    """Return the meaning of a special point for the machine; empty for points of codimension two."""
     if not isinstance(special, SpecialPoint):
         return ""
     near = stretches(named, special, special.orbit.system)
@@ -375,7 +272,7 @@ def _next(special: SpecialPoint | Codim2Point, line: Line, named: Sequence[Line]
 
 
 def _gradients(lines: Lines, ends: Iterable[dict[str, Any]], most: int) -> dict[int, dict[str, Any]]:
-    """Return what moves special points, by the identity of each: first those that an answer names."""
+    """Return the gradients of special points, by the identity of each: first those that an answer names."""
     named = [lines.named[end["branch"]].special_points[end["special"]] for end in ends if "branch" in end]
     points = [*named, *(each for line in lines.named for each in line.special_points)]
     moved = {id(each): each for each in points if isinstance(each, SpecialPoint) and not each.kind.no_locus}
@@ -441,7 +338,8 @@ def save_html(
     ----------
     found
         A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
-        map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep.
+        map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep, basins
+        of attraction or their shares, a map of regimes.
     path
         The file to write.
     measure
@@ -460,6 +358,10 @@ def save_html(
         If the record has no branches, no motion and no answer, or there is no such measure.
     StoreError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> gw.save_html(branch, "stop.html")
     """
     if motions < 1:
         raise ModelError(f"motions is {motions}; it must be at least 1, as in motions=400")

@@ -195,6 +195,23 @@ class _Script:
         self.lines += [f"{name} = gw.{word}({system}, {start}{at})", ""]
         return name
 
+    def _runup(self, entry: Entry, action: plan.RunUp) -> str:
+        name = _name("run_ups", entry)
+        if action.start is None:
+            system, own = self._base_system(entry), self.exploration.base().system
+        else:
+            system, own = f"{self._motion(action.start)}.system", self.exploration.motion(action.start).system
+        if action.values:
+            system += f".at({dict(action.values)!r})"
+        asked = plan.run_up_study(action, own.at(dict(action.values)))
+        self._comment(entry)
+        self.lines += [
+            f"course = gw.ask.SpeedCourse({list(asked.times)!r}, {list(asked.speeds)!r})",
+            f"{name} = (gw.ask.run_up({system}, course, samples={asked.samples}),)",
+            "",
+        ]
+        return name
+
     def _base_system(self, entry: Entry) -> str:
         """Return the system of the opened file at the time when the entry was computed."""
         if self.exploration.file.suffix == RESULT:

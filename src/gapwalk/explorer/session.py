@@ -12,6 +12,7 @@ from gapwalk.explorer.axis_quantities import contact_quantities, measure_name, q
 from gapwalk.explorer.curve_data import locus_lines
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
+from gapwalk.explorer.live_response import LiveResponses
 from gapwalk.explorer.motion_panels import Flows, scenes_of
 from gapwalk.explorer.plan import read_action
 from gapwalk.explorer.progress_stream import Events
@@ -46,6 +47,7 @@ class Session:
         self.flows = Flows()
         self.events = Events(self.progress)
         self.jobs = Jobs(self.events.changed)
+        self.live = LiveResponses()
 
     def exploration(self, name: str) -> Exploration:
         """Return the exploration of a file; open the file if it is not open yet.
@@ -170,6 +172,7 @@ class Session:
     def close(self) -> None:
         """Stop all jobs and threads."""
         self.events.close()
+        self.live.close()
         self.jobs.close()
         self.flows.close()
 

@@ -22,7 +22,9 @@ from starlette.types import Receive, Scope, Send
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.axis_quantities import MEASURE, quantity
 from gapwalk.explorer.curve_data import Quantities, curve_of
+from gapwalk.explorer.edit_requests import checks, edit
 from gapwalk.explorer.gradient_panel import GradientWork
+from gapwalk.explorer.heard_requests import HeardRequests
 from gapwalk.explorer.motion_panels import SupersededError, check_signal, details_of, panels_of
 from gapwalk.explorer.next_view import next_of
 from gapwalk.explorer.plan import Place, orbit_at
@@ -62,6 +64,8 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         Route("/api/act", api.act, methods=["POST"]),
         Route("/api/job/{word}", api.job, methods=["POST"]),
         Route("/api/result/{word}", api.result, methods=["POST"]),
+        Route("/api/edit/{word}", api.edit, methods=["POST"]),
+        *HeardRequests(session).routes(),
         Mount("/static", StaticFiles(directory=str(_PAGE))),
     ]
     errors = {TooLargeError: 413, SupersededError: 409, GapwalkError: 400}
@@ -78,7 +82,12 @@ class _Json(JSONResponse):
     """JSON in ASCII, so that any file name can be sent, even one with lone surrogates."""
 
     def render(self, content: Any) -> bytes:
-        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+        return self.line(content)
+
+    @staticmethod
+    def line(content: Any) -> bytes:
+        """Return content as one line."""
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii") + b"\n"
 
 
 class _Stream(StreamingResponse):
@@ -151,7 +160,7 @@ class _Api:
         return await self._of_motion(request, details_of, "/details")
 
     async def answer(self, request: Request) -> Response:
-        """Return what a result says and draws, if it is an answer."""
+        """Return the sentences and curves of a result, if it is an answer."""
         entry = self.session.exploration(_text(request, "file")).entry(_text(request, "result"))
         view = entry.answer
         if view is None:
@@ -159,7 +168,7 @@ class _Api:
         return _Json(await self.session.flows.do(view.content))
 
     async def gradient(self, request: Request) -> Response:
-        """Return what moves a special point; of several requests of a tab only the last one is answered."""
+        """Return the gradient of a special point; of several requests of a tab only the last one is answered."""
         exploration, place, _ = self._asked(request)
         _, special = exploration.special(place)
         work = GradientWork(special)
@@ -167,7 +176,7 @@ class _Api:
         return _Json(work.content())
 
     async def next(self, request: Request) -> Response:
-        """Return what a point means for the machine, and what can be done next from there."""
+        """Return the meaning of a point for the machine, and the next steps from there."""
         exploration, place, _ = self._asked(request)
         tab = f"{_text(request, 'tab')}/next"
         return _Json(await self.session.flows.do_last(tab, lambda: next_of(exploration, place)))
@@ -216,6 +225,18 @@ class _Api:
         if word == "clean":
             return _Json({"removed": await asyncio.to_thread(self.session.clean, name)})
         raise ModelError(f"{word[:40]!r} is nothing to do with a result; there are change and clean")
+
+    async def edit(self, request: Request) -> Response:
+        """Answer the model editor; a check is a stream of lines of JSON, because the response of the text grows."""
+        body, word = await _body(request), request.path_params["word"]
+        if word != "check":
+            return _Json(await edit(self.session, word, body))
+
+        async def lines() -> AsyncIterator[bytes]:
+            async for news in checks(self.session, body):
+                yield _Json.line(news)
+
+        return StreamingResponse(lines(), media_type="application/x-ndjson", headers={"cache-control": "no-store"})
 
     async def export(self, request: Request) -> Response:
         """Return a table, a script, a model file or the result file."""

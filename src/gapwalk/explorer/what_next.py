@@ -43,7 +43,7 @@ class Stretch(NamedTuple):
 
 
 def at_point(orbit: Orbit) -> dict[str, Any]:
-    """Return what a point of a branch means, and the steps from there, for the page; see `at_special`."""
+    """Return the meaning of a point of a branch, and the next steps from there, for the page; see `at_special`."""
     label = orbit.instability.label
     steps = [] if label == "stable" else [step("settle", "See where it goes: settle from here")]
     return {"text": f"{_STAYS[label]}.".capitalize(), "steps": [*steps, *_LAST]}
@@ -52,7 +52,7 @@ def at_point(orbit: Orbit) -> dict[str, Any]:
 def at_special(
     special: SpecialPoint, measure: str, near: Iterable[Stretch] = (), beside: Sequence[BranchPoint] = ()
 ) -> dict[str, Any]:
-    """Return what a special point means for the machine, and the steps that make sense there.
+    """Return the meaning of a special point for the machine, and the next steps that make sense there.
 
     Parameters
     ----------
@@ -148,8 +148,15 @@ def _jump(special: SpecialPoint, way: float, measure: str, near: list[Stretch]) 
     word = f"jumps {ways.pop()}" if len(ways) == 1 and "" not in ways else "jumps"
     if len(found) > 1:
         return f"it {word} to one of {len(found)} stable motions known there"
-    name = measure_words(measure, None).partition(" (")[0]
-    return f"it {word} to the stable motion known there ({name} {size:.3g} to {found[0]:.3g})"
+    name, unit = measure_words(measure, None).partition(" (")[0], _unit_of(special, measure)
+    return f"it {word} to the stable motion known there ({name} {size:.3g} to {found[0]:.3g}{unit})"
+
+
+def _unit_of(special: SpecialPoint, measure: str) -> str:
+    """Return the unit of a measure with a space before it; empty for a plain number."""
+    units = special.orbit.system.units
+    unit = units.signal(measure.partition(".")[2])[1] if units else ""
+    return f" {unit}" if unit else ""
 
 
 def _stable_at(value: float, parameter: str, measure: str, near: list[Stretch]) -> Iterator[float]:

@@ -16,7 +16,7 @@ from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.study_file import Study, check_study
 
-MODEL, RESULT = ".toml", ".gapwalk"
+MODEL, RESULT, RECORD = ".toml", ".gapwalk", ".csv"
 _MOST = 500  # files that are listed, and results of one exploration
 _RECORD_BYTES = 100_000
 
@@ -38,23 +38,27 @@ class Workspace:
 
     def files(self) -> list[str]:
         """Return the sorted names of the model files and results in the folder."""
+        return self._named(MODEL, RESULT)
+
+    def records(self) -> list[str]:
+        """Return the sorted names of the CSV files in the folder."""
+        return self._named(RECORD)
+
+    def _named(self, *endings: str) -> list[str]:
         found = [
             path.name
             for path in self.root.iterdir()
-            if path.suffix in (MODEL, RESULT)
-            and path.is_file()
-            and not path.name.startswith(".")
-            and _can_be_asked(path.name)
+            if path.suffix in endings and path.is_file() and not path.name.startswith(".") and _can_be_asked(path.name)
         ]
         return sorted(found)[:_MOST]
 
-    def path(self, name: str) -> Path:
+    def path(self, name: str, endings: tuple[str, ...] = (MODEL, RESULT)) -> Path:
         """Return the file of a name in a request.
 
         Raises
         ------
         ModelError
-            If it lies outside of the workspace, is hidden, or is neither a model nor a result.
+            If it lies outside of the workspace, is hidden, or has another ending: that of a model or a result.
         """
         given = f"{name[:100]!r}"
         if not name or "\0" in name or len(name) > 300 or not _can_be_asked(name):
@@ -63,8 +67,9 @@ class Workspace:
         inside = path.is_relative_to(self.root)
         if not inside or any(part.startswith(".") for part in path.relative_to(self.root).parts):
             raise ModelError(f"{given} lies outside of the workspace; only files in {self.root.name} can be opened")
-        if path.suffix not in (MODEL, RESULT):
-            raise ModelError(f"{given} is neither a model ({MODEL}) nor a result ({RESULT})")
+        if path.suffix not in endings:
+            wanted = f"a CSV file ({RECORD})" if endings == (RECORD,) else f"a model ({MODEL}) or a result ({RESULT})"
+            raise ModelError(f"{given} is not {wanted}")
         return path
 
     def exploration(self, file: Path) -> Path:

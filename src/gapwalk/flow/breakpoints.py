@@ -53,7 +53,7 @@ class Gauge:
         return depth - float(coefficients[self._clearance]), rate
 
     def _sway(self, coefficients: NDArray[np.float64], theta: float, order: int) -> float:
-        """Return what a prescribed displacement adds to the derivative of some order."""
+        """Return the contribution of a prescribed displacement to the derivative of some order."""
         if self._contact.sway is None:
             return 0.0
         return self._sign * float(Angles(self._layout, coefficients, theta).sway(self._contact, 0, order))

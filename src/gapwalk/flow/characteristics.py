@@ -45,7 +45,7 @@ class ForceCurve:
     over_rate
         True if `x` is the rate of the deflection, at the deflection 0.
     x, force : shape (samples,)
-        The deflection and the force, with the mean of what varies.
+        The deflection and the force; numbers that vary over the angle have their mean values.
     band : (array, array) or None
         Smallest and largest force over the angle of the excitation, if a number of it varies.
     breakpoints

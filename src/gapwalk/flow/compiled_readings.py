@@ -30,18 +30,29 @@ class CompiledReadings:
         self._equations = equations
         self._table: tuple[Any, Array] | None = None  # the last one, with what it is for
         self.state = [*equations.positions, *equations.velocities, *equations.extensions]
-        readings = [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
-        used = {int(str(each).removeprefix("p")) for function in readings for each in hy.get_params(function)}
-        places = range(min(used, default=0), max(used, default=-1) + 1)
-        self.used = slice(places.start, places.stop)
-        """The run-time parameters on which the readings depend."""
-        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k}") for k in places}
-        functions = hy.subs(readings, {hy.time: angle, **numbers})
-        # heyoka calls a function of one array twice as fast as one of a state, a time and parameters
-        self.readings = hy.cfunc(functions, vars=[*self.state, angle, *numbers.values()])
+        self.readings, self.used = self._of_one_array(
+            [*self.state[: 2 * equations.layout.structure.size], *equations.readings]
+        )
+        """The readings, and the run-time parameters on which they depend."""
         memories = equations.layout.structure.memories
         self.follows = any(equations.creep(contact) != hy.expression(0.0) for contact in memories)
         """True if a spring follows a limit that is not constant: its rate depends on the modes of all friction."""
+
+    def _of_one_array(self, functions: list[hy.expression]) -> tuple[Any, slice]:
+        """Compile functions of the state, the angle and run-time parameters, in one array; return which parameters.
+
+        heyoka calls such a function twice as fast as one of a state, a time and parameters.
+        """
+        used = {int(str(each).removeprefix("p")) for function in functions for each in hy.get_params(function)}
+        places = range(min(used, default=0), max(used, default=-1) + 1)
+        angle, numbers = hy.make_vars("angle"), {hy.par[k]: hy.make_vars(f"number{k - places.start}") for k in places}
+        given = hy.subs(functions, {hy.time: angle, **numbers})
+        return hy.cfunc(given, vars=[*self.state, angle, *numbers.values()]), slice(places.start, places.stop)
+
+    @cached_property
+    def decisions(self) -> tuple[Any, slice]:
+        """The function of `Equations.decisions`, and the run-time parameters on which it depends."""
+        return self._of_one_array(self._equations.decisions)
 
     @cached_property
     def _is_plain(self) -> bool:
@@ -69,18 +80,21 @@ class CompiledReadings:
         """
         if not self._is_plain:
             return None
-        equations, n = self._equations, self._equations.layout.structure.size
-        parameters = np.zeros((equations.first_coefficient + len(equations.active), len(states)))
-        for switch, (contact, place) in enumerate(equations.switches):
-            slots = equations.layout.contacts[contact]
-            stage = slots.stages[place]
-            depths = stage.sign * (states[:, :n] @ coefficients[slots.deflection]) - coefficients[stage.clearance]
-            parameters[equations.first_switch + switch] = depths > 0.0
-        parameters[equations.first_slip : equations.first_slip + len(slips)] = slips[:, None]
-        parameters[equations.first_stick : equations.first_stick + len(slips)] = slips[:, None] == 0
-        parameters[equations.length] = 1.0
-        parameters[equations.first_coefficient :] = coefficients[equations.active][:, None]
-        given = np.vstack((states.T, thetas[None], parameters[self.used]))
+        equations, n, size = self._equations, self._equations.layout.structure.size, states.shape[1]
+        numbers = np.zeros(equations.first_coefficient + len(equations.active))
+        numbers[equations.first_slip : equations.first_slip + len(slips)] = slips
+        numbers[equations.first_stick : equations.first_stick + len(slips)] = slips == 0
+        numbers[equations.length] = 1.0
+        numbers[equations.first_coefficient :] = coefficients[equations.active]
+        given = np.empty((size + 1 + self.used.stop - self.used.start, len(states)))
+        given[:size], given[size], given[size + 1 :] = states.T, thetas, numbers[self.used][:, None]
+        first = size + 1 - self.used.start + equations.first_switch
+        for row, (contact, place) in enumerate(equations.switches, start=first):
+            if size < row < len(given):
+                slots = equations.layout.contacts[contact]
+                stage = slots.stages[place]
+                deflections = states[:, :n] @ coefficients[slots.deflection]
+                given[row] = stage.sign * deflections > coefficients[stage.clearance]
         return self.readings(given)[: equations.layout.accelerations.shape[1] + 3 * len(slips)].T
 
     def table(self, coefficients: Array, held: Sequence[int]) -> Array:

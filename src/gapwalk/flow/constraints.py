@@ -66,6 +66,14 @@ class Constraint:
         self.impulses = self._pushes @ self._inverse
 
     @cached_property
+    def stopping(self) -> NDArray:
+        """The matrix by which a row of velocities is multiplied for their change where the contacts begin to be held.
+
+        This is for contacts that are held to a base at rest.
+        """
+        return self.vectors.T @ self.impulses.T
+
+    @cached_property
     def _rows(self) -> NDArray:
         """Rows of coefficients of the accelerations of their deflections, without the reactions."""
         layout, coefficients = self._layout, self._coefficients

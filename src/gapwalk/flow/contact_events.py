@@ -53,6 +53,12 @@ class ContactEvent(NamedTuple):
         True if the contact closes, False if it opens.
     velocity
         Rate of the deflection over time; its absolute value is the approach velocity.
+
+    Examples
+    --------
+    >>> event = impacting.events[0]
+    >>> event.enters, round(event.velocity, 6)
+    (True, 1.377284)
     """
 
     theta: float
@@ -308,7 +314,10 @@ class Switchboard(BreakpointGeometry):
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
         most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
-        if not any(-most <= depths[other] <= most for other in others):
+        for other in others:
+            if -most <= depths[other] <= most:
+                break
+        else:
             return
         near = self._are_near(depths, state, _ON)
         on = self._are_near(depths, state, _ROUNDING)

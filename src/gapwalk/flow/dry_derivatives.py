@@ -60,14 +60,19 @@ def _varied(state: DryState, function: Callable[[NDArray], Any]) -> Array:
 
 def extension_changes(state: DryState, place: int, theta: float) -> Array:
     """Return the change, along each column, of the extension at which a Jenkins element slips."""
-    slots, along = state.slots[place], state.along()
-    stiffness, by_stiffness = state.stiffness(place), along[:, slots.numbers["stiffness"]]
-    if state.laws[place].by == "limit" and not slots.varies:
-        limit, by_limit = float(state.base[slots.numbers["limit"]]), along[:, slots.numbers["limit"]]
+    slots, changes, is_constant = state.slots[place], np.zeros(state.columns), state.has_constant_limit(place)
+    stiffness, directions = state.stiffness(place), state.directions
+    if is_constant and not state.is_strained[place]:
+        return changes
+    if is_constant:
+        limit, by_limit = float(state.base[slots.numbers["limit"]]), directions[:, slots.numbers["limit"]]
     else:
-        limit = state.read(theta).friction[place][1]
-        by_limit = state.tangents(theta, state.rows(), along)[1][:, place, 0]
-    return by_limit / stiffness - limit * by_stiffness / stiffness**2
+        limit, by_limit = state.read(theta).friction[place][1], 0.0
+        changes = state.tangents(theta, state.rows(), state.along())[1][:, place, 0] / stiffness
+    if len(directions):
+        by_stiffness = directions[:, slots.numbers["stiffness"]]
+        changes[state.columns - len(directions) :] += by_limit / stiffness - limit * by_stiffness / stiffness**2
+    return changes
 
 
 def margin_changes(state: DryState, place: int, now: Readings, theta: float) -> Array:
@@ -116,6 +121,10 @@ def project(state: DryState, theta: float) -> None:
     """
     constraint, n, y = state.entry.constraint, state.n, state.state
     if not constraint.independent:
+        return
+    if not any(state.is_moved[each] or state.has_base[each] for each in constraint.contacts) and not state.sign_of:
+        state.velocity_rows -= state.velocity_rows.dot(constraint.stopping)
+        y[n : 2 * n] -= y[n : 2 * n].dot(constraint.stopping)
         return
     stops = [place for place, number in enumerate(constraint.independent) if number in state.sign_of]
     if state.columns:

@@ -33,19 +33,45 @@ class DryModes(NamedTuple):
         1 or -1 in slip, by its direction; 0 in stick. The order is that of `Structure.friction`.
     held : shape (..., reactions)
         True for each reaction of `Structure.reactions` that is held: rigid friction in stick, and stops.
+
+    Examples
+    --------
+    >>> gw.records.DryModes(slips=np.array([1]), held=np.array([False])).slips
+    array([1])
     """
 
     slips: NDArray[np.int8]
     held: NDArray[np.bool_]
 
     def at(self, sample: int) -> DryModes:
-        """Return the modes at one of the instants."""
+        """Return the modes at one of the instants.
+
+        Parameters
+        ----------
+        sample
+            Index of the instant.
+
+        Returns
+        -------
+        DryModes
+            The modes.
+        """
         return DryModes(self.slips[sample], self.held[sample])
 
     def order(self, structure: Structure) -> list[int]:
         """Return the numbers of the reactions held at one instant: stops first.
 
         Where they depend on each other, friction has no reaction.
+
+        Parameters
+        ----------
+        structure
+            Structure of the system.
+
+        Returns
+        -------
+        list of int
+            Their numbers.
         """
         reactions = structure.reactions
         return sorted(np.flatnonzero(self.held).tolist(), key=lambda each: (reactions[each][1] < 0, each))

@@ -30,6 +30,12 @@ class SlipEvent(NamedTuple):
         Number of the contact in the structure.
     slip
         Its mode from there on: 1 or -1 in slip, by the direction, 0 in stick.
+
+    Examples
+    --------
+    >>> event = slipping.slips[1]
+    >>> round(event.theta, 6), event.slip
+    (0.49058, 0)
     """
 
     theta: float
@@ -46,6 +52,11 @@ class Hold(NamedTuple):
         Angle of the event, in radians of the fundamental excitation.
     reactions
         The numbers in `Structure.reactions` of all that are held from there on.
+
+    Examples
+    --------
+    >>> gw.records.Hold(theta=0.5, reactions=(0,)).reactions
+    (0,)
     """
 
     theta: float
@@ -53,7 +64,26 @@ class Hold(NamedTuple):
 
 
 class Kink(NamedTuple):
-    """An instant at which velocities or accelerations jump: positions, and both of them before and after."""
+    """An instant at which velocities or accelerations jump: positions, and both of them before and after.
+
+    Attributes
+    ----------
+    theta
+        Angle of the excitation, in radians.
+    positions
+        Positions at that instant.
+    velocities
+        Velocities before and after.
+    accelerations
+        Accelerations before and after.
+
+    Examples
+    --------
+    >>> bouncing = gw.System(["x"], [[1.0]], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)])
+    >>> kink = gw.integrate(bouncing, np.array([0.0, 2.0]), 0.5).impacts[0]
+    >>> [round(float(velocity[0]), 6) for velocity in kink.velocities]  # before, after: - 0.8 times
+    [1.732051, -1.385641]
+    """
 
     theta: float
     positions: Array
@@ -67,7 +97,18 @@ class Kink(NamedTuple):
         return before is not after and not np.array_equal(before, after)
 
     def scaled(self, unit: float) -> Kink:
-        """Return it with lengths in another unit, of which this is the size."""
+        """Return it with lengths in another unit, of which this is the size.
+
+        Parameters
+        ----------
+        unit
+            Size of the unit.
+
+        Returns
+        -------
+        Kink
+            A new record.
+        """
         before, after = ((unit * each[0], unit * each[1]) for each in (self.velocities, self.accelerations))
         return Kink(self.theta, unit * self.positions, before, after)
 
@@ -154,6 +195,10 @@ class DryState:
         Signs with which the columns of coefficients enter accelerations and reactions.
     is_moved
         For each of them, True if a direction changes its deflection, or the rate of its base.
+    is_strained
+        For each friction with a spring whose limit is constant, True if a direction changes the extension in slip.
+    has_base
+        For each of them, True if its base moves.
     closed
         For each contact which of its stages are closed.
     """
@@ -163,6 +208,8 @@ class DryState:
     entry: _Held
     vectors: dict[int, Array]
     is_moved: dict[int, bool]
+    has_base: dict[int, bool]
+    is_strained: list[bool]
     velocity_rows: Array
 
     def __init__(self, equations: Equations) -> None:
@@ -214,6 +261,11 @@ class DryState:
             speed = [slots.numbers["speed"]] if "speed" in slots.numbers else []
             sway = [] if slots.sway is None else [0, *slots.sway.tolist()]
             self._contacts[contact] = [*slots.deflection.tolist(), *sway, *speed]
+        # of springs in series, the slots of the coefficients of the extension in slip, if it is constant
+        self._strains = [
+            [slots.numbers["limit"], slots.numbers["stiffness"]] if self.has_constant_limit(place) and memory else []
+            for place, (slots, memory) in enumerate(zip(self.slots, self.memory_of, strict=True))
+        ]
         self._sways = any(layout.contacts[contact].sway is not None for contact in self._contacts)
 
     def attach(
@@ -233,6 +285,7 @@ class DryState:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
+            self._deciding: tuple[Any, Array, Array] | None = None
 
     def begin(self, base: Array, directions: Array) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -250,6 +303,8 @@ class DryState:
         else:
             self._known = {}
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
+            self.has_base = {contact: bool(base[slots[self.n :]].any()) for contact, slots in self._contacts.items()}
+            self.is_strained = [bool(directions[:, slots].any()) for slots in self._strains]
             self.is_moved = {contact: bool(directions[:, slots].any()) for contact, slots in self._contacts.items()}
         was_held, self.held = bool(self.held), ()
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
@@ -316,6 +371,18 @@ class DryState:
         given[size + 1 :] = self._numbers_used
         return self._read(given)
 
+    def decide(self, theta: float) -> list[float]:
+        """Return the values of `Equations.decisions` at the present state under the modes that the integrator has."""
+        if self._deciding is None:  # compiled when first needed
+            function, used = self._compiled.decisions
+            numbers = self._parameters[used]
+            self._deciding = function, numbers, np.empty(self.size + 1 + len(numbers))
+        size, (function, numbers, given) = self.size, self._deciding
+        given[:size] = self._own
+        given[size] = theta
+        given[size + 1 :] = numbers
+        return function(given).tolist()
+
     def _changed_modes(self, known: Readings) -> Readings:
         columns, extending = known.columns.copy(), known.extending
         for place, column in self._rigid_columns:
@@ -365,6 +432,10 @@ class DryState:
         """Return the stiffness of the spring of friction with a memory."""
         return float(self.base[self.slots[place].numbers["stiffness"]])
 
+    def has_constant_limit(self, place: int) -> bool:
+        """Return True if the force of friction in slip is the same all the time."""
+        return self.laws[place].by == "limit" and not self.slots[place].varies
+
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
         moved = float(self.vectors[contact].dot(now.accelerations))
@@ -397,12 +468,14 @@ class DryState:
         depth = float(vector @ self.state[:n] + angles.sway(slots)) - self.sign_of[number] * clearance
         return depth, float(vector @ self.state[n : 2 * n] + angles.sway(slots, 0, 1)), clearance
 
-    def speed(self, moved: Array | None = None) -> float:
+    def speed(self, moved: list[float] | None = None) -> float:
         """Return the size of the velocities, now or a quarter of a period later.
 
         `moved` are positions and velocities, if they are at hand.
         """
-        n, numbers = self.n, (self.state[: 2 * self.n] if moved is None else moved).tolist()
+        n, numbers = self.n, self._own.tolist() if moved is None else moved
+        if self.size > 2 * n:
+            numbers = numbers[: 2 * n]
         return max(*map(abs, numbers[n:]), max(map(abs, numbers[:n])) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:

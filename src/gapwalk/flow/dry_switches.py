@@ -26,10 +26,9 @@ from gapwalk.flow.dry_derivatives import (
 )
 from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.lone_friction import BARELY, LATER, SETTLING, UNSEEN, LoneFriction
+from gapwalk.flow.lone_friction import BARELY, LATER, ON, SETTLING, UNSEEN, VALUES, LoneFriction
 
 _STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
-_ON = 1e-12  # share of a limit within which a force is at it
 _NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
 _PAUSE = 1e-3  # radians that the stick of a spring lasts at least which is no pause in its slip
@@ -115,7 +114,8 @@ class DrySwitches(LoneFriction):
             else:
                 self.slips[place] = 1 if rate > 0.0 else -1
         if candidates:
-            self._hold(theta, candidates)
+            if not self._sticks_alone(candidates, theta):
+                self._hold(theta, candidates)
             project(self, theta)
         known: Readings | None = None
         for place, memory in enumerate(self.memory_of):
@@ -132,9 +132,9 @@ class DrySwitches(LoneFriction):
         now = self.read(theta, known)
         rate, limit, _ = now.friction[place]
         force = self.stiffness(place) * float(self.state[memory])
-        tiny = _ON * self.stiffness(place) * largest(self.state[: self.n])
+        tiny = ON * self.stiffness(place) * largest(self.state[: self.n])
         begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
-        if limit > 0.0 and abs(force) < limit * (1.0 - _ON) and not begins:
+        if limit > 0.0 and abs(force) < limit * (1.0 - ON) and not begins:
             self.sticks[place] = True
             return now
         side = 1 if force > 0.0 else -1
@@ -212,7 +212,7 @@ class DrySwitches(LoneFriction):
                     over = np.inf if self.sign_of[number] * reaction < 0.0 and number not in pressed else 0.0
                 else:
                     bound = now.friction[place][2]
-                    over = abs(reaction) / bound - 1.0 - _ON if bound > 0.0 else np.inf
+                    over = abs(reaction) / bound - 1.0 - ON if bound > 0.0 else np.inf
                     self._over[number] = over
                 if over > excess:
                     worst, excess = number, over
@@ -395,7 +395,7 @@ class DrySwitches(LoneFriction):
             if just or (steady and (turning > 0.0 or self._only_pauses(place, turning, theta, now))):
                 return
             self._stick(place, theta)
-            self._brief[place] = not steady or -turning < self._slow(now.accelerations)
+            self._brief[place] = not steady or -turning < self._slow(now.accelerations.tolist())
             if not self.columns:
                 self.kink(now, theta)
         else:
@@ -466,17 +466,15 @@ class DrySwitches(LoneFriction):
         if not any(self.sticks) and not self._springs:
             least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
             return least >= 0.0 or least >= -_NEAR * self.speed()
-        now, velocity = self.read(theta), self.speed()
-        for place, (rate, _, bound) in enumerate(now.friction):
+        velocity, found = self.speed(), self.decide(theta)
+        for place, memory in enumerate(self.memory_of):
+            rate, _, bound, _, force, *_ = found[VALUES * place : VALUES * (place + 1)]
             if self.slips[place]:
                 if self.slips[place] * rate < -_NEAR * velocity:
                     return False
             elif self.sticks[place]:
-                memory, number = self.memory_of[place], self.reaction_of[place]
                 if memory is not None:
                     force = self.stiffness(place) * float(self.state[memory])
-                else:
-                    force = float(now.reactions[number])  # type: ignore[index]
                 if abs(force) > bound * (1.0 + _NEAR):
                     return False
         return True

@@ -140,17 +140,21 @@ class Equations(RunTimeParameters):
 
     def creep(self, contact: int) -> hy.expression:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
-        limit = self._contact_laws[contact].limits[0]
-        known, parts = dict(zip(map(str, [*self.positions, *self.velocities]), self._motion, strict=True)), []
-        for variable in hy.get_variables(limit):
-            parts.append(hy.diff(limit, hy.make_vars(variable)) * known[variable][1])
+        growth = self._along(self._contact_laws[contact].limits[0], self._motion)
+        if growth == hy.expression(0.0):
+            return growth
+        return growth / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
+
+    def _along(self, function: hy.expression, motion: list) -> hy.expression:
+        """Return the derivative of a function by theta along the motion, given the equations of what it depends on."""
+        known, parts = {str(variable): rate for variable, rate in motion}, []
+        for variable in hy.get_variables(function):
+            parts.append(hy.diff(function, hy.make_vars(variable)) * known[variable])
         angle = hy.make_vars("angle")
-        explicit = hy.diff(hy.subs(limit, {hy.time: angle}), angle)
+        explicit = hy.diff(hy.subs(function, {hy.time: angle}), angle)
         if explicit != hy.expression(0.0):
             parts.append(hy.subs(explicit, {angle: hy.time}))
-        if not parts:
-            return hy.expression(0.0)
-        return hy.sum(parts) / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
+        return hy.sum(parts or [hy.expression(0.0)])
 
     def reaction(self, number: int) -> hy.expression:
         """Return a reaction, by its number in the structure: a sum over the columns of the accelerations."""
@@ -172,6 +176,24 @@ class Equations(RunTimeParameters):
             found += [self.slip_rate(place), *self._contact_laws[contact].limits]
         found += self._extension_rates
         return [hy.expression(0.0) + each for each in found]
+
+    @cached_property
+    def decisions(self) -> list[hy.expression]:
+        """Values by which friction that changes its mode alone is decided, under the coefficients of what is held.
+
+        For each friction: its slip rate, the force in slip, that at which slip begins, the derivative of the slip rate
+        over time with a constant limit, its reaction, and the derivatives by theta of the reaction and of the force at
+        which slip begins. Then the accelerations.
+        """
+        found, turning = [], [each / self.rate for each in self._accelerations]
+        for place, contact in enumerate(self.dry):
+            limits, force = self._contact_laws[contact].limits, hy.expression(0.0)
+            bent = self._along(self._base_rate(contact), self._motion) / self.rate
+            if (contact, -1) in self.layout.structure.reactions:
+                force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
+            growths = [self._along(each, self.state) for each in (force, limits[1])]
+            found += [self.slip_rate(place), *limits, bent, force, *growths]
+        return [hy.expression(0.0) + each for each in [*found, *turning]]
 
     @cached_property
     def _columns(self) -> list[hy.expression]:
@@ -314,7 +336,7 @@ class Equations(RunTimeParameters):
         return [wave(float(order) * hy.time) for wave in (hy.cos, hy.sin) for order in self.layout.orders]
 
     def _wave(self, wave: Wave) -> hy.expression:
-        """Return what a number varies by."""
+        """Return the variation of a number."""
         cycles = [
             factor * (self._coefficient(low) + (self._coefficient(high) - self._coefficient(low)) * level)
             for (_, low, high, *_), level, factor in (

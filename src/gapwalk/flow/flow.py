@@ -278,7 +278,7 @@ class _Integrator:
 
     def __init__(self, flow: Flow, taylor: hy.taylor_adaptive) -> None:
         self.equations, self.size = flow.equations, flow.size
-        self.has_transition, self.directions = flow.has_transition, flow.directions
+        self.has_transition, self.has_survey, self.directions = flow.has_transition, flow.has_survey, flow.directions
         self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
         self._state, self._parameters = taylor.state, taylor.pars
         self._coefficients = self._parameters[self.equations.first_coefficient :]
@@ -311,8 +311,7 @@ class _Integrator:
         rows = self._sampled(np.asarray(thetas, dtype=float))
         if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
-        size, count, unit = self.size, len(rows), self._unit
-        width = size * self.has_transition
+        size, count, unit, width = self.size, len(rows), self._unit, self.size * self.has_transition
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
         moved = rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit
@@ -331,7 +330,7 @@ class _Integrator:
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
-            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle and (np.diff(own) > 0.0).all()
+            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle and (own[1:] > own[:-1]).all()
             grid = own if whole else np.unique([taylor.time, *own, angle])
             try:
                 outcome, *_, found = taylor.propagate_grid(grid, max_steps=self._max_steps, max_delta_t=longest_step)
@@ -400,7 +399,8 @@ class _Integrator:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        self._turns.start(coefficients, unit)
+        if self.has_survey:
+            self._turns.start(coefficients, unit)
         along = direction.reshape(self.directions, -1) if self.directions and direction is not None else self._still
         self._switchboard.start(coefficients, along, start, int(_EVENTS * periods), unit)
         # otherwise the Taylor series of the first step is finite

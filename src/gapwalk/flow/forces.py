@@ -52,7 +52,7 @@ class Angles:
         self._levels = levels
 
     def wave(self, wave: Wave, derivative: int = 0) -> NDArray:
-        """Return what a number varies by, or a derivative of it by theta, shape (...)."""
+        """Return the variation of a number, or a derivative of it by theta, shape (...)."""
         lines, count = self.coefficients[..., wave.lines], len(self._orders)
         for _ in range(derivative):
             cosines, sines = lines[..., :count], lines[..., count:]

@@ -6,13 +6,14 @@ evaluation of the forces. Where several contacts are held or change together, `g
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.dry_derivatives import margin_growth, rate_changes
-from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent, largest
+from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
 SETTLING = 1e-7
@@ -25,8 +26,11 @@ LATER = 1e-4
 """Radians after which an acceleration decides that vanishes now."""
 UNSEEN = 1e-13
 """Share of its limit, or of the velocities, by which an extension or a slip rate may be off."""
+VALUES = 7
+"""Number of values of `Equations.decisions` for each friction."""
+ON = 1e-12
+"""Share of a limit within which a force is at it."""
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
-_MOMENT = 1e-6  # radians over which a force shows how fast it leaves its bound
 
 Array = NDArray[np.float64]
 
@@ -42,17 +46,15 @@ class Push(NamedTuple):
         That of its own deflection.
     stopping : shape (n,)
         Change of the velocities by which the rate of its deflection changes by 1.
-    vector : shape (n,)
-        Its deflection vector.
-    sways
-        True if a displacement is added to its deflection.
+    turns, stops : shape (n, n)
+        For changes of the velocities, that of the slip rate times what a unit of the force moves, or times `stopping`.
     """
 
     moved: Array
     on_itself: float
     stopping: Array
-    vector: Array
-    sways: bool
+    turns: Array
+    stops: Array
 
 
 class LoneFriction(DryState):
@@ -87,6 +89,16 @@ class LoneFriction(DryState):
     def _slip(self, place: int, side: int, theta: float) -> None:
         self.slips[place], self.sticks[place], self._begun[place] = side, False, theta
 
+    def _sticks_alone(self, reactions: list[int], theta: float) -> bool:
+        """Hold the one rigid friction of a system, by its reaction, and return True if it stays within its bound."""
+        if len(self.slots) != 1 or self.sign_of or self._springs:
+            return False
+        self.slips[0], self.sticks[0] = 0, True
+        self.hold(reactions)
+        self.apply()
+        _, _, bound, _, reaction, *_ = self.decide(theta)
+        return bound > 0.0 and abs(reaction) / bound - 1.0 <= ON
+
     def _lets_go_alone(self, place: int) -> bool:
         """Return True if rigid friction sticks, and slips with a force that does not jump and moves nothing else."""
         number = self.reaction_of[place]
@@ -107,17 +119,13 @@ class LoneFriction(DryState):
         if theta - self._begun[place] <= SETTLING and direction != -side:
             return True  # its rate begins at 0
         # nothing but plain numbers of the values that decide: this happens at nearly every event
-        n, columns, first, push = self.n, self._columns_end, self._columns_end + 3 * place, self._push_of(place)
-        found = self._values(theta)
-        accelerations = self.entry.table[:n].dot(found[:columns])
-        rate, limit, bound = found[first : first + 3].tolist()
-        acceleration = push.vector.dot(accelerations).item()
-        if push.sways:
-            acceleration += self._swaying(self.equations.dry[place], theta)
+        n, found, push = self.n, self.decide(theta), self._push_of(place)
+        rate, limit, bound, acceleration = found[VALUES * place : VALUES * place + 4]
         turning = side * acceleration
         if turning > 0.0:
             return True  # its rate only begins to grow
-        if -turning <= self._slow(accelerations, found[: 2 * n]) or not bound > 0.0 or not push.on_itself > 0.0:
+        moved, accelerations = self._own.tolist(), found[-n:]
+        if -turning <= self._slow(accelerations, moved) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
@@ -129,26 +137,30 @@ class LoneFriction(DryState):
                 return False
         # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
         turns = beyond > 0.0
-        share, jump = (2.0 * side * limit, push.moved) if turns else (-acceleration, push.stopping)
-        if self.columns:
-            changes = rate_changes(self, self.equations.dry[place], theta)
-            self.velocity_rows += changes[:, None] * ((share / acceleration) * jump)
+        share = 2.0 * side * limit if turns else -acceleration
+        if not self.columns:
+            velocities, before = np.array(moved[n : 2 * n]), np.array(accelerations)
+            after = before + share * (push.moved if turns else push.stopping)
+            self.kinks.append(Kink(theta, np.array(moved[:n]), (velocities, velocities), (before, after)))
+        elif self.is_moved[contact := self.equations.dry[place]]:
+            changes = rate_changes(self, contact, theta) * (share / acceleration)
+            self.velocity_rows += changes[:, None] * (push.moved if turns else push.stopping)
         else:
-            velocities, positions = found[n : 2 * n], found[:n]
-            turning = accelerations, accelerations + share * jump
-            self.kinks.append(Kink(theta, positions, (velocities, velocities), turning))
+            changes = self.velocity_rows.dot(push.turns if turns else push.stops)
+            changes *= share / acceleration
+            self.velocity_rows += changes
         if not turns:
             self.state[n : 2 * n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
         return True
 
-    def _slow(self, accelerations: Array, moved: Array | None = None) -> float:
+    def _slow(self, accelerations: list[float], moved: list[float] | None = None) -> float:
         """Return the acceleration below which slip may turn round at once, by what the velocities need in a period.
 
         Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity. `moved`
         are positions and velocities, if they are at hand.
         """
-        return TURNS * max(largest(accelerations), self.speed(moved) / self.base.item(0))
+        return TURNS * max(*map(abs, accelerations), self.speed(moved) / self.base.item(0))
 
     def _soon(self, now: Readings, theta: float) -> Readings:
         """Return the values a moment later, under the present modes."""
@@ -164,7 +176,7 @@ class LoneFriction(DryState):
         `turning` is the acceleration in the direction of slip. If slip ended for such a moment, as next to a point of
         grazing-sliding, the force would leave its bound by rounding only, and its return could be missed.
         """
-        if not -self._slow(now.accelerations) < turning < 0.0:
+        if not -self._slow(now.accelerations.tolist()) < turning < 0.0:
             return False
         later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + LATER)
         bend = (later - turning) / (LATER * float(self.base[0]))
@@ -180,12 +192,11 @@ class LoneFriction(DryState):
         ``g`` of the force beyond its bound and its change ``-b`` over the angle, the slip rate is ``2 g^3 / (3 b^2)``
         at most, by the acceleration per force.
         """
-        if self._grows_surely(place, theta):
+        *_, bound, _, reaction, growth, widening = self.decide(theta)[VALUES * place : VALUES * (place + 1)]
+        growth = math.copysign(growth, growth * reaction) - widening
+        if not 0.0 < growth < TURNS * bound:
             return False
         now, turn = self.read(theta), float(self.base[0])
-        growth = margin_growth(self, place, now, theta) * turn
-        if not 0.0 < growth < TURNS * now.friction[place][2]:
-            return False
         kept, later = self.state[: self.size].copy(), theta + LATER
         rates = np.concatenate((now.velocities, now.accelerations, now.extending))
         self.state[: self.size] += LATER * turn * rates
@@ -193,20 +204,6 @@ class LoneFriction(DryState):
         self.state[: self.size] = kept
         most = self._push_of(place).on_itself * turn * 2.0 * growth**3
         return bend > 0.0 and most < 3.0 * UNSEEN * self.speed() * bend**2
-
-    def _grows_surely(self, place: int, theta: float) -> bool:
-        """Return True if a force at its bound leaves it fast, by its difference over a moment: exact it costs more."""
-        number, now, given = self.reaction_of[place], self._values(theta), self._given
-        assert number is not None
-        n, columns, table, first = self.n, self._columns_end, self.entry.table, self._columns_end + 3 * place + 2
-        rates = np.concatenate((now[n : 2 * n], table[:n].dot(now[:columns]), now[self._friction_end :]))
-        given[: self.size] += (_MOMENT * self.base.item(0)) * rates
-        given[self.size] += _MOMENT
-        later, row = self._read(given), table[n + number]
-        force, then = row.dot(now[:columns]).item(), row.dot(later[:columns]).item()
-        bound, after = now.item(first), later.item(first)
-        growth = abs(then) - abs(force) - (after - bound)
-        return force * then > 0.0 and abs(growth) > 2.0 * TURNS * bound * _MOMENT
 
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
@@ -222,7 +219,7 @@ class LoneFriction(DryState):
         self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def _push_of(self, place: int) -> Push:
-        """Return what a unit of the force of rigid friction does, by its place."""
+        """Return the effect of a unit of the force of rigid friction, by its place."""
         if self._pushes is None or self._pushes[0] != self._numbers[0]:
             self._pushes = self._numbers[0], {}
         known = self._pushes[1].get(place)
@@ -230,8 +227,8 @@ class LoneFriction(DryState):
             slots = self.slots[place]
             moved = self.base[slots.force]
             on_itself = float(moved.dot(self.base[slots.deflection]))
-            stopping = moved / on_itself if on_itself else moved
-            known = Push(moved, on_itself, stopping, self.vectors[self.equations.dry[place]], slots.sway is not None)
+            stopping, vector = moved / on_itself if on_itself else moved, self.base[slots.deflection]
+            known = Push(moved, on_itself, stopping, np.outer(vector, moved), np.outer(vector, stopping))
             self._pushes[1][place] = known
         return known
 

@@ -55,6 +55,12 @@ class Motion:
         modes at each sample are those with which a motion begins there.
     impacts
         The impacts on rigid stops, in order, with the velocities before and after.
+
+    Examples
+    --------
+    >>> motion = impacting.motion(64)
+    >>> motion.q.shape, float(motion.signal("stop.force").max()) > 0.0
+    ((65, 1), True)
     """
 
     system: System
@@ -82,7 +88,24 @@ class Motion:
         holds: Iterable[Hold] = (),
         impacts: Iterable[Kink] = (),
     ) -> Motion:
-        """Make a motion from its states, shape (samples, state_size), and its logs."""
+        """Make a motion from its states, shape (samples, state_size), and its logs.
+
+        Parameters
+        ----------
+        system
+            The system.
+        theta : shape (samples,)
+            Angles of the excitation, in radians.
+        states : shape (samples, state_size)
+            States.
+        events, slips, holds, impacts
+            Logs, as the attributes of these names.
+
+        Returns
+        -------
+        Motion
+            The motion.
+        """
         q, v, z = np.split(states, (system.size, 2 * system.size), axis=1)
         return cls(system, theta, q, v, tuple(events), z, tuple(slips), tuple(holds), tuple(impacts))
 
@@ -173,6 +196,11 @@ class Motion:
 
         Where a rigid stop strikes, accelerations and its force are infinite for no time: `impulses` has the integrals.
 
+        Returns
+        -------
+        array, shape (samples,)
+            In the unit of the signal.
+
         Raises
         ------
         ModelError
@@ -245,6 +273,12 @@ class ContactRecord:
         True where the stage closes, False where it opens.
     velocity
         Rate of the deflection over time; where the stage closes, its size is the approach velocity.
+
+    Examples
+    --------
+    >>> entry = impacting.motion().contacts[0]
+    >>> entry.contact, entry.side, entry.closes, round(entry.velocity, 6)
+    ('stop', 1, True, 1.377284)
     """
 
     theta: float
@@ -274,12 +308,28 @@ def integrate(
     phase
         Angle of the fundamental excitation at the start, in radians.
 
+    Returns
+    -------
+    Motion
+        The motion, with its contact events.
+
     Raises
     ------
     FlowError
         If the motion diverges or chatters without end.
     ModelError
         If the state has the wrong length.
+
+    Notes
+    -----
+    Taylor series with events located to rounding, by heyoka: Biscani and Izzo (2021, 2022), Monthly Notices of the
+    Royal Astronomical Society.
+
+    Examples
+    --------
+    >>> motion = gw.integrate(system, np.array([0.0, 2.0]), periods=0.5)
+    >>> [(event.enters, round(event.theta, 6)) for event in motion.events]
+    [(True, 0.301576), (False, 0.695754)]
     """
     count = max(1, round(samples * periods))
     return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)

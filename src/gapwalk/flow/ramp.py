@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow import Flow, Variations
+from gapwalk.flow.forces import Angles, balance
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.structure import Structure
@@ -131,6 +132,36 @@ class Ramped:
         found[..., self._means] += acceleration * self.carried
         found[..., 0] = 1.0 / speed
         return found
+
+    def accelerations(
+        self,
+        theta: NDArray[np.float64],
+        q: NDArray[np.float64],
+        v: NDArray[np.float64],
+        forces: NDArray[np.float64],
+        speed: NDArray[np.float64],
+        acceleration: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return the accelerations ``q''`` over time, shape (samples, n).
+
+        Parameters
+        ----------
+        theta : shape (samples,)
+            Angles of the excitation.
+        q, v : shape (samples, n)
+            Positions and velocities.
+        forces : shape (samples, contacts)
+            Contact forces.
+        speed, acceleration : shape (samples,)
+            Speed W and its derivative by time, in consistent units.
+        """
+        layout = layout_of(self.system.structure)
+        waves = Angles(layout, self.growth[0], theta).waves
+        total = np.multiply.outer(acceleration, self.carried)
+        for power, table in enumerate(self.growth[:, layout.accelerations]):  # those of powers 1 and 2 have loads alone
+            if table.any():
+                total += speed[:, None] ** power * balance(table, q, v, forces, waves)
+        return total
 
     def sample(
         self, state: NDArray[np.float64], thetas: NDArray[np.float64], speed: float, acceleration: float

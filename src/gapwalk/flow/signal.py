@@ -28,6 +28,11 @@ class Signal:
         Names as in `Motion.signal`, each with its factor.
     label
         Label of the signal; by default the sum as a text.
+
+    Examples
+    --------
+    >>> gw.measure.Signal((("x''", 1.0), ("x", -2.0))).of(orbit.motion(8)).shape
+    (9,)
     """
 
     terms: tuple[tuple[str, float], ...]
@@ -44,7 +49,18 @@ class Signal:
         return text.removeprefix("+ ").replace("- ", "-", 1) if text.startswith("- ") else text.removeprefix("+ ")
 
     def of(self, motion: Motion) -> NDArray[np.float64]:
-        """Return its values along a motion, shape (samples,)."""
+        """Return its values along a motion, shape (samples,).
+
+        Parameters
+        ----------
+        motion
+            The motion.
+
+        Returns
+        -------
+        array, shape (samples,)
+            The sum.
+        """
         return np.sum([factor * motion.signal(name) for name, factor in self.terms], axis=0)
 
     def slope(
@@ -68,6 +84,11 @@ class Signal:
             Derivatives of the coefficients of the flow; None if they are constant.
         theta
             Derivative of the angle of the excitation.
+
+        Returns
+        -------
+        array, shape (samples,)
+            In the unit of the signal.
 
         Raises
         ------

@@ -41,6 +41,12 @@ class Phase:
         ``slip +``, ``slip -``, ``stick``, or ``held`` for a rigid stop.
     start, end
         Angles of the excitation, in radians.
+
+    Examples
+    --------
+    >>> phase = gw.analysis.stick_slip(slipping).phases[1]
+    >>> phase.element, phase.mode, round(phase.start, 6)
+    ('brake', 'stick', 0.49058)
     """
 
     element: str
@@ -61,6 +67,13 @@ class Strike:
         Angle of the excitation, in radians.
     velocity
         Rate of the deflection just before it.
+
+    Examples
+    --------
+    >>> bouncing = gw.System(["x"], [[1.0]], contacts=[gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)])
+    >>> strike = gw.analysis.stick_slip(gw.integrate(bouncing, np.array([0.0, 2.0]), 0.5)).strikes[0]
+    >>> strike.element, round(strike.velocity, 6)
+    ('wall', 1.732051)
     """
 
     element: str
@@ -80,6 +93,12 @@ class StickSlip(Shown):
         All phases, contact by contact, in their order.
     strikes
         The impacts on rigid stops.
+
+    Examples
+    --------
+    >>> found = gw.analysis.stick_slip(slipping)
+    >>> found.elements, [phase.mode for phase in found.phases]
+    (('brake',), ['slip +', 'stick', 'slip -', 'stick', 'slip +'])
     """
 
     motion: Motion
@@ -94,6 +113,18 @@ class StickSlip(Shown):
 
     def share(self, element: str, mode: str) -> float:
         """Return the fraction of the time in which an element has a mode: ``"slip +"``, ``"slip -"``, ``"stick"``.
+
+        Parameters
+        ----------
+        element
+            Name of the contact.
+        mode
+            ``"slip +"``, ``"slip -"``, ``"stick"``; ``"held"`` for a rigid stop.
+
+        Returns
+        -------
+        float
+            From 0 to 1.
 
         Raises
         ------
@@ -122,7 +153,13 @@ class StickSlip(Shown):
         return f"StickSlip({len(self.phases)} phases and {len(self.strikes)} impacts of {', '.join(self.elements)})"
 
     def plot(self, **options: Any):
-        """Draw history, phases and loops, and return the figure."""
+        """Draw history, phases and loops, and return the figure.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -148,8 +185,9 @@ def stick_slip(motion: Motion | Moves) -> StickSlip:
 
     Examples
     --------
-    >>> found = gw.analysis.stick_slip(gw.find_orbit(system))
-    >>> found.share("brake", "stick")
+    >>> found = gw.analysis.stick_slip(slipping)
+    >>> round(found.share("brake", "stick"), 6)
+    0.099131
     """
     sampled = motion if isinstance(motion, Motion) else motion.motion(_SAMPLES)
     structure, end = sampled.system.structure, float(sampled.theta[-1])

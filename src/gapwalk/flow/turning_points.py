@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.contact_events import COOLDOWN, Switchboard
-from gapwalk.flow.dry_state import Kink
+from gapwalk.flow.dry_state import Kink, largest
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.forces import Angles, accelerations
 
@@ -40,6 +40,7 @@ class TurningPoints:
     def __init__(self, equations: Equations, taylor: Any, switches: Switchboard) -> None:
         self._equations, self._taylor, self._switches = equations, taylor, switches
         self._turns: list[Turn] = []
+        self._numbers, self._still = b"", dict[tuple[int, ...], list[int]]()  # what keeps still, by what is held
         layout = equations.layout
         self._size, self._unit = layout.structure.size, 1.0
         self._slots = [(event, slots) for event, (slots, _) in enumerate(equations.turning) if slots is not None]
@@ -56,9 +57,12 @@ class TurningPoints:
         """Begin with the coefficients of a system, with lengths in multiples of `unit`."""
         self._turns, self._coefficients, self._unit = [], coefficients, unit
         self._stops: list[tuple[Kink, list[int]]] = []  # events that stop the integrator; what keeps still there
-        self._still: dict[tuple[int, ...], list[int]] = {}  # by what is held
-        for event, slots in self._slots:
-            self._vectors[event] = coefficients[slots]
+        numbers = coefficients[1:].tobytes()  # all but the frequency: the rest stays the same along most walks
+        if numbers != self._numbers:
+            self._numbers, self._still = numbers, {}
+            for event, slots in self._slots:
+                self._vectors[event] = coefficients[slots]
+            self._longest = float(np.abs(self._vectors).sum(axis=1).max())
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
@@ -103,8 +107,8 @@ class TurningPoints:
         shortest = COOLDOWN * float(coefficients[0])
         for (theta, positions, velocities, turning), still in [(kink, list[int]()) for kink in kinks] + self._stops:
             if not self._swaying and velocities[0] is velocities[1]:  # nearly always: nothing turns just there
-                values = [self._vectors.dot(each).tolist() for each in (velocities[0], *turning)]
-                if all(abs(v) > shortest * max(abs(a), abs(b)) for v, a, b in zip(*values, strict=True)):
+                slowest = min(map(abs, self._vectors.dot(velocities[0]).tolist()))
+                if slowest > shortest * self._longest * max(largest(turning[0]), largest(turning[1])):
                     continue
             before, after, *turned = (self._vectors @ np.array([*velocities, *turning]).T).T.tolist()
             for event, contact in self._swaying:

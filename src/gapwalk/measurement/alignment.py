@@ -50,6 +50,12 @@ class Alignment:
         The two histories without their means.
     agreement
         Rms error, correlation, and spectral lines; the record is the first of the two.
+
+    Examples
+    --------
+    >>> found = gw.measure.align(orbit, record, "x''")
+    >>> found.periods, round(found.agreement.correlation, 6)
+    (1, 1.0)
     """
 
     orbit: Orbit
@@ -76,7 +82,15 @@ class Alignment:
         return tuple(found)
 
     def plot(self, title: str | None = None, **options: Any):
-        """Draw the record over the computed motion, and their spectral lines; see `gapwalk.plot.draw`."""
+        """Draw the record over the computed motion, and their spectral lines; see `gapwalk.plot.draw`.
+
+        Parameters
+        ----------
+        title
+            Title above the picture; by default the name of the record.
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -225,10 +239,21 @@ def align(
     order
         Excitation periods per turn of the shaft whose speed was measured.
 
+    Returns
+    -------
+    Alignment
+        Both histories at the best phase, and their agreement.
+
     Raises
     ------
     ModelError
         If there is no such signal, or the record is too short, too coarse, constant, or at another speed.
+
+    Examples
+    --------
+    >>> found = gw.measure.align(orbit, record, "x''")
+    >>> round(found.agreement.correlation, 6), found.periods
+    (1.0, 1)
     """
     misfit = Misfit(orbit, record, signal_of(orbit.system, signal), order)
     return aligned(misfit, orbit, found_phase(misfit, orbit) if phase is None else phase)

@@ -54,6 +54,17 @@ class DampingMatch:
         Rms difference of the two accelerations with this damping, relative to that of the viscously damped motion.
     viscous, impact
         The two motions.
+
+    Examples
+    --------
+    >>> stages = [gw.Stage(1.0, 20.0, side="positive")]
+    >>> damper = gw.Contact("stop", {"x": 1.0}, stages, law="viscous", viscous_damping=0.2)
+    >>> load, mean = gw.Harmonic(1.0, {"x": 1.0}), {"x": 2.0}
+    >>> viscous = gw.System(["x"], [[1.0]], [[0.1]], contacts=[damper], mean=mean, harmonics=[load], frequency=3.5)
+    >>> wall = gw.stop("stop", {"x": 1.0}, 1.0, 20.0, impact_damping=0.1)
+    >>> impact = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], mean=mean, harmonics=[load])
+    >>> round(gw.measure.match_impact_damping(gw.find_orbit(viscous), impact).one_harmonic_share, 3)
+    0.991
     """
 
     contact: str
@@ -69,7 +80,20 @@ class DampingMatch:
     impact: Orbit
 
     def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
-        """Compare the two motions; see `gapwalk.analysis.contrast`."""
+        """Compare the two motions; see `gapwalk.analysis.contrast`.
+
+        Parameters
+        ----------
+        signals
+            The signals, as in `Motion.signal`; by default as in `gapwalk.analysis.contrast`.
+        **options
+            Options of `gapwalk.analysis.contrast`.
+
+        Returns
+        -------
+        Contrast
+            The comparison.
+        """
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 
 
@@ -92,10 +116,20 @@ def find_impact_damping(
     contact
         Name of the contact; may be omitted if there is only one.
 
+    Returns
+    -------
+    float
+        Hunt and Crossley's coefficient, in 1/velocity.
+
     Raises
     ------
     ModelError
         If the contact does not close under this deflection, or has another damping law.
+
+    Examples
+    --------
+    >>> round(gw.measure.find_impact_damping(system, viscous_damping=0.5, amplitude=1.5), 6)
+    1.123249
     """
     if isinstance(system, Contact):
         unit = replace(system, law=HuntCrossley(), numbers={"impact_damping": 1.0})
@@ -130,12 +164,29 @@ def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = N
     contact
         Name of the contact; may be omitted if there is only one.
 
+    Returns
+    -------
+    DampingMatch
+        Both impact dampings, and both motions.
+
     Raises
     ------
     ModelError
         If the systems differ in coordinates or contacts, the contact has another damping law, or it does not close.
     ConvergenceError
         If the impact-damped system has no such motion near the viscously damped one.
+
+    Examples
+    --------
+    >>> stages = [gw.Stage(1.0, 20.0, side="positive")]
+    >>> damper = gw.Contact("stop", {"x": 1.0}, stages, law="viscous", viscous_damping=0.2)
+    >>> load, mean = gw.Harmonic(1.0, {"x": 1.0}), {"x": 2.0}
+    >>> viscous = gw.System(["x"], [[1.0]], [[0.1]], contacts=[damper], mean=mean, harmonics=[load], frequency=3.5)
+    >>> wall = gw.stop("stop", {"x": 1.0}, 1.0, 20.0, impact_damping=0.1)
+    >>> impact = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], mean=mean, harmonics=[load])
+    >>> found = gw.measure.match_impact_damping(gw.find_orbit(viscous), impact)
+    >>> round(found.impact_damping, 4), round(found.one_harmonic, 4)
+    (0.1027, 0.1272)
     """
     contact, _, _ = pick_contact(impact, contact)
     place = _shared_place(viscous.system, impact, contact)

@@ -35,6 +35,12 @@ class Estimate(NamedTuple):
         The first guess, and the fitted value.
     error
         Standard error; infinite if the data do not determine the parameter, nan if it ended at a bound.
+
+    Examples
+    --------
+    >>> fitted = gw.measure.fit_points(branch, [("fold", 1.39, 0.001)], ["stop.clearance"])
+    >>> fitted.estimates[0].name, round(fitted.estimates[0].error, 4)
+    ('stop.clearance', 0.0049)
     """
 
     name: str

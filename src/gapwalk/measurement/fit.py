@@ -53,6 +53,12 @@ class Fit(Shown):
         Further information, in sentences.
     failures
         Reasons to distrust the result: parameters that the record does not determine, or a branch that ended.
+
+    Examples
+    --------
+    >>> found = gw.measure.fit(orbit, record, ["damping.x.x"], "x''")
+    >>> round(found.estimates[0].value, 6), round(found.orbit.system.parameters["damping.x.x"], 6)
+    (0.1, 0.1)
     """
 
     estimates: tuple[Estimate, ...]
@@ -77,7 +83,15 @@ class Fit(Shown):
         raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
 
     def plot(self, title: str | None = None, **options):
-        """Draw the record over the fitted motion, and their spectral lines; see `gapwalk.plot.draw`."""
+        """Draw the record over the fitted motion, and their spectral lines; see `gapwalk.plot.draw`.
+
+        Parameters
+        ----------
+        title
+            Title above the picture; by default the name of the record.
+        **options
+            Options of the picture.
+        """
         return self.after.plot(title, **options)
 
     def __repr__(self) -> str:
@@ -94,6 +108,11 @@ class FitOptions:
     ----------
     max_evaluations
         The most orbits that are compared with the record.
+
+    Examples
+    --------
+    >>> gw.measure.FitOptions(max_evaluations=20).max_evaluations
+    20
     """
 
     max_evaluations: int = 200
@@ -164,12 +183,23 @@ def fit(
     options
         Limits on the work.
 
+    Returns
+    -------
+    Fit
+        The parameters with their standard errors, and the fitted orbit.
+
     Raises
     ------
     ModelError
         If there is no such parameter or signal, a bound is invalid, or the record suits no period of the orbit.
     ConvergenceError
         If no minimum is found within the allowed number of evaluations.
+
+    Examples
+    --------
+    >>> found = gw.measure.fit(orbit, record, ["damping.x.x"], "x''")
+    >>> [(each.name, round(each.value, 6)) for each in found.estimates]  # the record was computed with 0.1
+    [('damping.x.x', 0.1)]
     """
     names, limits = limits_of(orbit.system, parameters, bounds or {})
     if orbit.system.structure.pace in names and record.speed is not None:

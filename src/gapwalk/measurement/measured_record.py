@@ -38,6 +38,11 @@ class Record:
     ModelError
         With all problems that were found: samples that are not finite numbers, time that does not increase in even
         steps, or too few or too many samples.
+
+    Examples
+    --------
+    >>> record.time.shape, record.scaled(acceleration=9.81).acceleration.shape
+    ((64,), (64,))
     """
 
     time: NDArray[np.float64]
@@ -58,7 +63,23 @@ class Record:
         return len(self.time)
 
     def scaled(self, time: float = 1.0, acceleration: float = 1.0, speed: float = 1.0) -> Record:
-        """Convert the record to other units: multiply each column by its factor."""
+        """Convert the record to other units: multiply each column by its factor.
+
+        Parameters
+        ----------
+        time, acceleration, speed
+            Factors of the columns.
+
+        Returns
+        -------
+        Record
+            A new record; this one does not change.
+
+        Raises
+        ------
+        ModelError
+            If a factor is not a positive number.
+        """
         for what, factor in (("time", time), ("acceleration", acceleration), ("speed", speed)):
             if not (np.isfinite(factor) and factor != 0.0) or (what == "time" and factor < 0.0):
                 raise ModelError(f"the factor of {what} is {factor!r}; it must be a number other than zero")
@@ -66,13 +87,35 @@ class Record:
         return Record(time * self.time, acceleration * self.acceleration, speeds, self.name)
 
     def between(self, begin: float, end: float) -> Record:
-        """Return the part from one time to another."""
+        """Return the part from one time to another.
+
+        Parameters
+        ----------
+        begin, end
+            Times, in the unit of the record.
+
+        Returns
+        -------
+        Record
+            The part.
+        """
         keep = (self.time >= begin) & (self.time <= end)
         speed = None if self.speed is None else self.speed[keep]
         return Record(self.time[keep], self.acceleration[keep], speed, self.name)
 
     def frequency(self, order: float = 1.0) -> float | None:
-        """Return the mean frequency of `order` excitation periods per shaft turn; None without a measured speed."""
+        """Return the mean frequency of `order` excitation periods per shaft turn; None without a measured speed.
+
+        Parameters
+        ----------
+        order
+            Periods of the excitation in a turn of the shaft.
+
+        Returns
+        -------
+        float or None
+            Angular frequency, in radians per unit of time.
+        """
         if self.speed is None:
             return None
         return order * float(np.trapezoid(self.speed, self.time) / (self.time[-1] - self.time[0]))
@@ -81,6 +124,18 @@ class Record:
         """Return the angles of the excitation relative to the first sample, in radians, shape (samples,).
 
         With a measured speed they are its integral (order tracking), otherwise ``frequency * time``.
+
+        Parameters
+        ----------
+        frequency
+            Angular frequency of the excitation.
+        order
+            Periods of the excitation in a turn of the shaft.
+
+        Returns
+        -------
+        array, shape (samples,)
+            The first one is 0.
 
         Raises
         ------

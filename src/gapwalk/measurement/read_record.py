@@ -101,10 +101,22 @@ def read_measurement(
         Factors that convert time, acceleration and speed to the units of the model. A speed is then in radians per unit
         of the model's time.
 
+    Returns
+    -------
+    Record
+        The record.
+
     Raises
     ------
     ModelError
         If the file cannot be read, has no such columns, or its numbers are not a valid record; see `Record`.
+
+    Examples
+    --------
+    >>> columns = np.array([record.time, record.acceleration]).T
+    >>> np.savetxt("shaker.csv", columns, delimiter=",", header="t,a", comments="")
+    >>> gw.measure.read_measurement("shaker.csv", {"time": "t", "acceleration": "a"}).time.size
+    64
     """
     path = Path(path)
     wanted = _wanted(columns or {})

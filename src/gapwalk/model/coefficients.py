@@ -364,7 +364,20 @@ def period_of(system: System, value: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """The systems that differ from one another by the value of one named parameter."""
+    """The systems that differ from one another by the value of one named parameter.
+
+    Attributes
+    ----------
+    system
+        The system, with any value of the parameter.
+    name
+        Name of the parameter.
+
+    Examples
+    --------
+    >>> gw.methods.ParameterLine(system, "stop.clearance").system_at(0.5).parameters["stop.clearance"]
+    0.5
+    """
 
     system: System
     name: str
@@ -379,17 +392,43 @@ class ParameterLine:
         return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
 
     def system_at(self, value: float) -> System:
-        """Return the system at one value of the parameter; unlike `System.at`, without checks."""
+        """Return the system at one value of the parameter; unlike `System.at`, without checks.
+
+        Parameters
+        ----------
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        System
+            The system, not checked.
+        """
         system = System.beside(self.system, self._place, value)
         if self._only_period:  # cheap here, costly to compute later
-            object.__setattr__(system, "_coefficients", self.coefficients(value)[0])
+            coefficients = coefficients_of(self.system).copy()
+            coefficients[0] = period_of(self.system, value)[0]
+            object.__setattr__(system, "_coefficients", coefficients)
         return system
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Compute the coefficients at one value of the parameter, and their derivative by it."""
+        """Compute the coefficients at one value of the parameter, and their derivative by it.
+
+        Parameters
+        ----------
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        coefficients : array, shape (coefficients,)
+            The coefficients, in consistent units.
+        slopes : array, shape (coefficients,)
+            Their derivative by the parameter.
+        """
         if self._only_period:  # by far the most frequent parameter of continuation
             base = coefficients_of(self.system)
-            coefficients, slope = base.copy(), np.zeros_like(base)
+            coefficients, slope = base.copy(), np.zeros(len(base))
             coefficients[0], slope[0] = period_of(self.system, value)
             return coefficients, slope
         coefficients, slopes = _with_slopes(self.system, {self._place: value})

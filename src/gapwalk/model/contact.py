@@ -16,7 +16,13 @@ RIGID = "rigid"
 
 
 class Side(StrEnum):
-    """The side of the gap on which a stage acts, by the sign of the deflection."""
+    """The side of the gap on which a stage acts, by the sign of the deflection.
+
+    Examples
+    --------
+    >>> gw.stop("wall", {"x": 1.0}, 0.5, 20.0, side=gw.Side.NEGATIVE).stages[0].side
+    <Side.NEGATIVE: 'negative'>
+    """
 
     BOTH = "both"
     POSITIVE = "positive"
@@ -65,6 +71,12 @@ class Stage:
     numbers
         Further parameters of the stage by name: those of the force law of the contact, and `hysteresis`, the limit of
         dry friction while the stage is closed (`friction` acts by it).
+
+    Examples
+    --------
+    >>> clutch = gw.Contact("clutch", {"x": 1.0}, [gw.Stage(0.2, 5.0, name="soft"), gw.Stage(1.0, 20.0, name="hard")])
+    >>> [stage.clearance for stage in clutch.stages]
+    [0.2, 1.0]
     """
 
     clearance: float
@@ -78,7 +90,18 @@ class Stage:
         object.__setattr__(self, "side", side_of(self.side))
 
     def number(self, parameter: Parameter) -> float | None:
-        """Return the value of one of its parameters; None if it has none."""
+        """Return the value of one of its parameters; None if it has none.
+
+        Parameters
+        ----------
+        parameter
+            The parameter of the law.
+
+        Returns
+        -------
+        float or None
+            Its value.
+        """
         if parameter.name in ("clearance", "stiffness", "cubic"):
             return getattr(self, parameter.name)
         return self.numbers.get(parameter.name, parameter.default)
@@ -112,7 +135,7 @@ class Contact:
 
     Examples
     --------
-    >>> Contact("stop", {"x": 1.0}, [Stage(1.0, 20.0)], law="hunt-crossley", impact_damping=0.1).numbers
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="hunt-crossley", impact_damping=0.1).numbers
     {'impact_damping': 0.1}
     """
 
@@ -157,7 +180,13 @@ class Contact:
         return [self.deflection[each] for each in self.law.arguments]  # type: ignore
 
     def values(self) -> Iterator[float]:
-        """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
+        """Iterate over the values of its parameters: of its stages, then of the contact as a whole.
+
+        Returns
+        -------
+        iterator of float
+            In the order of its parameters.
+        """
         for stage in self.stages:
             for parameter in self.law.stage_parameters:
                 value = stage.number(parameter)
@@ -193,6 +222,13 @@ def force(
         deflection. Required if there are several.
     numbers
         The parameters by name; they may also be given as arguments.
+    **more
+        Further parameters by name, as `numbers`.
+
+    Returns
+    -------
+    Contact
+        The force.
 
     Raises
     ------
@@ -203,7 +239,7 @@ def force(
 
     Examples
     --------
-    >>> force("drag", {"x": 1.0}, "c*v*abs(v)", c=0.2).numbers
+    >>> gw.force("drag", {"x": 1.0}, "c*v*abs(v)", c=0.2).numbers
     {'c': 0.2}
     """
     several = bool(deflection) and all(isinstance(each, Mapping) for each in deflection.values())
@@ -253,6 +289,11 @@ def friction(
     force
         The vector along which it acts, on the left-hand side of the equations of motion; by default its deflection.
 
+    Returns
+    -------
+    Contact
+        The friction.
+
     Raises
     ------
     ModelError
@@ -260,7 +301,7 @@ def friction(
 
     Examples
     --------
-    >>> friction("brake", {"x": 1.0}, 0.3, static=1.2).numbers
+    >>> gw.friction("brake", {"x": 1.0}, 0.3, static=1.2).numbers
     {'limit': 0.3, 'static': 1.2, 'speed': 0.0}
     """
     ways = (limit is not None and not stages_of, coefficient is not None, bool(stages_of))
@@ -291,6 +332,35 @@ def backlash(
 ) -> Contact:
     """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash).
 
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    deflection
+        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+    clearance
+        Half of the total backlash, >= 0, in units of the deflection.
+    stiffness
+        Stiffness of the spring on either side.
+    force
+        The vector along which it acts; by default its deflection.
+    impact_damping
+        Hunt and Crossley's coefficient, in 1/velocity; 0 for an elastic contact.
+
+    Returns
+    -------
+    Contact
+        The contact, with one stage on both sides.
+
+    Raises
+    ------
+    ModelError
+        If its numbers are not allowed.
+
+    Notes
+    -----
+    The impact damping is that of Hunt and Crossley (1975), Journal of Applied Mechanics 42, 440-445.
+
     Examples
     --------
     >>> import gapwalk as gw
@@ -311,6 +381,37 @@ def stop(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection.
+
+    Parameters
+    ----------
+    name
+        Prefix of its parameters' names.
+    deflection
+        The vector by coordinate name, for example ``{"q1": 1, "q2": -1}``.
+    clearance
+        Distance of the stop from zero deflection, >= 0, in units of the deflection.
+    stiffness
+        Stiffness of its spring.
+    side
+        ``"positive"`` or ``"negative"``: the sign of the deflection on which it is.
+    force
+        The vector along which it acts; by default its deflection.
+    impact_damping
+        Hunt and Crossley's coefficient, in 1/velocity; 0 for an elastic contact.
+
+    Returns
+    -------
+    Contact
+        The contact, with one stage on one side.
+
+    Raises
+    ------
+    ModelError
+        If its numbers are not allowed.
+
+    Notes
+    -----
+    The impact damping is that of Hunt and Crossley (1975), Journal of Applied Mechanics 42, 440-445.
 
     Examples
     --------
@@ -350,6 +451,11 @@ def rigid_stop(
     force
         The vector along which the impulse acts; by default its deflection.
 
+    Returns
+    -------
+    Contact
+        The stop.
+
     Raises
     ------
     ModelError
@@ -357,7 +463,7 @@ def rigid_stop(
 
     Examples
     --------
-    >>> rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).numbers
+    >>> gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).numbers
     {'restitution': 0.8}
     """
     return Contact(name, deflection, (Stage(clearance, side=side_of(side)),), force, "rigid", restitution=restitution)

@@ -30,6 +30,11 @@ class ProportionalDamping:
     ------
     ModelError
         If one of them is not a finite number.
+
+    Examples
+    --------
+    >>> gw.System(["x"], [[4.0]], damping=gw.ProportionalDamping(0.1, 0.02)).matrix("damping")  # 0.1 M + 0.02 K
+    array([[0.18]])
     """
 
     mass: float = 0.0
@@ -43,7 +48,18 @@ class ProportionalDamping:
                 )
 
     def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Compute the damping matrix, shape (n, n)."""
+        """Compute the damping matrix, shape (n, n).
+
+        Parameters
+        ----------
+        mass, stiffness : shape (n, n)
+            The mass and the stiffness matrix.
+
+        Returns
+        -------
+        array, shape (n, n)
+            The damping matrix.
+        """
         return self.mass * mass + self.stiffness * stiffness
 
 
@@ -61,6 +77,11 @@ class ModalDamping:
     ------
     ModelError
         If there is no ratio, or one is negative or not a number.
+
+    Examples
+    --------
+    >>> gw.System(["x"], [[4.0]], damping=gw.ModalDamping([0.05])).matrix("damping")  # 2 zeta w
+    array([[0.2]])
     """
 
     ratios: float | Sequence[float]
@@ -78,6 +99,16 @@ class ModalDamping:
 
     def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
         """Compute the damping matrix ``sum of 2 zeta_k w_k (M phi_k) (M phi_k)^T``, with ``phi_k^T M phi_k = 1``.
+
+        Parameters
+        ----------
+        mass, stiffness : shape (n, n)
+            The mass and the stiffness matrix.
+
+        Returns
+        -------
+        array, shape (n, n)
+            The damping matrix.
 
         Raises
         ------

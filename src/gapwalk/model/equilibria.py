@@ -47,6 +47,13 @@ class ContactRest:
         The stages that are closed, from the inside out; the only stage of a contact may have no name.
     is_formula
         True for a force by a formula: it has no sides and stages. Of several deflections, `deflection` is the first.
+
+    Examples
+    --------
+    >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
+    >>> contact = gw.find_equilibria(pressed).equilibria[0].contacts[0]
+    >>> contact.name, float(contact.deflection), contact.side
+    ('stop', 2.0, 1)
     """
 
     name: str
@@ -86,6 +93,13 @@ class Equilibrium:
         is then one of many.
     stable
         True if the equilibrium is stable.
+
+    Examples
+    --------
+    >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
+    >>> rest = gw.find_equilibria(pressed).equilibria[0]
+    >>> rest.position, rest.stable
+    (array([2.]), True)
     """
 
     position: NDArray[np.float64]
@@ -115,6 +129,12 @@ class Rest:
     notes
         What was left out, a sentence each: dry friction, with which there is a continuum of rests; rigid stops, which
         are open.
+
+    Examples
+    --------
+    >>> rest = gw.find_equilibria(system)
+    >>> rest.complete, rest.equilibria[0].position
+    (True, array([0.]))
     """
 
     equilibria: tuple[Equilibrium, ...]
@@ -177,10 +197,26 @@ def find_equilibria(system: System) -> Rest:
     search from many positions finds, and `Rest.complete` is False. Numbers that vary over the angle have their mean
     value, and prescribed displacements are zero. Dry friction is left out, and rigid stops are open (`Rest.notes`).
 
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    Rest
+        The equilibria, the stable ones first.
+
     Raises
     ------
     ConvergenceError
         If the least energy is not found.
+
+    Examples
+    --------
+    >>> pressed = gw.System(["x"], [[1.0]], contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 3.0)], mean={"x": 5.0})
+    >>> gw.find_equilibria(pressed).equilibria[0].position  # x + 3 (x - 1) = 5
+    array([2.])
     """
     springs, forces = springs_of(system), static_forces_of(system)
     stiffness, load = system.matrix("stiffness"), static_load(system)

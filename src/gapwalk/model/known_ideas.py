@@ -75,7 +75,7 @@ IDEAS = (
 
 
 def idea_of(key: str) -> str:
-    """Return what to write for an idea that a key names, with the page that says more; empty if it names none.
+    """Return the line to write for an idea that a key names, with the page that says more; empty if it names none.
 
     Examples
     --------

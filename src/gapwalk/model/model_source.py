@@ -256,21 +256,44 @@ def key_lines(text: str) -> dict[Path, int]:
     return scan.lines
 
 
+def value_spans(text: str) -> dict[Path, tuple[int, int]]:
+    """Find where in a TOML text each number, text or other single value stands, so that it alone can be replaced.
+
+    Parameters
+    ----------
+    text
+        As for `key_lines`.
+
+    Returns
+    -------
+    dict
+        First character, and the one after the last, by path; quotes are included.
+    """
+    scan = _Scan(text)
+    with suppress(ValueError, RecursionError):
+        scan.document()
+    return scan.spans
+
+
 class _Scan:
     """One pass over the words of a text, which has reached `word` in `line`; at the end of the text it is empty."""
 
     def __init__(self, text: str) -> None:
         self.lines: dict[Path, int] = {}
+        self.spans: dict[Path, tuple[int, int]] = {}
         self._items: dict[Path, int] = {}  # last index of each [[array of tables]]
-        self._words = (match.group() for match in _WORDS.finditer(text))
+        self._words = (match for match in _WORDS.finditer(text) if match.group()[0] != "#")
         self.word, self.line = "", 1
+        self._begin = self._passed = 0  # where `word` begins, and where the word before it ended
         self._next()
 
     def _next(self) -> str:
         """Move on to the next word beyond comments, and return the one before it."""
         passed = self.word
         self.line += passed.count("\n")
-        self.word = next((word for word in self._words if word[0] != "#"), "")
+        self._passed = self._begin + len(passed)
+        found = next(self._words, None)
+        self.word, self._begin = (found.group(), found.start()) if found else ("", self._passed)
         return passed
 
     def _skip_breaks(self) -> None:
@@ -332,8 +355,10 @@ class _Scan:
         if self.word in ("[", "{"):
             self._sequence("]" if self._next() == "[" else "}", path)
         else:
+            begin = self._begin
             while self.word and self.word not in ",]}\n":
                 self._next()
+            self.spans[path] = (begin, self._passed)
 
     def _sequence(self, end: str, path: Path) -> None:
         """Read a list, or an inline table, after its beginning."""

@@ -52,6 +52,12 @@ class Modes(Shown):
     Notes
     -----
     The largest entry of a column is 1, of `angles` for a drive train and of `shapes` otherwise.
+
+    Examples
+    --------
+    >>> modes = gw.find_modes(driveline)
+    >>> modes.frequencies.shape, modes.inertias
+    ((2,), ('engine', 'gear', 'box'))
     """
 
     frequencies: NDArray[np.float64]
@@ -82,10 +88,20 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
         left out. Or an equilibrium from `find_equilibria`, with the stages that are closed there,
         and the slopes there. Numbers that vary over the angle have their mean value.
 
+    Returns
+    -------
+    Modes
+        Frequencies and shapes, slowest first.
+
     Raises
     ------
     ModelError
         For any other word, or if a formula has no finite value and slope at zero deflection.
+
+    Examples
+    --------
+    >>> gw.find_modes(system, at="open").frequencies, gw.find_modes(system, at="closed").frequencies
+    (array([1.]), array([4.58257569]))
     """
     if isinstance(at, Equilibrium):
         stiffness, damping = at.stiffness, at.damping

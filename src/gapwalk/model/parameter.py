@@ -28,6 +28,12 @@ class Parameter:
         For a parameter without a kind, the powers of an angle (a length) and of a torque (a force) in it.
     optional
         True if a model file that names the law may leave out this parameter of the contact as a whole.
+
+    Examples
+    --------
+    >>> each = gw.laws.Parameter("preload", gw.laws.QuantityKind.TORQUE, "it is the force at the breakpoint", least=0.0)
+    >>> each.name, each.least
+    ('preload', 0.0)
     """
 
     name: str

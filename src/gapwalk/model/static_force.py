@@ -205,7 +205,7 @@ def formulas_of(system: System) -> tuple[StaticForce, ...]:
 def formula_matrices(
     system: System, q: NDArray[np.float64] | None = None, *, strict: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute what the formulas add to stiffness and damping for small motions about a position, each shape (n, n).
+    """Compute the stiffness and damping of the formulas for small motions about a position, each shape (n, n).
 
     By default about zero.
 

@@ -72,6 +72,12 @@ class System(Shown):
     ------
     ModelError
         With everything that is wrong, one reason a line.
+
+    Examples
+    --------
+    >>> mass = gw.System(["x"], mass=[2.0], damping=[0.1], stiffness=[8.0], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
+    >>> mass.at({"harmonic1.amplitude": 1.0}, frequency=1.5).frequency
+    1.5
     """
 
     # numbers that other systems may share, and its own by place; the first is for `coefficients_of`
@@ -143,6 +149,11 @@ class System(Shown):
         **more
             The same, for names without a dot: ``system.at(frequency=0.5)``.
 
+        Returns
+        -------
+        System
+            The new system; this one does not change.
+
         Raises
         ------
         ModelError
@@ -169,6 +180,18 @@ class System(Shown):
         """Make a system from its structure and its flat vector of values, in the order of `structure.names`.
 
         It uses the vector without a copy or a check, and makes it read-only: for values that are known to be valid.
+
+        Parameters
+        ----------
+        structure
+            Structure of the system.
+        values : shape (parameters,)
+            Values of all parameters.
+
+        Returns
+        -------
+        System
+            The system.
         """
         system = object.__new__(cls)
         system._set(structure, np.asarray(values, dtype=float))
@@ -179,6 +202,20 @@ class System(Shown):
         """Make a system that differs from another one by the value at one place, which is not checked.
 
         Both share their numbers until all of them are needed: a thousand degrees of freedom have millions.
+
+        Parameters
+        ----------
+        other
+            The other system.
+        place
+            Index of the parameter in `values`.
+        value
+            Its new value.
+
+        Returns
+        -------
+        System
+            The system.
         """
         system = object.__new__(cls)
         system._set(other.structure, other.values, {place: float(value)})
@@ -227,6 +264,18 @@ class System(Shown):
 
         A velocity counts as that length times a frequency, by default the frequency W of the excitation. The extension
         of a contact is a length.
+
+        Parameters
+        ----------
+        length
+            The length, in the unit of the coordinates.
+        frequency
+            Angular frequency, in rad per unit of time.
+
+        Returns
+        -------
+        array, shape (state_size,)
+            In the units of the state.
         """
         scales = np.full(self.state_size, float(length))
         scales[self.size : 2 * self.size] *= self.frequency if frequency is None else frequency
@@ -286,12 +335,34 @@ class System(Shown):
         return tuple([paired and self._at(place) == 0.0 for place, paired in self.structure.two_sided])
 
     def matrix(self, which: str) -> NDArray[np.float64]:
-        """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
+        """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n).
+
+        Parameters
+        ----------
+        which
+            ``"mass"``, ``"damping"`` or ``"stiffness"``.
+
+        Returns
+        -------
+        array, shape (n, n)
+            The matrix.
+        """
         system = self.equations
         return system.values[system.structure.block(which, self.size, self.size)]
 
     def vector(self, which: str) -> NDArray[np.float64]:
-        """Return the vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,)."""
+        """Return the vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,).
+
+        Parameters
+        ----------
+        which
+            Name of the vector.
+
+        Returns
+        -------
+        array, shape (n,)
+            By the coordinates.
+        """
         system = self.equations
         return system.values[system.structure.block(which, self.size)]
 

@@ -38,6 +38,11 @@ class Unit:
         As it is written.
     factor
         Value in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
+
+    Examples
+    --------
+    >>> driveline.units.unit("mesh.ratio").text, driveline.units.parameter("clutch.stiffness")
+    ('', 'N m/rad')
     """
 
     text: str
@@ -69,6 +74,11 @@ class QuantityKind(Enum):
     angle, time, torque
         The powers of an angle of the train, of time and of torque in it. Inertia is counted per angle: times an
         acceleration it is a torque.
+
+    Examples
+    --------
+    >>> driveline.units.parameter("mesh.clearance"), driveline.units.kind("mesh.clearance").name
+    ('deg', 'ANGLE')
     """
 
     ANGLE = "an angle", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 1, 0, 0
@@ -150,6 +160,11 @@ class Quantity:
         Size of the unit in the reference unit of its kind (SI, with angles in rad).
     kind
         Kind of the quantity.
+
+    Examples
+    --------
+    >>> round(driveline.units.read("mesh.clearance", "0.002 rad"), 9)  # in deg
+    0.114591559
     """
 
     number: float
@@ -313,6 +328,12 @@ class Units:
     own
         Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies
         a stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
+
+    Examples
+    --------
+    >>> units = driveline.units
+    >>> units.parameter("mesh.clearance"), units.state("mesh'"), units.signal("clutch.torque")
+    ('deg', 'deg/s', (1.0, 'N m'))
     """
 
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
@@ -325,16 +346,49 @@ class Units:
             raise ValueError(f"{self.turns} is no number of periods in a turn")
 
     def of(self, kind: QuantityKind) -> Unit:
-        """Return the unit of a kind."""
+        """Return the unit of a kind.
+
+        Parameters
+        ----------
+        kind
+            The kind.
+
+        Returns
+        -------
+        Unit
+            The unit.
+        """
         return self._units.get(kind, kind.unit)
 
     def parameter(self, name: str) -> str:
-        """Return the unit of a parameter by its name; empty for a plain number."""
+        """Return the unit of a parameter by its name; empty for a plain number.
+
+        Parameters
+        ----------
+        name
+            Name of the parameter.
+
+        Returns
+        -------
+        str
+            Such as ``N m/rad``.
+        """
         kind = self.kind(name)
         return self.unit(name).text if kind is None else self.of(kind).text
 
     def kind(self, name: str) -> QuantityKind | None:
-        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula."""
+        """Return the kind of a parameter by its name; None for a plain number, and for one of a formula.
+
+        Parameters
+        ----------
+        name
+            Name of the parameter.
+
+        Returns
+        -------
+        QuantityKind or None
+            The kind.
+        """
         return self._own[name][0] if name in self._own else kind_of(name)
 
     @property
@@ -360,16 +414,52 @@ class Units:
         return float(self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1))
 
     def factors(self, names: Iterable[str]) -> NDArray[np.float64]:
-        """Return the size of one unit of each parameter in consistent units, shape (names,)."""
+        """Return the size of one unit of each parameter in consistent units, shape (names,).
+
+        Parameters
+        ----------
+        names
+            Names of the parameters.
+
+        Returns
+        -------
+        array, shape (names,)
+            The factors.
+        """
         return np.array([self._factor(name) for name in names])
 
     def number(self, quantity: Quantity, kind: QuantityKind) -> float:
-        """Convert a quantity to the unit of its kind."""
+        """Convert a quantity to the unit of its kind.
+
+        Parameters
+        ----------
+        quantity
+            The quantity.
+        kind
+            Its kind.
+
+        Returns
+        -------
+        float
+            In the unit of that kind.
+        """
         unit = self.of(kind)
         return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
 
     def read(self, parameter: str, value: object) -> float:
         """Convert a text with a unit to a number in the unit of a parameter.
+
+        Parameters
+        ----------
+        parameter
+            Name of the parameter.
+        value
+            The text, such as ``"2 deg"``.
+
+        Returns
+        -------
+        float
+            In the unit of the parameter.
 
         Raises
         ------
@@ -392,6 +482,18 @@ class Units:
 
         Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m. The mode of
         friction has none.
+
+        Parameters
+        ----------
+        name
+            Name of the signal.
+
+        Returns
+        -------
+        factor : float
+            Size in consistent units, inverted.
+        unit : str
+            The unit.
         """
         if name.endswith(".slip"):
             return 1.0, ""
@@ -400,7 +502,18 @@ class Units:
         return 1.0, "N m" if name.endswith((".torque", ".force")) else self.state(name)
 
     def state(self, name: str) -> str:
-        """Return the unit of a position or deflection (that of angles), or of a velocity ``q'`` (per second)."""
+        """Return the unit of a position or deflection (that of angles), or of a velocity ``q'`` (per second).
+
+        Parameters
+        ----------
+        name
+            Name of a position, deflection or velocity.
+
+        Returns
+        -------
+        str
+            Such as ``deg`` or ``deg/s``.
+        """
         return self.of(QuantityKind.ANGLE).text + ("/s" if name.endswith("'") else "")
 
     @cached_property
@@ -412,7 +525,18 @@ class Units:
         return {name: (kind, unit) for name, kind, unit in self.own}
 
     def unit(self, name: str) -> Unit:
-        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula."""
+        """Return the unit of a parameter without a kind: `PLAIN`, or that of a parameter of a formula.
+
+        Parameters
+        ----------
+        name
+            Name of the parameter.
+
+        Returns
+        -------
+        Unit
+            The unit.
+        """
         return self._own[name][1] if name in self._own else PLAIN
 
     def _factor(self, name: str) -> float:

@@ -243,7 +243,7 @@ def _variation_problems(structure: Structure, values: NDArray[np.float64]) -> It
 
 
 def _friction_problems(structure: Structure, variation: Variation) -> Iterator[str]:
-    """List what cannot vary of friction: the speed of a base, and of a Jenkins element its stiffness or a jump."""
+    """List the numbers of friction that cannot vary: the speed of a base, the stiffness of a Jenkins element."""
     varied = structure.contacts[variation.contact]
     if varied.law.is_dry and variation.name == "speed":
         yield (

@@ -40,7 +40,7 @@ class Variation(NamedTuple):
 
 
 def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterator[tuple[Variation, float]]:
-    """Find what a load varies, by its name such as ``mesh.stiffness``: each with a sign.
+    """Find the numbers that a load varies, by a name such as ``mesh.stiffness``: each with a sign.
 
     Raises
     ------

@@ -74,6 +74,12 @@ class EnergyItem:
         Its mean over the period: in W in a system with units.
     share
         Fraction of the work of all loads that do work on the motion.
+
+    Examples
+    --------
+    >>> item = gw.analysis.energy(slipping).work[0]
+    >>> item.element, item.kind, item.share
+    ('harmonic1', 'load', 1.0)
     """
 
     element: str
@@ -104,6 +110,12 @@ class Energy(Shown):
     -----
     Where the equations are given in a form whose matrices are not symmetric, as after a division by masses, the masses
     are found for which each contact acts along its own deflection, and the stiffness matrix is symmetric.
+
+    Examples
+    --------
+    >>> book = gw.analysis.energy(slipping)
+    >>> [(item.element, round(item.share, 3)) for item in book.losses]
+    [('damping', 0.114), ('brake', 0.886)]
     """
 
     _words: ClassVar[dict[str, str]] = {"work": "work of", "losses": "loss in"}
@@ -133,6 +145,16 @@ class Energy(Shown):
     def of(self, element: str) -> float:
         """Return the sum of the losses in one element, such as a contact, in one period.
 
+        Parameters
+        ----------
+        element
+            Name of a contact or a link; ``damping`` for the damping matrix.
+
+        Returns
+        -------
+        float
+            Energy lost in one period: in J in a system with units, otherwise a force times a length.
+
         Raises
         ------
         ModelError
@@ -160,7 +182,13 @@ class Energy(Shown):
         return f"Energy(work {self.supplied:.6g}, losses {self.dissipated:.6g} in {self.period} forcing periods)"
 
     def plot(self, **options: Any):
-        """Draw bars of work and losses, and return the axes."""
+        """Draw bars of work and losses, and return the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -189,8 +217,9 @@ def energy(orbit: Moving) -> Energy:
 
     Examples
     --------
-    >>> book = gw.analysis.energy(gw.find_orbit(system))
-    >>> book.of("brake")
+    >>> book = gw.analysis.energy(slipping)
+    >>> round(book.of("brake") / book.supplied, 6)
+    0.885799
     """
     if not orbit.period:
         raise ModelError("a motion without a period has no energy in a period; its stored energy does not return")
@@ -205,7 +234,7 @@ def energy(orbit: Moving) -> Energy:
 
 
 def impact_losses(system: System, along: Quadrature) -> dict[tuple[float, int], float]:
-    """Compute what each impact on a rigid stop loses, by its angle and the number of its contact.
+    """Compute the energy loss of each impact on a rigid stop, by its angle and the number of its contact.
 
     Raises
     ------

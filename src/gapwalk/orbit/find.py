@@ -70,12 +70,22 @@ def find_orbit(
     at, **values
         Parameter values to change first: ``find_orbit(system, frequency=1.9)``.
 
+    Returns
+    -------
+    Orbit
+        The orbit.
+
     Raises
     ------
     ModelError
         For an invalid start, period or parameter.
     ConvergenceError
         If no orbit is found; the message lists the starts that were tried.
+
+    Notes
+    -----
+    Shooting: Padmanabhan and Singh (1995), section 3. Newton's method: Deuflhard (2011), *Newton Methods for Nonlinear
+    Problems*.
 
     Examples
     --------

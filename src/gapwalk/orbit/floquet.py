@@ -32,6 +32,11 @@ class Instability(NamedTuple):
         Number of real ones below -1.
     pairs
         Number of complex conjugate pairs.
+
+    Examples
+    --------
+    >>> branch.special("fold")[0].after.above
+    1
     """
 
     above: int

@@ -30,6 +30,18 @@ class FrictionPhase(NamedTuple):
     """A phase of friction: its mode, 1 or -1 in slip and 0 in stick, and the angles at which it begins and ends.
 
     The end of the last phase lies in the next period if it passes the end of its own.
+
+    Attributes
+    ----------
+    mode
+        1 or -1 in slip, 0 in stick.
+    start, stop
+        Angles in radians.
+
+    Examples
+    --------
+    >>> gw.records.FrictionPhase(0, 0.5, 0.75).length
+    0.25
     """
 
     mode: int
@@ -42,11 +54,39 @@ class FrictionPhase(NamedTuple):
         return self.stop - self.start
 
     def contains(self, theta: float, full: float, margin: float = 0.0) -> bool:
-        """Return True if an angle lies within it, on a circle of circumference `full`."""
+        """Return True if an angle lies within it, on a circle of circumference `full`.
+
+        Parameters
+        ----------
+        theta
+            The angle, in radians.
+        full
+            The circumference, in radians.
+        margin
+            Distance from the ends that the angle must keep, in radians.
+
+        Returns
+        -------
+        bool
+            True if it lies within.
+        """
         return (theta - self.start + margin) % full <= self.length + 2.0 * margin
 
     def away(self, theta: float, full: float) -> float:
-        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it."""
+        """Return the distance of an angle from it, on a circle of circumference `full`; 0 within it.
+
+        Parameters
+        ----------
+        theta
+            The angle, in radians.
+        full
+            The circumference, in radians.
+
+        Returns
+        -------
+        float
+            In radians.
+        """
         after = (theta - self.start) % full
         return 0.0 if after <= self.length else min(after - self.length, full - after)
 
@@ -102,6 +142,12 @@ class Margin(NamedTuple):
         The angle, and the distance: for ``rate`` and ``reserve`` the least value nearby.
     range
         Largest value of the same quantity.
+
+    Examples
+    --------
+    >>> margin = slipping.margins[0]
+    >>> margin.what, round(margin.value, 6)
+    ('stop', 0.093398)
     """
 
     contact: int

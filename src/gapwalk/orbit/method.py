@@ -51,12 +51,28 @@ class Method:
 
     @staticmethod
     def known() -> tuple[type[Method], ...]:
-        """Return all methods, the default first."""
+        """Return all methods, the default first.
+
+        Returns
+        -------
+        tuple of type
+            The classes of the methods.
+        """
         return tuple(METHODS.values())
 
     @staticmethod
     def named(name: str) -> type[Method]:
         """Return the method of a name.
+
+        Parameters
+        ----------
+        name
+            Name of the method, such as ``shooting``.
+
+        Returns
+        -------
+        type
+            Its class.
 
         Raises
         ------
@@ -67,20 +83,65 @@ class Method:
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """Return the method that poses one of its orbits with a given number of unknowns."""
+        """Return the method that poses one of its orbits with a given number of unknowns.
+
+        Parameters
+        ----------
+        orbit
+            One of its orbits.
+        count
+            Number of unknowns.
+
+        Returns
+        -------
+        Method
+            The method, with options that give that number.
+        """
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
-        """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter."""
+        """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter.
+
+        Parameters
+        ----------
+        system
+            The system.
+        parameter
+            Name of a parameter that may vary; None for a fixed system.
+        period
+            m, number of forcing periods.
+
+        Returns
+        -------
+        OrbitEquation
+            The equation.
+        """
         raise NotImplementedError(f"the method {self.name} poses no equation")
 
     def for_loci(self) -> Method:
-        """Return the method by which loci are followed from one of its orbits."""
+        """Return the method by which loci are followed from one of its orbits.
+
+        Returns
+        -------
+        Method
+            The method itself, unless loci need other options.
+        """
         return self
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report."""
+        """Describe the resolution of some of its orbits in a sentence; empty if the method has none to report.
+
+        Parameters
+        ----------
+        orbits
+            Orbits that the method has found.
+
+        Returns
+        -------
+        str
+            One sentence, or none.
+        """
         return ""
 
     @classmethod
@@ -97,10 +158,21 @@ METHODS: Registry[type[Method]] = Registry("method")
 def register(method: type[Method]) -> None:
     """Register a method under its name; a class that is defined again replaces its earlier definition.
 
+    Parameters
+    ----------
+    method
+        The class of the method.
+
     Raises
     ------
     ModelError
         If another method has the name.
+
+    Examples
+    --------
+    >>> gw.methods.register(gw.Shooting)  # as gapwalk has done
+    >>> gw.methods.Method.named("shooting")
+    <class 'gapwalk.orbit.shooting.Shooting'>
     """
     METHODS.add(method.name, method)
 

@@ -70,6 +70,13 @@ class Orbit(Shown):
         True if the flow over one period leads back to its state, to the accuracy of the flow.
     truncation
         Truncation error of the method, relative to the motion; 0 if the orbit is exact.
+
+    Examples
+    --------
+    >>> orbit.period, orbit.stable, abs(orbit.multipliers).round(6)
+    (1, True, array([0.592385, 0.592385]))
+    >>> round(orbit.measure("max.x"), 6)
+    0.777839
     """
 
     found_by: ClassVar[str] = "shooting"
@@ -131,7 +138,18 @@ class Orbit(Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """Return the method, with the options that pose this orbit with a given number of unknowns."""
+        """Return the method, with the options that pose this orbit with a given number of unknowns.
+
+        Parameters
+        ----------
+        count
+            Number of unknowns.
+
+        Returns
+        -------
+        Method
+            The method.
+        """
         return self.method.resolving(self, count)
 
     @cached_property
@@ -183,6 +201,16 @@ class Orbit(Shown):
         A stop that is held has infinitely many impacts before. Of these, those are counted that precede a gap between
         two of them: how many more the log has says nothing. If it is held in one of both motions only, nothing is
         counted: between the two, infinitely many impacts graze.
+
+        Parameters
+        ----------
+        other
+            An orbit near this one, of the same system or of one at a near value.
+
+        Returns
+        -------
+        tuple of int
+            One number for each switch of the flow; negative if it closes less often.
         """
         changes = [then - now for now, then in zip(self.closings, other.closings, strict=True)]
         for switch, phases in self.held.items():
@@ -245,12 +273,36 @@ class Orbit(Shown):
         return contact_deflections(layout, coefficients_of(self.system), 0.0, state)
 
     def motion(self, samples: int | None = None) -> Motion:
-        """Return one full period, with `samples` even samples per forcing period (by default as many as it needs)."""
+        """Return one full period, with `samples` even samples per forcing period (by default as many as it needs).
+
+        Parameters
+        ----------
+        samples
+            Even samples per forcing period; None for as many as it needs.
+
+        Returns
+        -------
+        Motion
+            Its first sample is at theta = 0, its last one at the end of the period.
+        """
         count = (samples or self.samples) * self.period
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
+
+        Parameters
+        ----------
+        count
+            Number of states.
+        apart
+            Interval in radians of theta; by default one forcing period.
+
+        Returns
+        -------
+        array, shape (count, state_size)
+            The first one is at theta = 0.
+        """
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         for number in range(count - 1):
             start = number * apart % PERIOD
@@ -313,6 +365,11 @@ class Orbit(Shown):
             ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ... (amplitude
             of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``,
             ``rms.stage2``.
+
+        Returns
+        -------
+        float
+            In the unit of the signal.
 
         Raises
         ------

@@ -44,15 +44,59 @@ class Equation(Protocol):
         ...
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; raise a NumericalError where they do not exist."""
+        """Return residual and derivatives; raise a NumericalError where they do not exist.
+
+        Parameters
+        ----------
+        unknowns : shape (N,)
+            The unknowns.
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        Evaluation
+            Residual and derivatives.
+
+        Raises
+        ------
+        NumericalError
+            Where they do not exist.
+        """
         ...
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution."""
+        """Return the orbit of a solution.
+
+        Parameters
+        ----------
+        unknowns : shape (N,)
+            A solution.
+        value
+            Value of the parameter.
+        evaluation
+            The evaluation there.
+
+        Returns
+        -------
+        Orbit
+            The orbit, with its multipliers.
+        """
         ...
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of an orbit found by any method."""
+        """Return the unknowns of an orbit found by any method.
+
+        Parameters
+        ----------
+        orbit
+            An orbit, found by any method.
+
+        Returns
+        -------
+        array, shape (N,)
+            The unknowns.
+        """
         ...
 
 
@@ -74,6 +118,12 @@ class OrbitEquation:
         m, number of forcing periods.
     options
         Method that posed the equation; it poses other systems, parameters and periods in the same way.
+
+    Examples
+    --------
+    >>> equation = gw.Shooting(segments=2).pose(system, "frequency")
+    >>> equation.unknowns(orbit).shape, equation.system_at(0.7).frequency
+    ((4,), 0.7)
     """
 
     system: System
@@ -98,42 +148,147 @@ class OrbitEquation:
         return ParameterLine(self.system, self.parameter)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one."""
+        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one.
+
+        Parameters
+        ----------
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        coefficients : array, shape (coefficients,)
+            The coefficients, in consistent units.
+        slopes : array, shape (coefficients,), or None
+            Their derivative by the parameter.
+        """
         return (coefficients_of(self.system), None) if self.parameter is None else self.line.coefficients(value)
 
     def system_at(self, value: float) -> System:
-        """Return the system at a value of the parameter; the equation's own if it has no parameter."""
+        """Return the system at a value of the parameter; the equation's own if it has no parameter.
+
+        Parameters
+        ----------
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        System
+            The system.
+        """
         return self.system if self.parameter is None else self.line.system_at(value)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """See `Equation.evaluate`."""
+        """See `Equation.evaluate`.
+
+        Parameters
+        ----------
+        unknowns : shape (N,)
+            The unknowns.
+        value
+            Value of the parameter.
+
+        Returns
+        -------
+        Evaluation
+            Residual and derivatives.
+        """
         raise NotImplementedError
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """See `Equation.orbit`."""
+        """See `Equation.orbit`.
+
+        Parameters
+        ----------
+        unknowns : shape (N,)
+            A solution.
+        value
+            Value of the parameter.
+        evaluation
+            The evaluation there.
+
+        Returns
+        -------
+        Orbit
+            The orbit, with its multipliers.
+        """
         raise NotImplementedError
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """See `Equation.unknowns`."""
+        """See `Equation.unknowns`.
+
+        Parameters
+        ----------
+        orbit
+            An orbit, found by any method.
+
+        Returns
+        -------
+        array, shape (N,)
+            The unknowns.
+        """
         raise NotImplementedError
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
 
         Velocities count as lengths times a frequency, by default that of the system.
+
+        Parameters
+        ----------
+        length
+            The length, in the unit of the coordinates.
+        frequency
+            Angular frequency; None for that of the system.
+
+        Returns
+        -------
+        array, shape (N,)
+            In the units of the unknowns.
         """
         raise NotImplementedError
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the unknowns of the motion from a state, as a start for Newton's method."""
+        """Return the unknowns of the motion from a state, as a start for Newton's method.
+
+        Parameters
+        ----------
+        state : shape (state_size,)
+            State at theta = 0.
+
+        Returns
+        -------
+        array, shape (N,)
+            The unknowns.
+        """
         raise NotImplementedError
 
     def otherwise(self) -> OrbitEquation:
-        """Return the equation of the same orbits with another or finer discretisation, for an error estimate."""
+        """Return the equation of the same orbits with another or finer discretisation, for an error estimate.
+
+        Returns
+        -------
+        OrbitEquation
+            The other equation.
+        """
         raise NotImplementedError
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
+        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero.
+
+        Parameters
+        ----------
+        direction : shape (N,)
+            The change of the unknowns.
+        other
+            The equation from `otherwise`.
+
+        Returns
+        -------
+        array
+            The change of the unknowns of the other equation.
+        """
         raise NotImplementedError
 
     @property
@@ -142,11 +297,28 @@ class OrbitEquation:
         return None
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is."""
+        """Return the reason why the orbit of a solution is not accurate enough, with advice; empty if it is.
+
+        Parameters
+        ----------
+        orbit
+            The orbit.
+
+        Returns
+        -------
+        str
+            A sentence, or none.
+        """
         return ""
 
     def finer(self) -> OrbitEquation | None:
-        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
+        """Return the equation of the same orbits with a finer resolution, or None if the method has none.
+
+        Returns
+        -------
+        OrbitEquation or None
+            The finer equation.
+        """
         return None
 
 
@@ -166,6 +338,12 @@ class Evaluation(NamedTuple):
     reach
         Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
         contribution of a touch grows with the square root of its depth. Infinite if it is not known.
+
+    Examples
+    --------
+    >>> equation = gw.Shooting().pose(system, "frequency")
+    >>> float(np.abs(equation.evaluate(equation.unknowns(orbit), 0.6).residual).max()) < 1e-9
+    True
     """
 
     residual: NDArray[np.float64]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -27,7 +27,7 @@ from gapwalk.orbit.centring import centre_of
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
-from gapwalk.orbit.sticking import Closure, released, stuck_in, transition_of
+from gapwalk.orbit.sticking import Closure, never_slipping, released, stuck_in, transition_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -44,6 +44,11 @@ class Shooting(Method):
         help if the motion is strongly unstable.
     tolerance
         Largest residual of an orbit, relative to the size of its state.
+
+    Examples
+    --------
+    >>> gw.find_orbit(system, method=gw.Shooting(segments=4)).stable
+    True
     """
 
     name: ClassVar[str] = "shooting"
@@ -115,12 +120,13 @@ class ShootingEquation(OrbitEquation):
             self._flow.integrate(coefficients, state, start, stop, direction)
             for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
         ]
-        found = assembled(
-            released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length), states
-        )
-        if direction is not None:
+        kept = bool(never_slipping(arcs))
+        free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs
+        found = assembled(free, states)
+        if kept and direction is not None:
             self._centre(found, coefficients, direction, arcs, states)
-        return found._replace(evidence=arcs, reach=_shallowest(arcs) * float(coefficients[0]))
+        reach = _shallowest(arcs) * float(coefficients[0])
+        return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
@@ -276,15 +282,15 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
     The states have the shape (segments, state_size).
     """
     count, size = states.shape
+    if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
+        (arc,) = arcs
+        jacobian = transition_of(arc) - _identity(size)
+        return Evaluation(arc.state - states[0], jacobian, arc.sensitivity, arcs)
     residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
     by_parameter = None if arcs[0].sensitivity is None else np.concatenate([_sensitivity(arc) for arc in arcs])
     # [ P_1  -I        ]
     # [       P_2  -I  ]
     # [ -I        P_3  ]
-    if count == 1:  # the usual case, evaluated at each iteration: no block has to be placed
-        jacobian = transition_of(arcs[0]).copy()
-        jacobian.flat[:: size + 1] -= 1.0
-        return Evaluation(residual, jacobian, by_parameter, arcs)
     jacobian = np.zeros((states.size, states.size))
     for j, arc in enumerate(arcs):
         jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = transition_of(arc)
@@ -318,6 +324,11 @@ def _shallowest(arcs: list[Arc]) -> float:
                 first = begun.pop(event.switch)
                 least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
     return least
+
+
+@lru_cache(maxsize=16)
+def _identity(size: int) -> NDArray[np.float64]:
+    return np.eye(size)
 
 
 def _sensitivity(arc: Arc) -> NDArray[np.float64]:

@@ -54,7 +54,7 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
         The successive arcs of one period, with their transitions.
     """
     found = []
-    for contact in _never_slipping(arcs):
+    for contact in never_slipping(arcs):
         kept = _kept_row(layout, coefficients, contact)
         carried = kept
         for arc in reversed(arcs):
@@ -64,10 +64,13 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
     return tuple(found)
 
 
-def _never_slipping(arcs: Sequence[Arc]) -> list[int]:
+def never_slipping(arcs: Sequence[Arc]) -> list[int]:
     """Return the numbers of the contacts whose friction sticks all through some arcs."""
-    slipping = {event.contact for arc in arcs for event in arc.slips if event.slip}
-    return sorted({event.contact for arc in arcs for event in arc.slips} - slipping)
+    events = [event for arc in arcs for event in arc.slips]
+    if not events:
+        return []
+    slipping = {event.contact for event in events if event.slip}
+    return sorted({event.contact for event in events} - slipping)
 
 
 def released(
@@ -159,10 +162,10 @@ class Closure(NamedTuple):
         arcs: Sequence[Arc],
         start: NDArray[np.float64],
     ) -> Closure:
-        """Compute the multipliers of the successive arcs of one period; the coefficients only where friction sticks."""
+        """Compute the multipliers from the arcs of one period; `coefficients` is called only if friction sticks."""
         if not any(arc.slips for arc in arcs):
             return cls(multipliers([transition_of(arc) for arc in arcs]))
-        stuck = stuck_in(layout, coefficients(), arcs) if _never_slipping(arcs) else ()
+        stuck = stuck_in(layout, coefficients(), arcs) if never_slipping(arcs) else ()
         free = released(layout, coefficients(), arcs, start) if stuck else arcs
         found = multipliers([transition_of(arc) for arc in free])  # the largest first
         found[np.abs(found) <= _ROUNDING * max(1.0, abs(found[0]))] = 0.0

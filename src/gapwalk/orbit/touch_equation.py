@@ -145,7 +145,7 @@ class TouchEquation:
     Raises
     ------
     ConvergenceError
-        If there is no time before a touch, or no acceleration by which the deflection turns.
+        If the period begins with the touch, or the acceleration of the deflection is zero there.
     """
 
     def __init__(
@@ -325,7 +325,9 @@ class TouchEquation:
         In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
         independent. They make the system regular even where another branch crosses on which one touch is deeper.
         """
-        before = np.inf
+        before, strikes = np.inf, self._rigid and depth * self.free < 0.0
+        if strikes and len(self._switches) > 1:  # an impact that is off would throw the next one far off
+            unknowns = self._at_depth(unknowns, depth)
         for _ in range(_ITERATIONS):
             value = float(unknowns[-1])
             evaluation = self._posed.evaluate(unknowns[:-1], value)
@@ -351,7 +353,7 @@ class TouchEquation:
                 if length < _SETTLED:
                     raise ConvergenceError("the touches do not reach the same depth")
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
-            if self._rigid and depth * self.free < 0.0:
+            if strikes:
                 unknowns = self._at_depth(unknowns, depth)
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 

@@ -112,7 +112,7 @@ def _begin(held: Any, environment: Mapping[str, str]) -> None:
 
 
 def end_with_holder(held: Any) -> None:
-    """End this process when the other end of the control is closed, which the death of its holder does too."""
+    """End this process when the process that started it closes the connection, or dies."""
 
     def wait_for_the_end() -> None:
         held.poll(None)

@@ -27,6 +27,11 @@ class Pace:
         Parts that an earlier run had done; `done` includes them.
     seconds
         Time since this run began.
+
+    Examples
+    --------
+    >>> gw.parallel.Pace(done=30, total=100, before=10, seconds=5.0).rate
+    4.0
     """
 
     done: int

@@ -65,6 +65,11 @@ class Workers:
     ----------
     executor
         Executor of the pieces; None for this process.
+
+    Examples
+    --------
+    >>> list(gw.parallel.Workers(None).each(abs, [-1.0, 2.0]))
+    [(0, 1.0), (1, 2.0)]
     """
 
     def __init__(self, executor: Executor | None = None) -> None:
@@ -99,6 +104,11 @@ class Workers:
             True for results in the order of the pieces, so that nothing depends on the number of workers; otherwise
             in the order of completion.
 
+        Yields
+        ------
+        index, result
+            The index of a piece, and what the function returned.
+
         Raises
         ------
         WorkError
@@ -132,7 +142,15 @@ class Workers:
         *,
         in_order: bool = True,
     ) -> None:
-        """Do the pieces that are needed, and hand the index and the result of each to `accept`; otherwise as `each`."""
+        """Do the pieces that are needed, and hand the index and the result of each to `accept`; otherwise as `each`.
+
+        Parameters
+        ----------
+        function, pieces, is_needed, in_order
+            As in `each`.
+        accept
+            Called with the index and the result of each piece.
+        """
         for index, result in self.each(function, pieces, is_needed, in_order=in_order):
             accept(index, result)
 
@@ -267,11 +285,18 @@ def local_workers(count: int | Workers | None = None) -> Iterator[Workers]:
         Number of local processes; by default one for each local core. 1 works in this process. Workers that were
         started before are used as they are.
 
+    Yields
+    ------
+    Workers
+        The workers.
+
     Examples
     --------
-    >>> with gw.parallel.local_workers(2) as workers:
-    ...     up = gw.sweep(system, "frequency", (0.4, 0.8), workers=workers)
-    ...     down = gw.sweep(system, "frequency", (0.8, 0.4), workers=workers)
+    >>> with gw.parallel.local_workers(1) as workers:
+    ...     options = gw.SearchOptions(starts=2, newton_starts=0)
+    ...     found = gw.search(system, "frequency", [0.6], options=options, workers=workers)
+    >>> len(found.found)
+    1
     """
     if isinstance(count, Workers):
         yield count
@@ -297,10 +322,17 @@ def on_cores(count: int | None = None) -> Iterator[Workers]:
     count
         Number of local processes; by default one for each local core.
 
+    Yields
+    ------
+    Workers
+        The processes.
+
     Examples
     --------
-    >>> with gw.parallel.on_cores(4):
-    ...     family = gw.family(system, "frequency", (0.5, 1.5), over={"mean.q1": [0.2, 0.3]})
+    >>> with gw.parallel.on_cores(1):
+    ...     found = gw.family(system, "frequency", (1.5, 1.6), over={"stop.clearance": [0.9, 1.0]})
+    >>> len(found.members)
+    2
     """
     with local_workers(count) as workers, _for_all(workers):
         yield workers
@@ -316,10 +348,24 @@ def on_cluster(scheduler: str) -> Iterator[Workers]:
         Address of its scheduler, such as ``tcp://node7:8786``, or the name of its scheduler file, which ends with
         ``.json``.
 
+    Yields
+    ------
+    Workers
+        The workers of the cluster.
+
     Raises
     ------
     ModelError
         If Dask is not installed, no scheduler answers, or its workers cannot do the work of this version.
+
+    Examples
+    --------
+    >>> try:
+    ...     with gw.parallel.on_cluster("nowhere.json"):
+    ...         gw.diagram(system, "frequency", (0.6, 1.0))
+    ... except gw.errors.ModelError as error:
+    ...     print("no cluster")
+    no cluster
     """
     from gapwalk.parallel.cluster import Cluster  # it needs Dask, which is an extra
 

@@ -24,6 +24,7 @@ from gapwalk.plot.labels import (
     MANY,
     Label,
     Region,
+    apart,
     clusters_of,
     crowded_region,
     draw_closeup,
@@ -31,7 +32,7 @@ from gapwalk.plot.labels import (
     place_labels,
 )
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import WIDE, open_window, write_legend
+from gapwalk.plot.sheet import WIDE, open_window, shorten_label, write_legend
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
 """Function that returns the heights of the curves to draw at a point of a branch, shape (curves,)."""
@@ -184,8 +185,10 @@ def overlay(
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> gw.plot.overlay({"light": [light], "heavy": [heavy]}, "half.q1", within=(0.5, 0.8))  # doctest: +SKIP
+    >>> stiffer = gw.follow(gw.find_orbit(system.at({"stop.stiffness": 40.0})), "frequency", 1.6)
+    >>> axes = gw.plot.overlay({"20": [branch], "40": [stiffer]}, "max.x", within=(1.1, 1.5))
+    >>> len(axes.lines) > 1
+    True
     """
     first = next(iter(branches.values()))[0]
     measure = full_measure(measure, first.system.coordinates)
@@ -291,6 +294,7 @@ class _Drawing:
 
     def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
         """Draw the special points, and a close-up where they are dense, once the layout of the axes is final."""
+        shorten_label(ax)
         marked = np.array([(x, y) for kind, x, y in self.special_points if kind is not Kind.GRAZING])
         crowd = crowded_region(ax, marked) if closeup else None
         enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
@@ -305,11 +309,7 @@ class _Drawing:
         shown = [each for each in self.special_points if inside.holds(*each[1:])]
         middles = np.empty((0, 2))
         if len(shown) > MANY:
-            symbols = np.array([(x, y) for _, x, y in shown])
-            clusters = clusters_of(ax, symbols)
-            middles = draw_clusters(ax, symbols, clusters)
-            hidden = {int(number) for cluster in clusters for number in cluster}
-            shown = [each for number, each in enumerate(shown) if number not in hidden]
+            shown, middles = _gathered(ax, shown)
         kinds = style.in_order(kind for kind, _, _ in shown)
         for kind in kinds:
             places = np.array([(x, y) for each, x, y in shown if each is kind])
@@ -326,6 +326,24 @@ class _Drawing:
         if labels and texts:
             marks = np.array([(x, y) for _, x, y in shown] + middles.tolist())
             place_labels(ax, texts, self.curve, marks)
+
+
+def _gathered(
+    ax: Axes, shown: Sequence[tuple[Kind, float, float]]
+) -> tuple[list[tuple[Kind, float, float]], NDArray[np.float64]]:
+    """Draw marks with numbers in place of points that would lie on one another; return the others, and the marks.
+
+    Ticks at grazing points hide nothing: they are left out only where they are too close to be told apart.
+    """
+    ticks = [each for each in shown if each[0] is Kind.GRAZING]
+    named = [each for each in shown if each[0] is not Kind.GRAZING]
+    symbols = np.array([(x, y) for _, x, y in named]).reshape(-1, 2)
+    clusters = clusters_of(ax, symbols)
+    middles = draw_clusters(ax, symbols, clusters)
+    hidden = {int(number) for cluster in clusters for number in cluster}
+    kept = [each for number, each in enumerate(named) if number not in hidden]
+    places = np.array([(x, y) for _, x, y in ticks]).reshape(-1, 2)
+    return [*kept, *(ticks[number] for number in apart(ax, places))], middles
 
 
 def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:

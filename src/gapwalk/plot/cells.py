@@ -43,8 +43,8 @@ class InPlane(Protocol):
 
 
 # From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
-_FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
-_UNRESOLVED, _RUNAWAY, _IMPOSSIBLE = "#ffffff", "#3a3a3a", "#c9c9c9"
+FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
+UNRESOLVED_COLOR, RUNAWAY_COLOR, IMPOSSIBLE_COLOR = "#ffffff", "#3a3a3a", "#c9c9c9"
 _MARKERS = "osD^vPX*<>"
 _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
@@ -89,26 +89,28 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     window, units = found.window, found.system.units
-    fills = [_FILLS[index % len(_FILLS)] for index in range(len(found.attractors))]
+    fills = [FILLS[index % len(FILLS)] for index in range(len(found.attractors))]
     words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
-    colors = [_IMPOSSIBLE, _RUNAWAY, _UNRESOLVED, *fills]
-    fill_colors(ax, found.labels - IMPOSSIBLE, colors, window.within, (words[0], words[1]))
+    all_colors = [IMPOSSIBLE_COLOR, RUNAWAY_COLOR, UNRESOLVED_COLOR, *fills]
+    fill_colors(ax, found.labels - IMPOSSIBLE, all_colors, window.within, (words[0], words[1]))
     share = 100.0 / found.labels.size
     entries: list[tuple[str, Any]] = [
         (f"{name} ({share * count:.1f} %)", fill)
         for (name, count), fill in zip(found.cells.items(), fills, strict=True)
     ]
-    for (text, count), color in zip(found.others.items(), (_RUNAWAY, _UNRESOLVED, _IMPOSSIBLE), strict=True):
+    for (text, count), color in zip(
+        found.others.items(), (RUNAWAY_COLOR, UNRESOLVED_COLOR, IMPOSSIBLE_COLOR), strict=True
+    ):
         if count:
             entries.append((f"{text} ({share * count:.2g} %)", color))
-    for index, states in _marked(found, strobes):
+    for index, states in marked_strobes(found, strobes):
         marker = style.symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
         ax.plot(*states.T, zorder=4, **marker)
         entries.append((f"orbit of {found.names[index]}", marker))
     write_legend(ax, entries, note=found.check.text)
 
 
-def _marked(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def marked_strobes(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Yield the attractors with strobes to mark, and the positions of these strobes in the plane."""
     box = found.window.box
     shown = [box.names.index(name) for name in (found.window.across, found.window.up)]
@@ -129,7 +131,7 @@ def _marked(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64
 def draw_cells(found: Regimes, ax: Axes, *, loci: Iterable[Locus] = ()) -> None:
     """Draw the kinds of motion in the plane of two parameters, in one panel; `loci` are as in `draw_regimes`."""
     codes, entries = np.zeros(found.regimes.shape), []
-    for code, (text, color, cells) in enumerate(_regimes(found)):
+    for code, (text, color, cells) in enumerate(regimes_of(found)):
         codes[cells] = code
         entries.append((text, color))
     fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
@@ -214,7 +216,7 @@ def _contact_index(found: Regimes, contact: int | str | None) -> int:
     raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
 
 
-def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+def regimes_of(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
     """Yield the regimes of a map, periodic ones first: text, colour, and the cells with this regime."""
     kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
     for text, word in style.regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():

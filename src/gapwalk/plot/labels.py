@@ -29,6 +29,7 @@ _MARGIN = (0.055, 0.075)  # for the numbers left of the close-up and below it
 MANY = 40
 """Special points of a picture beyond which those that would lie on one another become one mark with their number."""
 
+_TICKS = 2.5  # points between two ticks, so that both are seen
 _LEAST = 3  # points of such a cluster
 _APART = (
     8.0,
@@ -113,6 +114,24 @@ def clusters_of(ax: Axes, symbols: NDArray[np.float64]) -> list[NDArray[np.intp]
                 kept.append(group)
         groups = kept
     return [group for group in groups if len(group) >= _LEAST]
+
+
+def apart(ax: Axes, places: NDArray[np.float64]) -> list[int]:
+    """Return the indices of ticks that can be told apart in a picture with final limits, in their order.
+
+    Parameters
+    ----------
+    ax
+        The axes.
+    places : shape (points, 2)
+        Places of the ticks, in data coordinates.
+    """
+    spots = ax.transData.transform(places) * (72.0 / ax.figure.dpi)
+    kept: list[int] = []
+    for number, place in enumerate(spots):
+        if not kept or np.hypot(*(spots[kept] - place).T).min() >= _TICKS:
+            kept.append(number)
+    return kept
 
 
 def draw_clusters(ax: Axes, symbols: NDArray[np.float64], clusters: Sequence[NDArray[np.intp]]) -> NDArray[np.float64]:

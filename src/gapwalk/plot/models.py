@@ -103,9 +103,8 @@ def draw_machine(system: System, *, ax: Axes | None = None, width: float = 660.0
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> axes = gw.plot.draw_machine(gw.System(["x"], [[1.0]], damping=[[0.1]]))  # doctest: +SKIP
-    >>> axes.figure.savefig("machine.pdf")  # doctest: +SKIP
+    >>> axes = gw.plot.draw_machine(driveline)
+    >>> axes.figure.savefig("machine.pdf")
     """
     check_system(system, "gw.plot.draw_machine(system)")
     scene, scale = scene_of(system, width), points(_LETTER) / LETTER
@@ -139,8 +138,7 @@ def machine_svg(system: System, width: float = 660.0) -> str:
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> gw.plot.machine_svg(gw.System(["x"], [[1.0]]))[:4]
+    >>> gw.plot.machine_svg(driveline)[:4]
     '<svg'
     """
     check_system(system, "gw.plot.machine_svg(system)")

@@ -54,6 +54,8 @@ _MODULES = {
     "models": ("System",),
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
+    "backbone_pictures": ("Backbone", "Backbones"),
+    "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
         *("Section", "Settled", "Spectrum", "Waterfall"),
@@ -135,16 +137,21 @@ def draws(
     size, shows, alone, several
         As in `Drawing`.
 
+    Returns
+    -------
+    decorator
+        It returns the function itself.
+
     Examples
     --------
-    A record type of your own is drawn and saved like all others::
-
-        @gw.plot.draws(Ramp)
-        def draw_ramp(ramp, ax, *, color="k"):
-            ax.plot(ramp.time, ramp.height, color=color)
-
-
-        gw.plot.save(Ramp(...), "ramp.png")
+    >>> import dataclasses
+    >>> @dataclasses.dataclass
+    ... class Ramp:
+    ...     height: list
+    >>> @gw.plot.draws(Ramp)
+    ... def draw_ramp(ramp, ax, *, color="k"):
+    ...     ax.plot(ramp.height, color=color)
+    >>> gw.plot.save(Ramp([0.0, 1.0]), "ramp.png")  # a record of your own is drawn and saved like all others
     """
 
     def register(draw: Draw) -> Draw:
@@ -214,8 +221,8 @@ def draw(
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> gw.plot.draw([branch, doubled], "x", size="column")  # doctest: +SKIP
+    >>> gw.plot.draw(branch, "max.x", size="column").get_xlabel() != ""
+    True
     """
     with sized(size):
         return _draw(record, arguments, options, title, open_window, ax, figure)
@@ -243,12 +250,10 @@ def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> with gw.plot.figure(8.0, 8.6, "Two mean loads") as sheet:  # doctest: +SKIP
+    >>> with gw.plot.figure(8.0, 8.6, "Two measures") as sheet:
     ...     upper, lower = sheet.subplots(2)
-    ...     gw.plot.draw(light, "half.q1", ax=upper)
-    ...     gw.plot.draw(heavy, "half.q1", ax=lower)
-    >>> gw.plot.save(sheet, "loads.png")  # doctest: +SKIP
+    ...     axes = gw.plot.draw(branch, "max.x", ax=upper), gw.plot.draw(branch, "rms.x", ax=lower)
+    >>> gw.plot.save(sheet, "measures.png")
     """
     sheet = new_sheet((width, height))
     token = _postponed.set([])
@@ -276,6 +281,12 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
     Callable
         Draws the labels and close-ups. Call it when all panels are drawn and laid out, so that a figure of several
         panels is laid out only once.
+
+    Examples
+    --------
+    >>> sheet = gw.plot.new_sheet()
+    >>> finish = gw.plot.begin(branch, "max.x", ax=sheet.subplots())
+    >>> finish()
     """
     record, options, _ = unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)
@@ -319,8 +330,7 @@ def save(
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")  # doctest: +SKIP
+    >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")
     """
     if isinstance(record, Figure) and (title is not None or size is not None or options):
         raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")

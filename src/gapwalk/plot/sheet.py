@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,8 +13,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.textpath import TextToPath
 
 from gapwalk.plot.style import DPI, GREY, in_style, points, rc, sheet_size
 
@@ -26,7 +29,8 @@ WIDE: Inches = (8.0, 4.8)
 """The size of a picture of one panel."""
 
 _PACKED = 3  # compression level, of 9: without opacity files are as small as at 6, in two thirds of the time
-_BESIDE = 7.5  # width of the line and the space next to each text of a legend, in letters
+_BESIDE = 1.2  # spaces next to the line of each entry of a legend, in sizes of its letters
+_NARROW = 4.0  # inches of a sheet up to which the lines and the spaces of a legend are short
 _FILL_COLUMNS = 6  # most columns of a legend of fills
 
 
@@ -36,7 +40,23 @@ def stacked(panels: int) -> Inches:
 
 
 def new_sheet(size: Inches = WIDE) -> Figure:
-    """Create a figure without pyplot, which is freed when it has been written."""
+    """Create a figure without pyplot, which is freed when it has been written.
+
+    Parameters
+    ----------
+    size
+        Width and height in inches on a screen.
+
+    Returns
+    -------
+    Figure
+        A figure of matplotlib.
+
+    Examples
+    --------
+    >>> gw.plot.new_sheet((6.0, 3.0)).get_size_inches()
+    array([6., 3.])
+    """
     with in_style():
         figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)  # the same renderer measures texts for the layout and draws them
@@ -125,29 +145,40 @@ def write_legend(
         return
     fills = any(isinstance(handle, Patch) for handle in handles)
     figure: Any = place.figure if isinstance(place, Axes) else place
-    size: dict[str, Any] = {"columnspacing": 1.6, "handlelength": 1.3 if fills else 2.9}
+    narrow = figure.figure.get_figwidth() < _NARROW
+    size: dict[str, Any] = {"columnspacing": 0.9 if narrow else 1.6}
+    size["handlelength"] = 1.3 if fills else 2.3 if narrow else 2.9
     if note:
         size |= {"title": note, "title_fontsize": points(7.0)}
     alone = isinstance(figure, Figure) and figure.get_constrained_layout() and (fills or len(figure.axes) == 1)
     if where == "above" and isinstance(place, Axes):
         corner = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
-        legend = place.legend(handles=handles, ncols=_columns(figure, handles), **corner, **size)
+        legend = place.legend(handles=handles, ncols=_columns(figure, handles, size), **corner, **size)
     elif not isinstance(place, Axes) or (alone and where == "below"):
         below = "outside lower center" if figure.figure.get_constrained_layout() else "lower center"
-        legend = figure.legend(handles=handles, loc=below, ncols=_columns(figure, handles, fills), **size)
+        legend = figure.legend(handles=handles, loc=below, ncols=_columns(figure, handles, size, fills), **size)
     else:
         legend = place.legend(handles=handles, loc="best", frameon=fills, **size)
     legend.get_title().set_color(GREY)
 
 
-def _columns(figure: AnyFigure, handles: Sequence[Artist], fills: bool = False) -> int:
+def _columns(figure: AnyFigure, handles: Sequence[Artist], spaces: Mapping[str, float], fills: bool = False) -> int:
     """Return the number of columns of a legend: one row or two, or as many columns as fit the width of the sheet."""
-    count = len(handles)
+    count, size = len(handles), float(rc()["legend.fontsize"])
     wanted = min(count, _FILL_COLUMNS) if fills else -(-count // (1 if count < 5 else 2))
-    letter = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0] * 0.58 * rc()["legend.fontsize"]
-    widths = [letter * (len(str(handle.get_label())) + _BESIDE) for handle in handles]
+    font = FontProperties(size=size)
+    texts = [TextToPath().get_text_width_height_descent(str(each.get_label()), font, False)[0] for each in handles]
+    unit = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0]
+    widths = unit * (np.array(texts) + (spaces["handlelength"] + spaces["columnspacing"] + _BESIDE) * size)
     room = figure.bbox.width
     return next((n for n in range(wanted, 1, -1) if sum(map(max, np.array_split(widths, n))) < room), 1)
+
+
+def shorten_label(ax: Axes) -> None:
+    """Leave out what stands in brackets in the label of a vertical axis that would be cut off, after the layout."""
+    box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
+    if box.y0 < 0.0 or box.y1 > figure.bbox.height:
+        ax.set_ylabel(re.sub(r"\s*\([^)]*\)", "", ax.get_ylabel()))
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:

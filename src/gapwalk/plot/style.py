@@ -80,10 +80,22 @@ def sized(size: SizeName | Size | None) -> Iterator[None]:
         ``"column"`` (85 mm wide, numbers of 8 points), ``"page"`` (175 mm, 8.5 points), ``"slide"`` (250 mm, 16 points)
         or ``"screen"``; or a `Size`. None changes nothing.
 
+    Yields
+    ------
+    None
+        Nothing.
+
     Raises
     ------
     ModelError
         For any other name.
+
+    Examples
+    --------
+    >>> with gw.plot.sized("column"):
+    ...     axes = branch.plot("max.x")
+    >>> round(float(axes.figure.get_size_inches()[0]) * 25.4)  # mm
+    85
     """
     if isinstance(size, str) and size not in SIZES:
         raise ModelError(f'there is no size {size!r}; there are {", ".join(SIZES)}: write size="column"')
@@ -146,6 +158,18 @@ def in_style() -> Iterator[None]:
 
     No other setting is restored, unlike in `matplotlib.rc_context`: the first figure in a notebook loads the display
     backend, and this sets `interactive` for later figures. For this reason windows are opened before the style is set.
+
+    Yields
+    ------
+    None
+        Nothing.
+
+    Examples
+    --------
+    >>> with gw.plot.in_style():
+    ...     sheet = gw.plot.new_sheet()
+    >>> sheet.get_size_inches()
+    array([8. , 4.8])
     """
     style: Any = rc()
     before: Any = {name: mpl.rcParams[name] for name in style}
@@ -282,7 +306,7 @@ def in_order(kinds: Iterable[Kind]) -> list[Kind]:
 UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
 """The question mark at an unexplained step of a branch."""
 
-CLUSTER = SymbolStyle("number of special points close together", "", "o", "white", 11.0, GREY, 0.8)
+CLUSTER = SymbolStyle("number of points there", "", "o", "white", 11.0, GREY, 0.8)
 """The mark of several special points that would lie on one another, in which their number is written."""
 
 _GRAZES = SymbolStyle("a contact grazes too", "", "o", GREY, 2.6, GREY, 0.8)

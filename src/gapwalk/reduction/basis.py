@@ -60,6 +60,12 @@ class Basis:
         Squares of the frequencies of the modes, with the retained coordinates fixed.
     vectors : shape (n, kept + modes)
         ``q = vectors z``, z being the retained coordinates and the amplitudes of the modes.
+
+    Examples
+    --------
+    >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
+    >>> small.basis.size, small.basis.vectors.shape
+    (4, (9, 4))
     """
 
     kept: NDArray[np.intp]
@@ -72,7 +78,18 @@ class Basis:
         return self.vectors.shape[1]
 
     def reduce(self, matrices: Matrices) -> Matrices:
-        """Project the system on this basis; entries that are zero or one by construction are set exactly."""
+        """Project the system on this basis; entries that are zero or one by construction are set exactly.
+
+        Parameters
+        ----------
+        matrices
+            Matrices of the full system.
+
+        Returns
+        -------
+        Matrices
+            Matrices of the reduced system.
+        """
         small = matrices.projected(self.vectors)
         b = len(self.kept)
         mass, stiffness = small.mass.toarray(), small.stiffness.toarray()

@@ -54,6 +54,12 @@ class Reduction:
         Largest relative error of the deflections of contacts under harmonic forces of the contacts and under the loads:
         up to that frequency, and, with the k-th multiple weighted by 1/k^2, up to ten times that. `check` estimates the
         resulting error of a motion and of special points.
+
+    Examples
+    --------
+    >>> small = gw.reduce(gw.train.chain(9, 1.0, 100.0, held=True).system(), modes=3, keep=["shaft1"])
+    >>> small.modes, small.frequencies.shape
+    (3, (3,))
     """
 
     full: System
@@ -79,6 +85,16 @@ class Reduction:
 
     def full_at(self, reduced: System) -> System:
         """Return the full system with the parameter values of the reduced one, such as `orbit.system`.
+
+        Parameters
+        ----------
+        reduced
+            The reduced system, at other values.
+
+        Returns
+        -------
+        System
+            The full system at these values.
 
         Raises
         ------
@@ -113,6 +129,11 @@ class Reduction:
             An orbit (one period is used) or a sampled motion.
         samples
             Samples per forcing period, for an orbit.
+
+        Returns
+        -------
+        Motion
+            The motion of the full system.
         """
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
@@ -121,6 +142,16 @@ class Reduction:
 
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
         """Expand a state of the reduced system, shape (..., state_size), to all coordinates.
+
+        Parameters
+        ----------
+        state : shape (..., state_size)
+            States of the reduced system.
+
+        Returns
+        -------
+        array
+            States of the full system, shape (..., state_size of the full system).
 
         Raises
         ------
@@ -147,6 +178,11 @@ class Reduction:
             An orbit or a branch of the reduced system, by shooting or by harmonic balance.
         method
             Options of the harmonic balance; by default 15 harmonics, or as many as the orbits were found with.
+
+        Returns
+        -------
+        OrbitCheck or BranchCheck
+            The estimated errors.
 
         Raises
         ------
@@ -266,6 +302,11 @@ def reduce(
     keep
         Further coordinates to retain, for example for measurements or loads.
 
+    Returns
+    -------
+    Reduction
+        The reduced system, and its error.
+
     Raises
     ------
     ModelError
@@ -276,6 +317,13 @@ def reduce(
     Notes
     -----
     Craig and Bampton (1968), AIAA Journal 6, 1313-1319. The reduced system is exact in static equilibrium.
+
+    Examples
+    --------
+    >>> chain = gw.train.chain(9, 1.0, 100.0, held=True).system()
+    >>> small = gw.reduce(chain.at(frequency=1.0), modes=3, keep=["shaft1"])
+    >>> small.system.coordinates
+    ('shaft1', 'mode1', 'mode2', 'mode3')
     """
     _check(system, modes, error, up_to)
     system = system.equations  # of a drive train: its machine elements do not exist in the reduced system

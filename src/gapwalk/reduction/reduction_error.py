@@ -62,6 +62,11 @@ class SpecialCheck:
         Estimated error of its parameter value; inf if the full system has no such point nearby.
     motion
         Difference of the two motions, as in `OrbitCheck.error`.
+
+    Examples
+    --------
+    >>> gw.records.SpecialCheck(special=fold, shift=1e-4, error=1e-5, motion=1e-3).corrected > fold.value
+    True
     """
 
     special: SpecialPoint
@@ -95,6 +100,16 @@ class BranchCheck:
         Estimated errors of the motions at some points of the branch, as in `OrbitCheck.error`.
     harmonics
         Number of harmonics of the check.
+
+    Examples
+    --------
+    >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
+    >>> matrices = [chain.matrix(name) for name in ("stiffness", "damping", "mass")]
+    >>> stop, load = gw.stop("stop", {"x1": 1.0}, 0.01, 500.0), gw.Harmonic(1.0, {"x1": 1.0})
+    >>> small = gw.reduce(gw.System(["x1", "x2", "x3", "x4"], *matrices, contacts=[stop], harmonics=[load]), modes=2)
+    >>> found = small.check(gw.follow(gw.find_orbit(small.system, frequency=3.0), "frequency", 3.1))
+    >>> found.motion < 0.1, found.special
+    (True, ())
     """
 
     branch: Branch
@@ -134,6 +149,15 @@ class OrbitCheck:
         harmonics, relative to the largest sum of amplitudes. inf if the full system has no such motion nearby.
     harmonics
         Number of harmonics of the check.
+
+    Examples
+    --------
+    >>> chain = gw.train.chain(4, 1.0, 100.0, 1.0, held=True).system()
+    >>> matrices = [chain.matrix(name) for name in ("stiffness", "damping", "mass")]
+    >>> stop, load = gw.stop("stop", {"x1": 1.0}, 0.01, 500.0), gw.Harmonic(1.0, {"x1": 1.0})
+    >>> small = gw.reduce(gw.System(["x1", "x2", "x3", "x4"], *matrices, contacts=[stop], harmonics=[load]), modes=2)
+    >>> small.check(gw.find_orbit(small.system, frequency=3.0)).error < 0.1
+    True
     """
 
     orbit: Orbit

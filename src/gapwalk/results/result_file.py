@@ -67,6 +67,12 @@ class Part:
     numbered
         True if a file may have several: each has a number and is written once. Otherwise there is one at most, and a
         new one replaces it.
+
+    Examples
+    --------
+    >>> part = gw.studies.Part("members", str, numbered=True)
+    >>> part.entry("a text", number=2).number
+    2
     """
 
     name: str
@@ -74,12 +80,40 @@ class Part:
     numbered: bool = False
 
     def entry(self, value: Any, number: int = 0) -> Entry:
-        """Return a value as an entry to write for this part."""
+        """Return a value as an entry to write for this part.
+
+        Parameters
+        ----------
+        value
+            The contents.
+        number
+            Number of the part; 0 if there is only one.
+
+        Returns
+        -------
+        Entry
+            The entry.
+        """
         return Entry(self, number, value)
 
 
 class Entry(NamedTuple):
-    """Value that is written as a part."""
+    """Value that is written as a part.
+
+    Attributes
+    ----------
+    part
+        Kind of part.
+    number
+        Its number, from 0.
+    value
+        Its contents.
+
+    Examples
+    --------
+    >>> gw.studies.Part("name", str).entry("a text").value
+    'a text'
+    """
 
     part: Part
     number: int
@@ -93,6 +127,12 @@ class Parts:
     ----------
     path, connection
         The file.
+
+    Examples
+    --------
+    >>> part = gw.studies.Part("branch", gw.Branch)
+    >>> part.numbered  # `Work.take` reads such parts: known.one(part)
+    False
     """
 
     def __init__(self, path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
@@ -102,6 +142,16 @@ class Parts:
 
     def all(self, part: Part) -> Iterator[tuple[int, Any]]:
         """Yield the number and the value of each part of a kind, in order.
+
+        Parameters
+        ----------
+        part
+            Kind of part.
+
+        Yields
+        ------
+        number, value
+            The number and the contents of each.
 
         Raises
         ------
@@ -115,14 +165,41 @@ class Parts:
                 yield number, value
 
     def one(self, part: Part) -> Any:
-        """Return the only part of a kind; errors as `all`, and if it is missing."""
+        """Return the only part of a kind; errors as `all`, and if it is missing.
+
+        Parameters
+        ----------
+        part
+            Kind of part.
+
+        Returns
+        -------
+        object
+            Its contents.
+
+        Raises
+        ------
+        StoreError
+            If it is missing or damaged.
+        """
         found = self.get(part)
         if found is None:
             raise StoreError(f"{os.fspath(self.path)} is damaged: its part {part.name} is missing")
         return found
 
     def get(self, part: Part) -> Any:
-        """Return the only part of a kind, or None if it is missing."""
+        """Return the only part of a kind, or None if it is missing.
+
+        Parameters
+        ----------
+        part
+            Kind of part.
+
+        Returns
+        -------
+        object or None
+            Its contents.
+        """
         return next((value for _, value in self.all(part)), None)
 
 

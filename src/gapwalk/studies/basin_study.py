@@ -134,6 +134,12 @@ class BasinStudy(BasinOptions, StudyKind):
         The other components of the state at theta = 0; those that are not named are 0.
     resolution
         Columns and rows of cells.
+
+    Examples
+    --------
+    >>> asked = gw.studies.BasinStudy(plane={"x": (-1.0, 1.0), "x'": (-1.0, 1.0)}, resolution=(4, 4))
+    >>> asked.plan
+    "basins over x from -1 to 1 and x' from -1 to 1, 4 x 4 cells"
     """
 
     kind: ClassVar[str] = "basins"
@@ -187,7 +193,7 @@ def basins(
     report: Report | None = None,
     output: str | os.PathLike[str] | None = None,
 ) -> Basins:
-    """Basins of attraction in a plane of initial states.
+    """Compute basins of attraction in a plane of initial states.
 
     Each cell is judged by the state at its centre; those beyond a rigid stop are left out. The batch integrator follows
     it until it is in the trapping region of a known attractor (see `gapwalk.attractors.trapping_region`); the
@@ -216,6 +222,11 @@ def basins(
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
         continued to the same result.
 
+    Returns
+    -------
+    Basins
+        The label of each cell, and the attractors.
+
     Raises
     ------
     ModelError
@@ -226,6 +237,12 @@ def basins(
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
         After Ctrl-C; its `found` is the result so far, with ``complete`` False.
+
+    Examples
+    --------
+    >>> found = gw.basins(system.at(frequency=1.3), {"x": (-2, 1), "x'": (-2, 2)}, resolution=8)
+    >>> found.cells  # two motions are stable
+    {'period 1a': 52, 'period 1b': 12}
     """
     check_system(system, "basins")
     options = options or BasinOptions()

@@ -63,6 +63,11 @@ class BasinOptions:
         Seed of the choice of the states that are examined first, of those that are checked, and of random starts.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.basins(system, {"x": (-1, 1), "x'": (-1, 1)}, 4, options=gw.BasinOptions(check=4, workers=1)).cells
+    {'period 1': 16}
     """
 
     longest: int = 3000
@@ -329,6 +334,11 @@ def basin_shares(
     workers, report
         As in `gapwalk.basins`.
 
+    Returns
+    -------
+    BasinShares
+        The share of each attractor, with its limits.
+
     Raises
     ------
     ModelError
@@ -337,6 +347,16 @@ def basin_shares(
         If other processes cannot do the work.
     Interrupted
         After Ctrl-C; its `found` is the result so far, with ``complete`` False.
+
+    Notes
+    -----
+    Confidence limits: Clopper and Pearson (1934), Biometrika 26, 404-413.
+
+    Examples
+    --------
+    >>> found = gw.basin_shares(system.at(frequency=1.3), {"x": (-2, 1)}, starts=20)
+    >>> [(each.name, each.share) for each in found.shares]
+    [('period 1a', 0.5), ('period 1b', 0.5)]
     """
     options = options or BasinOptions()
     room = Box.of(system, box)

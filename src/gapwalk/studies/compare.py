@@ -41,6 +41,12 @@ class Shift(NamedTuple):
         The value of the parameter in each result; on a locus, of both parameters.
     share
         The largest of the differences, as a share of the parameter's range.
+
+    Examples
+    --------
+    >>> shift = gw.studies.compare_results(result, result).pairs[0].shifts[0]
+    >>> shift.label, shift.differences
+    ('fold', (0.0,))
     """
 
     label: str
@@ -55,7 +61,20 @@ class Shift(NamedTuple):
 
 
 class Lone(NamedTuple):
-    """A special point that is in one result only: its kind, and its place."""
+    """A special point that is in one result only: its kind, and its place.
+
+    Attributes
+    ----------
+    label
+        Kind of the special point, and the contact that grazes.
+    values
+        Its place.
+
+    Examples
+    --------
+    >>> gw.studies.Lone("fold", (1.39,)).label
+    'fold'
+    """
 
     label: str
     values: tuple[float, ...]
@@ -81,6 +100,11 @@ class Pair:
         The range of the parameter, or of the first of two, that each curve covers.
     missing
         The largest part of a range that one covers and the other does not, as a share of the parameter's range.
+
+    Examples
+    --------
+    >>> gw.studies.compare_results(result, result).pairs[0].within(1e-5)
+    True
     """
 
     names: tuple[str, str]
@@ -108,7 +132,18 @@ class Pair:
         return max((shift.share for shift in self.shifts), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if the curves agree in distances, locations and ranges, and have the same special points."""
+        """Return True if the curves agree in distances, locations and ranges, and have the same special points.
+
+        Parameters
+        ----------
+        tolerance
+            The tolerance, as a share of the ranges.
+
+        Returns
+        -------
+        bool
+            False if they differ by more.
+        """
         return not any(self.only) and max(self.largest, self.largest_shift, self.missing) <= tolerance
 
 
@@ -134,6 +169,12 @@ class ResultComparison(Shown):
         Names of the curves in the first result only, and in the second only.
     notes
         Differences of the studies, in sentences.
+
+    Examples
+    --------
+    >>> found = gw.studies.compare_results(result, result)
+    >>> found.within(1e-5), found.only
+    (True, ((), ()))
     """
 
     results: tuple[Result, Result]
@@ -155,7 +196,18 @@ class ResultComparison(Shown):
         return max((pair.largest_shift for pair in self.pairs), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Return True if both results contain the same, within a tolerance (a share of the ranges)."""
+        """Return True if both results contain the same, within a tolerance (a share of the ranges).
+
+        Parameters
+        ----------
+        tolerance
+            The tolerance, as a share of the ranges.
+
+        Returns
+        -------
+        bool
+            False if they differ by more.
+        """
         return not any(self.only) and all(pair.within(tolerance) for pair in self.pairs)
 
     def __str__(self) -> str:
@@ -203,6 +255,11 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
         Measures (see `Orbit.measure`) that distinguish motions; by default mean and root mean square of each
         coordinate, which have no corners along a branch, as extremes have.
 
+    Returns
+    -------
+    ResultComparison
+        What both have, and what differs.
+
     Raises
     ------
     ModelError
@@ -213,6 +270,11 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
     A length is a share of a range: of the parameter's, and of each measure's, over all branches of both results. Two
     motions at one value of the parameter cannot be compared at a fold, so what counts is the distance of the points of
     each branch from the other one, as a curve over the parameter in the space of the measures (see `compare`).
+
+    Examples
+    --------
+    >>> gw.studies.compare_results(result, gw.run(study)).within(1e-5)
+    True
     """
     _check_comparable(first, second)
     names = measures_of(first.branches[0], measures)

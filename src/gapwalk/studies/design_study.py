@@ -49,6 +49,11 @@ class DesignOptions:
         the values; 0: none.
     search
         Options of this search.
+
+    Examples
+    --------
+    >>> gw.ask.DesignOptions(search_values=0).search_values
+    0
     """
 
     finding: Annotated[LeastChangeOptions, INLINE] = field(default_factory=LeastChangeOptions)
@@ -405,9 +410,12 @@ def design(
 
     Examples
     --------
-    >>> goal = gw.ask.NoPoint("fold", (0.60, 0.66))
-    >>> found = gw.ask.design(system, {"stage2.clearance": 0.5, "mean.q1": 0.5}, goal, "frequency", (0.71, 0.55))
-    >>> print(found.summary())
+    >>> goal = gw.ask.Resonance(1, above=1.1, at="open")
+    >>> least = gw.ask.LeastChangeOptions(starts=0)
+    >>> options = gw.ask.DesignOptions(search_values=0, finding=least)
+    >>> found = gw.ask.design(system, {"stiffness.x.x": 0.5}, goal, "frequency", (0.6, 0.65), options=options)
+    >>> found.is_reached, round(found.system.parameters["stiffness.x.x"], 4)
+    (True, 1.2124)
     """
     check_system(system, "design")
     listed = [Change(name, by) for name, by in changes.items()] if isinstance(changes, Mapping) else changes

@@ -59,6 +59,11 @@ class DiagramOptions:
         spread evenly over the range; 0 for no search.
     search
         Options of the search.
+
+    Examples
+    --------
+    >>> gw.DiagramOptions(max_period=4, search_values=20).search_values
+    20
     """
 
     max_period: int = 8
@@ -83,6 +88,12 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
     max_period, max_branches, workers, search_values, search
         Its extent, the number of processes, and the search for isolated branches; as
         `DiagramOptions`.
+
+    Examples
+    --------
+    >>> import io
+    >>> gw.read_study(io.StringIO(file.replace('"response"', '"diagram"'))).options.plan
+    'diagram over frequency from 1.1 to 1.5, period 1, showing half.x, to period 8'
     """
 
     kind: ClassVar[str] = "diagram"
@@ -113,7 +124,22 @@ class DiagramStudyOptions(DiagramOptions, BranchOptions):
     def search_work(
         self, system: System, apart: Sequence[Branch], searching: Callable[[Progress], None] | None = None
     ) -> DiagramWork:
-        """Return the work on branches that are not connected to known ones; see `gapwalk.find_others`."""
+        """Return the work on branches that are not connected to known ones; see `gapwalk.find_others`.
+
+        Parameters
+        ----------
+        system
+            The system.
+        apart
+            Known branches.
+        searching
+            Called with the progress of the search.
+
+        Returns
+        -------
+        DiagramWork
+            The work.
+        """
         known = empty_diagram(self.parameter, self.ends)
         return DiagramWork(system, known, self, self.walk, self.method, apart=apart, searching=searching)
 
@@ -437,6 +463,11 @@ def diagram(
     resume
         A stopped diagram of the same request: its branches are kept, and the others are added.
 
+    Returns
+    -------
+    Diagram
+        The branches as a tree.
+
     Raises
     ------
     ModelError
@@ -445,6 +476,12 @@ def diagram(
         If no first orbit is found, or no branch can be walked from it.
     Interrupted
         After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
+
+    Examples
+    --------
+    >>> tree = gw.diagram(system, "frequency", (0.6, 1.0), options=gw.DiagramOptions(max_period=2))
+    >>> [(member.name, member.period) for member in tree.members]
+    [('P1-1', 1), ('P2-1', 2)]
     """
     orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
     work = DiagramWork(
@@ -483,12 +520,27 @@ def find_others(
     walk, method, workers, report, resume
         As in `diagram`.
 
+    Returns
+    -------
+    Diagram
+        The branches that were found.
+
     Raises
     ------
     ModelError
         For an unknown parameter, a value that is not allowed, or no value at which to search.
     Interrupted
         After Ctrl-C; its `found` is the diagram so far, which `resume` continues.
+
+    Notes
+    -----
+    The estimate of what was missed: Good (1953), Biometrika 40, 237-264.
+
+    Examples
+    --------
+    >>> found = gw.find_others(system, "frequency", (1.25, 1.35), options=gw.DiagramOptions(search_values=2))
+    >>> found.notes[0]
+    '48 starts at 2 values of frequency, 1.275 to 1.325: 48 settled on 3 periodic motions.'
     """
     options = options or DiagramOptions(search_values=_VALUES)
     if not options.search_values:

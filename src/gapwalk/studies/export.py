@@ -44,10 +44,8 @@ def save_tables(record: Described, stem: str | os.PathLike[str], form: str = "cs
 
     Examples
     --------
-    >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch")
-    (PosixPath('out/clutch-points.csv'), PosixPath('out/clutch-special-points.csv'))
-    >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch", "netcdf")
-    (PosixPath('out/clutch.nc'),)
+    >>> [path.name for path in gw.save_tables(branch, "stop")]
+    ['stop-points.csv', 'stop-special-points.csv', 'stop-ends.csv']
     """
     path = Path(f"{os.fspath(stem)}{format_of(form).ending}")
     return export_data(record, path, form, named=True)

@@ -20,7 +20,18 @@ from gapwalk.notebook import Shown
 
 
 class Place(NamedTuple):
-    """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0."""
+    """Indices of a special point: of its member, of the branch in it, and of the point on the branch, all from 0.
+
+    Attributes
+    ----------
+    member, branch, special
+        The indices.
+
+    Examples
+    --------
+    >>> family.of_kind("fold")[0].places[0]
+    Place(member=0, branch=0, special=0)
+    """
 
     member: int
     branch: int
@@ -41,6 +52,12 @@ class Member:
         The branches; none if no first orbit was found.
     notes, failures
         Remarks, and failures to walk a branch, in sentences.
+
+    Examples
+    --------
+    >>> member = family.members[0]
+    >>> member.number, member.value, [name for name, branch in member.named]
+    (0, 0.9, ['P1-1'])
     """
 
     number: int
@@ -90,6 +107,12 @@ class MemberParameter:
     ------
     ModelError
         If there are fewer than two members, lists of different lengths, or values that do not rise or fall throughout.
+
+    Examples
+    --------
+    >>> over = gw.studies.MemberParameter.of({"stop.clearance": [0.9, 1.0]})
+    >>> over.name, over.axis, over.at(1)
+    ('stop.clearance', (0.9, 1.0), {'stop.clearance': 1.0})
     """
 
     moved: tuple[tuple[str, tuple[float, ...]], ...]
@@ -132,7 +155,22 @@ class MemberParameter:
     def of(
         cls, over: MemberParameter | Mapping[str, Sequence[float]], called: str = "", values: Sequence[float] = ()
     ) -> MemberParameter:
-        """Make it from a mapping of names to values."""
+        """Make it from a mapping of names to values.
+
+        Parameters
+        ----------
+        over
+            The parameters with their values; or a `MemberParameter`, which is returned.
+        called
+            Name of the quantity that differs.
+        values
+            Its values.
+
+        Returns
+        -------
+        MemberParameter
+            The parameters.
+        """
         if isinstance(over, MemberParameter):
             return over
         moved = tuple((name, tuple(float(value) for value in given)) for name, given in over.items())
@@ -154,11 +192,37 @@ class MemberParameter:
         return tuple(name for name, _ in self.moved)
 
     def at(self, number: int) -> dict[str, float]:
-        """Return the values of the parameters of one member, from 0."""
+        """Return the values of the parameters of one member, from 0.
+
+        Parameters
+        ----------
+        number
+            Index of the member, from 0.
+
+        Returns
+        -------
+        dict of str to float
+            Values by name.
+        """
         return {name: values[number] for name, values in self.moved}
 
     def check(self, system: System, parameter: str, *, names_only: bool = False) -> None:
-        """Raise a ModelError if the members of a family along a parameter cannot have these values."""
+        """Raise a ModelError if the members of a family along a parameter cannot have these values.
+
+        Parameters
+        ----------
+        system
+            The system.
+        parameter
+            The parameter along which members are walked.
+        names_only
+            True to check the names, and not the values.
+
+        Raises
+        ------
+        ModelError
+            If they cannot.
+        """
         for name in self.names:
             try:
                 system.structure.place(name)
@@ -182,7 +246,13 @@ class MemberParameter:
 
 
 class Fate(StrEnum):
-    """Fate of a special point on the way to the next member."""
+    """Fate of a special point on the way to the next member.
+
+    Examples
+    --------
+    >>> [fate.value for fate in gw.records.Fate][:2]
+    ['joined', 'near']
+    """
 
     JOINED = "joined"
     """Its locus leads to a special point of the other member: that is proved."""
@@ -218,6 +288,11 @@ class Passage:
         The parameter of the members there, and the quantity that differs.
     contact
         Contact that grazes there, if any.
+
+    Examples
+    --------
+    >>> gw.records.Passage(kind="cusp", first=1.2, value=0.9, contact="").kind
+    'cusp'
     """
 
     kind: str
@@ -252,6 +327,12 @@ class Connection:
         Points of codimension two on it.
     detail
         Reason for a failure.
+
+    Examples
+    --------
+    >>> connection = family.connections[0][0]
+    >>> connection.kind, connection.fate.value
+    ('fold', 'joined')
     """
 
     kind: Kind
@@ -311,6 +392,12 @@ class SpecialPointPath:
     before, after
         Its fate before its first and after its last special point; None at the first and the last member, and
         where that is not known yet.
+
+    Examples
+    --------
+    >>> path = family.of_kind("fold")[0]
+    >>> path.name, path.exact, len(path.places)
+    ('fold-1', True, 2)
     """
 
     name: str
@@ -346,6 +433,11 @@ class Family(Shown):
         The members that have been done, in the order of their values.
     connections
         Connections of special points between members, by the number of the member before the gap.
+
+    Examples
+    --------
+    >>> [member.value for member in family.members], [path.name for path in family.of_kind("fold")]
+    ([0.9, 1.0], ['fold-1', 'fold-2'])
     """
 
     system: System
@@ -390,11 +482,33 @@ class Family(Shown):
         return (*found, *(f"{self._told(connection)} {connection.text}" for connection in lost))
 
     def special(self, place: Place) -> SpecialPoint:
-        """Return the special point at a place."""
+        """Return the special point at a place.
+
+        Parameters
+        ----------
+        place
+            Indices of the special point.
+
+        Returns
+        -------
+        SpecialPoint
+            The point.
+        """
         return self._by_number[place.member].branches[place.branch].special_points[place.special]
 
     def value(self, place: Place) -> float:
-        """Return the value of the quantity that the family is over, at a place."""
+        """Return the value of the quantity that the family is over, at a place.
+
+        Parameters
+        ----------
+        place
+            Indices of the special point.
+
+        Returns
+        -------
+        float
+            In the unit of the parameter that differs.
+        """
         return self._by_number[place.member].value
 
     @cached_property
@@ -428,11 +542,28 @@ class Family(Shown):
         return tuple(point_paths)
 
     def of_kind(self, kind: Kind | str) -> tuple[SpecialPointPath, ...]:
-        """Return the paths of one kind."""
+        """Return the paths of one kind.
+
+        Parameters
+        ----------
+        kind
+            The kind, or its name, such as ``fold``.
+
+        Returns
+        -------
+        tuple of SpecialPointPath
+            In the order of their names.
+        """
         return tuple(point_path for point_path in self.point_paths if point_path.kind == kind)
 
     def plot(self, **options: Any):
-        """Draw all members and their special points; options as in `gapwalk.plot.loci.draw_family`."""
+        """Draw all members and their special points; options as in `gapwalk.plot.loci.draw_family`.
+
+        Parameters
+        ----------
+        **options
+            Options of `gapwalk.plot.loci.draw_family`.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)

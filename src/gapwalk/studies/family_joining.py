@@ -97,6 +97,11 @@ class FamilyOptions:
         nearest of its kind, which is a guess.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.FamilyOptions(kinds=("fold",), exact=False).exact
+    False
     """
 
     max_period: Counted | None = None

@@ -266,6 +266,13 @@ class FamilyStudy(FamilyOptions, BranchOptions):
     over
         Parameters in which members differ. In a table, ``over`` has the parameters with their values, and ``called``
         and ``values`` are keys next to it.
+
+    Examples
+    --------
+    >>> over = gw.studies.MemberParameter.of({"stop.clearance": [0.9, 1.0]})
+    >>> asked = gw.studies.FamilyStudy(parameter="frequency", begin=1.0, end=1.6, measure="half.x", over=over)
+    >>> asked.plan
+    'family over frequency from 1 to 1.6 at 2 values of stop.clearance from 0.9 to 1, period 1, showing half.x'
     """
 
     kind: ClassVar[str] = "family"
@@ -349,6 +356,11 @@ def family(
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same family, that is
         continued to the same result.
 
+    Returns
+    -------
+    Family
+        The members, and the paths of their special points.
+
     Raises
     ------
     ModelError
@@ -359,6 +371,12 @@ def family(
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
         After Ctrl-C; its `found` is the result so far, with ``complete`` False.
+
+    Examples
+    --------
+    >>> found = gw.family(system, "frequency", (1.0, 1.6), over={"stop.clearance": [0.9, 1.0]})
+    >>> [round(found.special(place).value, 9) for place in found.of_kind("grazing")[0].places]
+    [1.241573326, 1.218574357]
     """
     over, options = MemberParameter.of(over), options or FamilyOptions()
     begin, end = (float(value) for value in to)

@@ -48,7 +48,7 @@ def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -
 
 def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
     if contact and info.data.get("of", Kind.GRAZING) is not Kind.GRAZING:
-        raise ValueError(f'is for of = "grazing"; leave it out for {given(info.data["of"].value)}')
+        raise ValueError(f"selects among grazing points; leave it out for of = {given(info.data['of'].value)}")
     system = info.context.system
     names = [form.name for form in system.structure.contacts if form.stages] if system else []
     if contact and system and contact.split(" ", maxsplit=1)[0] not in names:
@@ -72,7 +72,7 @@ LocusSecond = Annotated[
 
 @dataclass(frozen=True)
 class LocusStudyOptions(MapStudyOptions):
-    """The loci of some special points of one branch: a map of one kind, with one section on which one branch is walked.
+    r"""The loci of some special points of one branch: a map of one kind, with one section on which it is walked.
 
     Parameters
     ----------
@@ -94,6 +94,14 @@ class LocusStudyOptions(MapStudyOptions):
     ------
     ModelError
         For more than one section or kind, or a contact with a kind other than grazing.
+
+    Examples
+    --------
+    >>> import io
+    >>> keys = "[study]\nof = 'fold'\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
+    >>> options = gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "locus"))).options
+    >>> options.kinds, options.second
+    (('fold',), ParameterRange(parameter='stop.clearance', begin=0.9, end=1.1))
     """
 
     kind: ClassVar[str] = "locus"

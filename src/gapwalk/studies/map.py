@@ -44,6 +44,11 @@ class MapOptions:
         as in `DiagramOptions`.
     search
         Options of the search.
+
+    Examples
+    --------
+    >>> gw.MapOptions(sections=3).values(0.8, 1.2)
+    (0.8, 1.0, 1.2)
     """
 
     sections: int | tuple[float, ...] = 5
@@ -64,6 +69,16 @@ class MapOptions:
 
     def values(self, low: float, high: float) -> tuple[float, ...]:
         """Return the values of the sections between two bounds.
+
+        Parameters
+        ----------
+        low, high
+            The bounds, in the unit of the second parameter.
+
+        Returns
+        -------
+        tuple of float
+            Increasing.
 
         Raises
         ------
@@ -93,6 +108,12 @@ class MapSection:
         Value of the second parameter.
     branches
         The branches; none if no first orbit was found.
+
+    Examples
+    --------
+    >>> section = loci.sections[0]
+    >>> section.value, [name for name, branch in section.named]
+    (1.0, ['P1-1'])
     """
 
     value: float
@@ -129,6 +150,11 @@ class Map(Shown):
         Failures: what could not be followed, in sentences.
     tried
         Number of special points of the sections that are done; a resumed map continues with the next.
+
+    Examples
+    --------
+    >>> loci.names, [section.value for section in loci.sections]
+    (('grazing-1', 'fold-1', 'fold-2'), [1.0])
     """
 
     first: str
@@ -157,7 +183,18 @@ class Map(Shown):
         return tuple(names)
 
     def of_kind(self, kind: Kind | str) -> tuple[Locus, ...]:
-        """Return the loci of one kind."""
+        """Return the loci of one kind.
+
+        Parameters
+        ----------
+        kind
+            The kind, or its name, such as ``fold``.
+
+        Returns
+        -------
+        tuple of Locus
+            In the order in which they were found.
+        """
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
     @summarizes
@@ -173,7 +210,8 @@ class Map(Shown):
         ranges = ", ".join(
             f"{symbol} from {low:.10g} to {high:.10g}" for symbol, (low, high) in zip(symbols, self.within, strict=True)
         )
-        yield f"{ranges}: {len(self.loci)} loci{self._counts and f', {self._counts}'}"
+        loci = f"{len(self.loci)} {'locus' if len(self.loci) == 1 else 'loci'}"
+        yield f"{ranges}: {loci}{self._counts and f', {self._counts}'}"
         special = sum(len(branch.special_points) for branch in self.branches)
         values = ", ".join(f"{section.value:.6g}" for section in self.sections)
         yield (
@@ -220,7 +258,13 @@ class Map(Shown):
         return self.branches[0].system.units if self.branches else None
 
     def plot(self, **options: Any):
-        """Draw all loci in the plane; `options` are those of `gapwalk.plot.loci.draw_map`. Returns the axes."""
+        """Draw all loci in the plane; `options` are those of `gapwalk.plot.loci.draw_map`. Returns the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of `gapwalk.plot.loci.draw_map`.
+        """
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -366,6 +410,12 @@ class Which:
     ------
     ModelError
         For a branch point, or a contact with a kind other than grazing.
+
+    Examples
+    --------
+    >>> chosen = gw.studies.Which(gw.Kind.named("fold"), near=1.39).of(branch.special_points)
+    >>> [round(special.value, 6) for special in chosen]
+    [1.392109]
     """
 
     kind: Kind
@@ -379,7 +429,18 @@ class Which:
             raise ModelError(f"contact is for grazing points; leave it out for those of the kind {self.kind.value}")
 
     def of(self, specials: Sequence[SpecialPoint]) -> list[SpecialPoint]:
-        """Return those of the given special points that are selected, in their order."""
+        """Return those of the given special points that are selected, in their order.
+
+        Parameters
+        ----------
+        specials
+            The special points of a branch.
+
+        Returns
+        -------
+        list of SpecialPoint
+            The selected ones.
+        """
         found = [special for special in specials if special.kind is self.kind and self._touches(special.contact)]
         if self.near is None or not found:
             return found

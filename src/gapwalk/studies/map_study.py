@@ -66,7 +66,7 @@ def _lie_in_the_range(sections: Any, info: ValidationInfo[Surroundings]) -> Any:
 
 @dataclass(frozen=True)
 class MapStudyOptions(MapOptions, BranchOptions):
-    """A map: all loci that bound regimes in the plane of two parameters.
+    r"""A map: all loci that bound regimes in the plane of two parameters.
 
     Parameters
     ----------
@@ -78,6 +78,13 @@ class MapStudyOptions(MapOptions, BranchOptions):
         Content of the map, and the sections on which its loci begin; as `MapOptions`.
     second
         The second parameter.
+
+    Examples
+    --------
+    >>> import io
+    >>> keys = "[study]\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
+    >>> gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "map"))).options.plan
+    'map over frequency from 1.1 to 1.5 and stop.clearance from 0.9 to 1.1, period 1, to period 2'
     """
 
     kind: ClassVar[str] = "map"
@@ -387,6 +394,11 @@ def bifurcation_map(
     resume
         A stopped map of the same request: its parts are kept, and the others are added.
 
+    Returns
+    -------
+    Map
+        The loci, and the sections on which they begin.
+
     Raises
     ------
     ModelError
@@ -397,6 +409,13 @@ def bifurcation_map(
         If a worker process dies.
     Interrupted
         After Ctrl-C; its `found` is the map so far, which `resume` continues.
+
+    Examples
+    --------
+    >>> plane = ((1.0, 1.6), (0.9, 1.1))
+    >>> loci = gw.bifurcation_map(system, "frequency", "stop.clearance", plane, options=gw.MapOptions(sections=1))
+    >>> loci.names
+    ('grazing-1', 'fold-1', 'fold-2')
     """
     options = options or MapOptions()
     work = MapWork(system, first, second, to, options, start, period, walk, method)

@@ -75,6 +75,12 @@ class RangeStudy(StudyKind):
     begin, end
         The range: the study goes from the first value to the second. In a table they are called ``from`` and ``to``; by
         default it begins at the value of the system.
+
+    Examples
+    --------
+    >>> import io
+    >>> gw.read_study(io.StringIO(file.replace('"response"', '"sweep"'))).options.ends
+    (1.1, 1.5)
     """
 
     parameter: Annotated[
@@ -129,6 +135,11 @@ class ParameterRange:
         Its name.
     begin, end
         The range; in a table they are called ``from`` and ``to``.
+
+    Examples
+    --------
+    >>> gw.studies.ParameterRange("frequency", 1.6, 0.6).ends
+    (0.6, 1.6)
     """
 
     parameter: Annotated[
@@ -231,7 +242,7 @@ class BranchOptions(RangeStudy):
         Measure in pictures: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
         coordinate, for example ``"half.q1"``.
     period
-        m: the orbits repeat after m forcing periods.
+        Number m of forcing periods after which the orbits repeat.
     start
         Start of the search for the first orbit; or the state itself at theta = 0: positions, velocities, then
         extensions, which are 0 if they are left out.
@@ -243,6 +254,11 @@ class BranchOptions(RangeStudy):
         so that one word changes the method.
     verify
         True to verify the complete result by other means; see `gapwalk.verify`.
+
+    Examples
+    --------
+    >>> gw.studies.ResponseOptions(parameter="frequency", begin=0.6, end=1.6, measure="max.x").ends
+    (0.6, 1.6)
     """
 
     table_types: ClassVar[Mapping[str, Any]] = {

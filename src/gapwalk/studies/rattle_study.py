@@ -47,9 +47,14 @@ class RattleOptions:
     reference
         Acceleration to which levels in dB refer, in rad/s^2 or non-dimensional.
     check
-        Cells of a map whose gaps are watched again with the exact flow.
+        Cells of a map whose gaps are observed again with the exact flow.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.ask.RattleOptions(search=0, starts=8).starts
+    8
     """
 
     sweep: Annotated[SlowSweepOptions, INLINE] = field(default_factory=SlowSweepOptions)
@@ -331,6 +336,11 @@ def rattle_bands(
     output
         A file to write while the work is done; `gapwalk.load` reads it, and a stopped search continues.
 
+    Returns
+    -------
+    RattleBands
+        The bands of each gap, with their ends and their severity.
+
     Raises
     ------
     ModelError
@@ -342,7 +352,9 @@ def rattle_bands(
 
     Examples
     --------
-    >>> print(gw.ask.rattle_bands(system, "speed", (700.0, 1100.0), "mesh").summary())
+    >>> found = gw.ask.rattle_bands(system, "frequency", (1.1, 1.6), "stop", options=gw.ask.RattleOptions(search=0))
+    >>> [(round(band.low.value, 6), round(band.high.value, 6)) for band in found.of("stop", "rising")]
+    [(1.1, 1.392109)]
     """
     check_system(system, "rattle_bands")
     low, high = to

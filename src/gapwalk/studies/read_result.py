@@ -147,8 +147,10 @@ def load(path: str | os.PathLike[str]) -> Any:
 
     Examples
     --------
-    >>> result = gw.load("clutch.gapwalk")
-    >>> result.branches[0]
+    >>> gw.run(study, "stop.gapwalk", force=True).complete
+    True
+    >>> gw.load("stop.gapwalk").title
+    'A sprung mass with a stop'
     """
     with reading(path) as parts:
         return read(parts)

@@ -33,6 +33,11 @@ class ReducedFrom:
         As in `gapwalk.Reduction`.
     reduction
         The `gapwalk.Reduction` itself, if the study was read from a model file; it is not stored in a result.
+
+    Examples
+    --------
+    >>> gw.studies.ReducedFrom(degrees=1000, kept=("x1",), modes=5, up_to=3.0, error=0.01).words
+    'reduced from 1000 degrees of freedom to 6: 1 kept, 5 modes; contacts deflect within 1.0e-02 up to frequency 3'
     """
 
     degrees: int

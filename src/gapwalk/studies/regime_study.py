@@ -36,7 +36,13 @@ from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
 
 
 class Carry(StrEnum):
-    """Start of the motion at a cell."""
+    """Start of the motion at a cell.
+
+    Examples
+    --------
+    >>> gw.studies.RegimeStudy.__dataclass_fields__["carry"].default
+    <Carry.NO: 'no'>
+    """
 
     NO = "no"
     """At each cell from the same state."""
@@ -63,6 +69,11 @@ class RegimeMapOptions:
         Seed of the choice of those cells.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.RegimeMapOptions(carry="up", judging=gw.analysis.RegimeOptions(max_period=4)).carry
+    <Carry.UP: 'up'>
     """
 
     carry: Carry = Carry.NO
@@ -80,7 +91,7 @@ class RegimeMapOptions:
 
 @dataclass(frozen=True)
 class RegimeStudy(RegimeMapOptions, RangeStudy):
-    """A regime map: which kind of motion there is at each cell of a plane of two parameters.
+    r"""A regime map: which kind of motion there is at each cell of a plane of two parameters.
 
     Parameters
     ----------
@@ -94,6 +105,13 @@ class RegimeStudy(RegimeMapOptions, RangeStudy):
         Columns and rows of cells.
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
+
+    Examples
+    --------
+    >>> import io
+    >>> keys = "[study]\nsecond = { parameter = 'stop.clearance', from = 0.9, to = 1.1 }"
+    >>> gw.read_study(io.StringIO(file.replace("[study]", keys).replace("response", "regimes"))).options.plan
+    'regimes over frequency from 1.1 to 1.5 and stop.clearance from 0.9 to 1.1, 128 x 128 cells'
     """
 
     kind: ClassVar[str] = "regimes"
@@ -387,6 +405,11 @@ def regimes(
         A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
         continued to the same result.
 
+    Returns
+    -------
+    Regimes
+        The regime of each cell.
+
     Raises
     ------
     ModelError
@@ -397,6 +420,12 @@ def regimes(
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
         After Ctrl-C; its `found` is the result so far, with ``complete`` False.
+
+    Examples
+    --------
+    >>> found = gw.regimes(system, {"frequency": (0.6, 1.2), "stop.clearance": (0.8, 1.2)}, resolution=8)
+    >>> found.at(0.8, 1.0)
+    'period 2'
     """
     check_system(system, "regimes")
     options = options or RegimeMapOptions()

@@ -40,7 +40,13 @@ _POINTS = 500  # at most in one of them
 
 @dataclass(frozen=True)
 class ResponseOptions(BranchOptions):
-    """A response curve: the branch of periodic orbits over one parameter; parameters as `BranchOptions`."""
+    """A response curve: the branch of periodic orbits over one parameter; parameters as `BranchOptions`.
+
+    Examples
+    --------
+    >>> type(study.options).__name__, study.options.plan
+    ('ResponseOptions', 'response over frequency from 1.1 to 1.5, period 1, showing half.x')
+    """
 
     kind: ClassVar[str] = "response"
     reports: ClassVar[str] = "points"
@@ -193,9 +199,8 @@ def _state(moments: list[Moment]) -> BranchTracerState | None:
         raise StoreError(f"the result has {len(points)} points, but the walk had {count + 1}")
     if progress is None:
         return None
-    return BranchTracerState(
-        WalkState(points[-2] if count else None, points[-1], progress.step, count), progress.detector
-    )
+    previous, earlier = points[-2] if count else None, points[-3] if count > 1 else None
+    return BranchTracerState(WalkState(previous, points[-1], progress.step, count, earlier), progress.detector)
 
 
 def _check_scales(first: Moment, tracer: BranchTracer) -> None:

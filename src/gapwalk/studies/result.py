@@ -42,6 +42,11 @@ class FullCheck:
         Harmonics with which it was checked; 0 if that failed.
     detail
         Reason for its failure.
+
+    Examples
+    --------
+    >>> gw.studies.FullCheck(branch="P1-1", errors=(1e-5,), motion=1e-3, harmonics=15, detail="").motion
+    0.001
     """
 
     branch: str
@@ -94,6 +99,11 @@ class Result(Shown):
         Comparison of each branch with the full system, if the system is reduced (see `Study.reduced`).
     verification
         Result of the verification, if the study requests one.
+
+    Examples
+    --------
+    >>> result.title, result.complete, sorted(result.tables())
+    ('A sprung mass with a stop', True, ['points', 'special-points'])
     """
 
     study: Study
@@ -209,7 +219,13 @@ class Result(Shown):
             yield from (f"not explained: {name}, {symbol} {each}" for each in branch.unexplained)
 
     def special_points(self) -> Table:
-        """Return the table of the special points of all branches, rounded for reading."""
+        """Return the table of the special points of all branches, rounded for reading.
+
+        Returns
+        -------
+        Table
+            One row for each special point; printed, it is what the terminal shows.
+        """
         coordinates, units, diagram = self.system.coordinates, self.system.units, self.diagram
         named = full_measure(self.walked.measure, coordinates).partition(".")[2]
         coordinate = named if named in coordinates else coordinates[0]

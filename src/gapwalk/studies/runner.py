@@ -195,6 +195,11 @@ def run(
         the locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
         `gapwalk.parallel.work_chunks.Pace` of all. The stored part of a resumed result is reported first.
 
+    Returns
+    -------
+    Result
+        What the study has found.
+
     Raises
     ------
     StoreError
@@ -210,6 +215,11 @@ def run(
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.
+
+    Examples
+    --------
+    >>> [str(special.kind) for special in gw.run(study).branches[0].special_points]
+    ['fold', 'fold', 'grazing']
     """
     if not isinstance(study, Study):
         file = os.fspath(study) if isinstance(study, str | os.PathLike) else "model.toml"

@@ -75,6 +75,11 @@ class SettleStudyOptions(SettleOptions, StudyKind):
         Phase of the excitation at which the section is taken, in radians.
     lyapunov
         Options for the exponents of a motion without period; not a key of a table.
+
+    Examples
+    --------
+    >>> gw.studies.SettleStudyOptions(signal="x''", max_periods=2000).plan
+    "settle from rest, showing x''"
     """
 
     kind: ClassVar[str] = "settle"
@@ -106,7 +111,7 @@ class SettleStudyOptions(SettleOptions, StudyKind):
 
 @dataclass(frozen=True, eq=False)
 class SettleFinding(Finding):
-    """Finding of a settled motion.
+    r"""Finding of a settled motion.
 
     Attributes
     ----------
@@ -124,6 +129,14 @@ class SettleFinding(Finding):
         The highest lines of the spectrum of the signal.
     energy
         Work and losses in one period; None for a motion without period, or where no energy is known.
+
+    Examples
+    --------
+    >>> import io
+    >>> text = file[: file.index("[study]")] + "[study]\nkind = 'settle'\n"
+    >>> finding = gw.run(gw.read_study(io.StringIO(text), {"frequency": 0.6})).finding
+    >>> finding.attractor.label, finding.record.converged
+    ('P1', True)
     """
 
     options: SettleStudyOptions

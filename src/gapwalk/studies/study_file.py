@@ -162,6 +162,11 @@ class Study:
         Names of tables in the file that have no effect, such as ``study.shooting`` where harmonics are balanced.
     matrices
         Digest of the matrices and tables in files of their own; empty if there are none.
+
+    Examples
+    --------
+    >>> study.title, study.options.parameter, study.system.coordinates
+    ('A sprung mass with a stop', 'frequency', ('x',))
     """
 
     system: System
@@ -201,12 +206,24 @@ def read_study(
     name
         Name of the study, if the file has several.
 
+    Returns
+    -------
+    Study
+        The system, and the options of the study.
+
     Raises
     ------
     ModelFileError
         With all problems of the file, each with its line.
     ModelError
         If there is no study of that name, or the file has several and no name is given.
+
+    Examples
+    --------
+    >>> import io
+    >>> study = gw.read_study(io.StringIO(file), {"study.to": 1.3})  # or by its name: gw.read_study("stop.toml")
+    >>> study.options.end
+    1.3
     """
     return _one_of(read_studies(path, changes), name, "the text" if isinstance(path, io.StringIO) else os.fspath(path))
 
@@ -214,12 +231,48 @@ def read_study(
 def read_studies(
     path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None
 ) -> tuple[Study, ...]:
-    """Read a model file with all of its studies, in their order; parameters and errors as `read_study`."""
+    """Read a model file with all of its studies, in their order; parameters and errors as `read_study`.
+
+    Parameters
+    ----------
+    path, changes
+        As in `read_study`.
+
+    Returns
+    -------
+    tuple of Study
+        In the order of the file.
+
+    Examples
+    --------
+    >>> import io
+    >>> [each.title for each in gw.studies.read_studies(io.StringIO(file))]
+    ['A sprung mass with a stop']
+    """
     return check_studies(read_source(path), changes)
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
-    """Return the study that a source describes; see `read_study`."""
+    """Return the study that a source describes; see `read_study`.
+
+    Parameters
+    ----------
+    source
+        A model file that has been parsed.
+    changes, name
+        As in `read_study`.
+
+    Returns
+    -------
+    Study
+        The study.
+
+    Examples
+    --------
+    >>> from gapwalk.model.model_source import parse_source
+    >>> gw.studies.check_study(parse_source(file)).title
+    'A sprung mass with a stop'
+    """
     return _one_of(check_studies(source, changes), name, source.name)
 
 

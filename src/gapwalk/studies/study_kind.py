@@ -39,6 +39,11 @@ class StudyKind:
     - `work` returns its `Work`, which yields its results part by part. So one runner (`gapwalk.studies.runner`)
       serves all kinds: it writes each part, reports it once it is safe, and continues stopped runs.
     - A line in `gapwalk.studies.study_registry`, or its function `add_kind`, makes it known by its `kind`.
+
+    Examples
+    --------
+    >>> gw.studies.ResponseOptions.kind, issubclass(gw.studies.ResponseOptions, gw.studies.StudyKind)
+    ('response', True)
     """
 
     kind: ClassVar[str]
@@ -73,6 +78,11 @@ class StudyKind:
         system
             The system, from which further defaults may come.
 
+        Returns
+        -------
+        StudyKind
+            The study.
+
         Raises
         ------
         ModelError
@@ -88,15 +98,53 @@ class StudyKind:
 
     @classmethod
     def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
-        """Names of tables in a model file that have no effect on the study."""
+        """Names of tables in a model file that have no effect on the study.
+
+        Parameters
+        ----------
+        table
+            The table ``[study]`` of the file.
+
+        Returns
+        -------
+        tuple of str
+            Names of tables inside it.
+        """
         return ()
 
     def first_system(self, system: System) -> System:
-        """Return the system at the beginning of the study."""
+        """Return the system at the beginning of the study.
+
+        Parameters
+        ----------
+        system
+            The system of the model file.
+
+        Returns
+        -------
+        System
+            It, at the first value of the range if there is one.
+        """
         return system
 
     def work(self, system: System) -> Work:
-        """Return the work of the study on a system, not yet begun; raise a ModelError if the study is invalid."""
+        """Return the work of the study on a system, not yet begun; raise a ModelError if the study is invalid.
+
+        Parameters
+        ----------
+        system
+            The system at the beginning of the study.
+
+        Returns
+        -------
+        Work
+            It has not begun yet.
+
+        Raises
+        ------
+        ModelError
+            If the study is invalid.
+        """
         raise NotImplementedError
 
 
@@ -111,6 +159,12 @@ class Found(NamedTuple):
     news
         Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
         `gapwalk.parallel.work_chunks.Pace` of the work.
+
+    Examples
+    --------
+    >>> part = gw.studies.Part("name", str)
+    >>> gw.studies.Found.part(part, "a text").entries[0].value
+    'a text'
     """
 
     entries: tuple[Entry, ...]
@@ -118,7 +172,22 @@ class Found(NamedTuple):
 
     @classmethod
     def part(cls, part: Part, value: Any, number: int = 0) -> Found:
-        """Return one part of the work, counted by its pace."""
+        """Return one part of the work, counted by its pace.
+
+        Parameters
+        ----------
+        part
+            Kind of part.
+        value
+            Its contents.
+        number
+            Its number.
+
+        Returns
+        -------
+        Found
+            With one entry.
+        """
         return cls((part.entry(value, number),))
 
 
@@ -128,11 +197,28 @@ class Work(ABC):
     Most kinds of work are made from the system at the beginning of the study and from the request. The methods are
     called in this order: `take` with the parts of a file, `parts` until no work is left, `last`; and `record` or
     `finding` at any time.
+
+    Examples
+    --------
+    >>> work = study.options.work(study.system)
+    >>> work.complete, work.done
+    (False, 0)
     """
 
     @abstractmethod
     def take(self, known: Parts) -> None:
-        """Read the parts of a file; raise a LookupError, TypeError or ValueError if they are inconsistent."""
+        """Read the parts of a file; raise a LookupError, TypeError or ValueError if they are inconsistent.
+
+        Parameters
+        ----------
+        known
+            The parts of the file.
+
+        Raises
+        ------
+        LookupError, TypeError, ValueError
+            If they are inconsistent.
+        """
 
     @abstractmethod
     def parts(self, workers: Workers) -> Generator[Found]:
@@ -140,17 +226,43 @@ class Work(ABC):
 
         Each part is complete together with those before it: the contents of the file after any part suffice to
         continue to the same result, bit for bit.
+
+        Parameters
+        ----------
+        workers
+            Executor of pieces of the work.
+
+        Yields
+        ------
+        Found
+            Each part once it is done.
         """
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
         """Return the parts that a file keeps when the work ends, because all is done or after Ctrl-C.
 
         Numbered parts that the file has are left out: Ctrl-C may come when a part is done and not yet in the file.
+
+        Parameters
+        ----------
+        finished
+            True if all is done, False after Ctrl-C.
+
+        Returns
+        -------
+        iterable of Entry
+            The entries to write.
         """
         return ()
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the reports of parts that were read from the file, if they are reported again."""
+        """Yield the reports of parts that were read from the file, if they are reported again.
+
+        Yields
+        ------
+        tuple
+            The arguments of each report.
+        """
         return iter(())
 
     @property
@@ -174,7 +286,13 @@ class Work(ABC):
         """Record so far, as the Python function of the same work returns it."""
 
     def finding(self) -> Finding | None:
-        """Return the finding so far; None for a branch, a diagram or a map."""
+        """Return the finding so far; None for a branch, a diagram or a map.
+
+        Returns
+        -------
+        Finding or None
+            It may be incomplete.
+        """
         return None
 
 
@@ -197,6 +315,12 @@ class Finding(ABC):
 
     A kind of study has a subclass, which describes itself: `summary` is what the terminal shows, `document` its JSON
     values, `tables` the CSV files. A function that draws its `record` is registered with `gapwalk.plot.draws`.
+
+    Examples
+    --------
+    >>> changed = gw.studies.SettleFinding
+    >>> [name for name in ("summary", "document", "tables") if name in vars(changed)]  # what a finding describes
+    ['summary', 'document', 'tables']
     """
 
     @property
@@ -236,16 +360,39 @@ class Finding(ABC):
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return lines, `Table` and `Tree` for the terminal, without notes and failures."""
+        """Return lines, `Table` and `Tree` for the terminal, without notes and failures.
+
+        Returns
+        -------
+        SummaryText
+            Printed, it is what the terminal shows.
+        """
         return (repr(self.record),)
 
     @abstractmethod
     def document(self, points: bool) -> dict[str, Any]:
-        """Return plain JSON values; with everything point by point if wanted."""
+        """Return plain JSON values; with everything point by point if wanted.
+
+        Parameters
+        ----------
+        points
+            True for everything, point by point.
+
+        Returns
+        -------
+        dict
+            Plain JSON values.
+        """
 
     @abstractmethod
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """The tables by name, the most important one first."""
+        """The tables by name, the most important one first.
+
+        Returns
+        -------
+        mapping of str to callable
+            Each function returns the rows of a table, the headings first.
+        """
 
 
 class Answer(Protocol):

@@ -80,6 +80,8 @@ _KINDS: Registry[type[StudyKind]] = Registry(
         "threshold": "gapwalk.studies.threshold_study.ThresholdStudy",
         "run-up": "gapwalk.studies.run_up_study.RunUpStudy",
         "design": "gapwalk.studies.design_study.DesignStudy",
+        "backbone": "gapwalk.studies.backbone_study.BackboneStudy",
+        "tori": "gapwalk.studies.tori_study.ToriStudy",
     },
 )
 
@@ -103,9 +105,24 @@ def kind_of(name: str) -> type[StudyKind]:
 def add_kind(kind: type[StudyKind]) -> type[StudyKind]:
     """Register a kind of study under its `kind`, also as a decorator; a redefined class replaces the old one.
 
+    Parameters
+    ----------
+    kind
+        The class of the study.
+
+    Returns
+    -------
+    type
+        The class itself.
+
     Raises
     ------
     ModelError
         If another kind has the name.
+
+    Examples
+    --------
+    >>> gw.studies.add_kind(gw.studies.SweepStudy) is gw.studies.SweepStudy  # as gapwalk has done
+    True
     """
     return _KINDS.add(kind.kind, kind)

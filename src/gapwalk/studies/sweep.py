@@ -20,7 +20,13 @@ _MOST = 100_000_000  # states that are kept
 
 
 class Way(StrEnum):
-    """Order in which the values are visited."""
+    """Order in which the values are visited.
+
+    Examples
+    --------
+    >>> [way.value for way in gw.studies.Way]
+    ['up', 'down', 'afresh']
+    """
 
     UP = "up"
     """From the lowest to the highest, the state carried over."""
@@ -46,6 +52,11 @@ class Patience:
     tolerance
         Distance from the limiting periodic motion below which it has settled; in half-widths of the box of
         states.
+
+    Examples
+    --------
+    >>> gw.studies.Patience(shortest=20, longest=500).longest
+    500
     """
 
     shortest: int = 48
@@ -87,6 +98,11 @@ class SweepOptions:
         test rig, it prevents motions from staying on an unstable orbit. 0: none.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+
+    Examples
+    --------
+    >>> gw.SweepOptions(steps=9, ways="up", points=13).each_way()
+    (<Way.UP: 'up'>,)
     """
 
     steps: int = 500
@@ -122,7 +138,18 @@ class SweepOptions:
         self.each_way()
 
     def each_way(self) -> tuple[Way, ...]:
-        """Return the ways, in the order in which they are written."""
+        """Return the ways, in the order in which they are written.
+
+        Returns
+        -------
+        tuple of Way
+            Each way once.
+
+        Raises
+        ------
+        ModelError
+            If one of them is unknown or occurs twice.
+        """
         words = [word.strip() for word in self.ways.split(" and ")]
         if not set(words) <= set(Way) or len(set(words)) < len(words):
             raise ModelError(
@@ -147,6 +174,12 @@ class Lane:
         Number of the start, from 1.
     state : shape (state_size,)
         The start.
+
+    Examples
+    --------
+    >>> lane = sweep.lanes[0]
+    >>> lane.way, lane.start, lane.is_carried
+    (<Way.UP: 'up'>, 1, True)
     """
 
     way: Way
@@ -208,6 +241,12 @@ class Band:
         Its ends, halfway to the next values of another regime.
     count
         Number of values in it.
+
+    Examples
+    --------
+    >>> band = sweep.bands()[0]
+    >>> band.regime, round(band.low, 3), round(band.high, 3)
+    ('period 1', 0.6, 0.725)
     """
 
     regime: str
@@ -255,6 +294,11 @@ class Sweep(Shown):
         False if the work was stopped before its end.
     notes
         Failures: what could not be done, in sentences.
+
+    Examples
+    --------
+    >>> sweep.values.shape, [band.regime for band in sweep.bands(lane=0)]
+    ((9,), ['period 1', 'period 2', 'period 1'])
     """
 
     system: System
@@ -269,7 +313,18 @@ class Sweep(Shown):
     notes: tuple[str, ...] = ()
 
     def bands(self, lane: int = 0) -> tuple[Band, ...]:
-        """Return the bands of equal regimes along a lane, in the order of the parameter."""
+        """Return the bands of equal regimes along a lane, in the order of the parameter.
+
+        Parameters
+        ----------
+        lane
+            Index of the lane.
+
+        Returns
+        -------
+        tuple of Band
+            Each with its regime and its ends.
+        """
         return bands_of(self.values, self.regimes[lane].tolist())
 
     def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -281,6 +336,13 @@ class Sweep(Shown):
             Its name, or that with a dash for its velocity: ``q1'``. By default the first one.
         lane
             Index of the lane; by default all lanes.
+
+        Returns
+        -------
+        values : array, shape (count,)
+            Values of the parameter, one for each section point.
+        points : array, shape (count,)
+            The coordinate or velocity at each.
 
         Raises
         ------
@@ -295,7 +357,23 @@ class Sweep(Shown):
         return x[seen], y[seen]
 
     def place(self, coordinate: str | None) -> int:
-        """Return the place of a coordinate or a velocity in a state; errors as `section`."""
+        """Return the place of a coordinate or a velocity in a state; errors as `section`.
+
+        Parameters
+        ----------
+        coordinate
+            Its name, or that with a dash for its velocity; None for the first one.
+
+        Returns
+        -------
+        int
+            The index.
+
+        Raises
+        ------
+        ModelError
+            If there is no such coordinate.
+        """
         names = self.system.state_names
         name = names[0] if coordinate is None else coordinate
         if name not in names:
@@ -303,7 +381,20 @@ class Sweep(Shown):
         return names.index(name)
 
     def plot(self, coordinate: str | None = None, **options: Any) -> Any:
-        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`."""
+        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`.
+
+        Parameters
+        ----------
+        coordinate
+            Its name, or that with a dash for its velocity; by default the first one.
+        **options
+            Options of the picture.
+
+        Returns
+        -------
+        Axes
+            The axes of the picture.
+        """
         from gapwalk.plot import draw
 
         return draw(self, coordinate, **options)

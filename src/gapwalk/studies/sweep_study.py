@@ -163,6 +163,11 @@ class SweepStudy(SweepOptions, RangeStudy):
         Signal in the picture: a coordinate, or its velocity (``q1'``). By default the first coordinate.
     block
         Values in a segment; not a key of a table. A file with other segments cannot be continued.
+
+    Examples
+    --------
+    >>> gw.studies.SweepStudy(parameter="frequency", begin=0.6, end=1.0, steps=9, points=13).plan
+    'sweep over frequency from 0.6 to 1 at 9 values, up and down, showing '
     """
 
     kind: ClassVar[str] = "sweep"
@@ -356,6 +361,11 @@ def sweep(
         A file to write during the work; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
         continued to the same result.
 
+    Returns
+    -------
+    Sweep
+        The section points at each value.
+
     Raises
     ------
     ModelError
@@ -366,6 +376,12 @@ def sweep(
         If other processes cannot do the work; what they have done is in the file.
     Interrupted
         After Ctrl-C; its `found` is the result so far, with ``complete`` False.
+
+    Examples
+    --------
+    >>> found = gw.sweep(system, "frequency", (0.6, 1.0), options=gw.SweepOptions(steps=9, points=13))
+    >>> [(band.regime, round(band.low, 3), round(band.high, 3)) for band in found.bands()]
+    [('period 1', 0.6, 0.725), ('period 2', 0.725, 0.875), ('period 1', 0.875, 1.0)]
     """
     check_system(system, "sweep")
     low, high = sorted((float(to[0]), float(to[1])))

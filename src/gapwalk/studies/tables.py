@@ -102,6 +102,12 @@ class Surroundings:
         True if the numbers of the system are placeholders: then values of parameters are not checked.
     read
         Reads a file that the model file names; see `gapwalk.model.named_file.read_named`.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> [each.name for each in dataclasses.fields(gw.studies.Surroundings)][:2]
+    ['system', 'frequency_given']
     """
 
     system: System | None
@@ -125,7 +131,13 @@ def _state_length(start: tuple[float, ...], info: ValidationInfo[Surroundings]) 
 
 
 class Start(StrEnum):
-    """Start of the search for the first orbit of a study."""
+    """Start of the search for the first orbit of a study.
+
+    Examples
+    --------
+    >>> study.options.start
+    <Start.SETTLE: 'settle'>
+    """
 
     REST = "rest"
     """Newton's method from the state zero."""
@@ -152,7 +164,30 @@ Resolution = Annotated[Counted | tuple[Counted, Counted], AfterValidator(check_r
 
 
 def check_signal(signal: str, known: Sequence[str]) -> str:
-    """Refuse an unknown signal; accept any if the signals are not known."""
+    """Refuse an unknown signal; accept any if the signals are not known.
+
+    Parameters
+    ----------
+    signal
+        Name of the signal.
+    known
+        Names of the signals that there are; empty if they are not known.
+
+    Returns
+    -------
+    str
+        The name itself.
+
+    Raises
+    ------
+    ValueError
+        If it is unknown.
+
+    Examples
+    --------
+    >>> gw.studies.check_signal("x", ["x", "x'"])
+    'x'
+    """
     if known and signal not in known:
         raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")
     return signal

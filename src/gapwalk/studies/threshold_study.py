@@ -188,9 +188,10 @@ def threshold(
 
     Examples
     --------
-    >>> found = gw.ask.threshold(system, "mean.gear", (-1.0, -6.0), "speed", (700.0, 1100.0), "mesh")
-    >>> found.value, found.at
-    (-3.1652191..., 950.9335...)
+    >>> options = gw.ask.ThresholdOptions(values=4, starts=2)
+    >>> found = gw.ask.threshold(system, "harmonic1.amplitude", (0.5, 0.05), "frequency", (0.9, 1.1), options=options)
+    >>> round(found.value, 6), round(found.at, 6)  # where the linear response just reaches the stop
+    (0.099875, 0.997497)
     """
     check_system(system, "threshold")
     if to[0] == to[1] or span[0] == span[1]:

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 MAX_SAMPLES = 10_000_000
 """Largest number of samples of a study."""
+LEAST_ACCURACY, MOST_ACCURACY = 1e-8, 1e-2
+"""Smallest and largest error of a value, as a share of it, that can be asked for."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,18 @@ class ToleranceOptions:
     check
         Tracked samples whose branches are walked for comparison.
     period
-        m: the orbits of the branch repeat after m forcing periods.
+        Number m of forcing periods after which the orbits of the branch repeat.
     walk
         Options of the walks.
     workers
         Number of processes; by default one for each local core. The result does not depend on it.
+    accuracy
+        Largest error of the value of a tracked point, as a share of it.
+
+    Examples
+    --------
+    >>> gw.ask.ToleranceOptions(samples=200, seed=1).samples
+    200
     """
 
     samples: int = 1000
@@ -62,11 +71,16 @@ class ToleranceOptions:
     period: int = 1
     walk: WalkOptions = field(default_factory=WalkOptions)
     workers: Counted | None = field(default=None, compare=False)
+    accuracy: float = 1e-5
 
     def __post_init__(self) -> None:
         check_integers(self, samples=2, seed=0, check=0, period=1)
         if self.samples > MAX_SAMPLES:
             raise ModelError(f"samples is {self.samples:,}; there may be {MAX_SAMPLES:,}")
+        if not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
+            raise ModelError(
+                f"accuracy is {self.accuracy:g}; it must be between {LEAST_ACCURACY:g} and {MOST_ACCURACY:g}"
+            )
         if self.period > MAX_PERIOD:
             raise ModelError(f"period is {self.period}; it may be {MAX_PERIOD}")
 
@@ -160,7 +174,7 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
     ----------
     parameter, begin, end
         The parameter of the response, and its range.
-    samples, seed, check, period, walk, workers
+    samples, seed, check, period, walk, workers, accuracy
         Options; as `gapwalk.ask.ToleranceOptions`.
     spreads
         Distribution of the parameters. In a table they are tables ``[[study.spread]]``, with ``correlation`` between
@@ -169,6 +183,13 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
         A band of the parameter in which no jump should lie.
     start
         Start of the search for the first orbit of the nominal branch.
+
+    Examples
+    --------
+    >>> spreads = gw.analysis.Spreads([gw.ask.Spread("stop.clearance", sd=0.02)])
+    >>> asked = gw.studies.ToleranceStudy(parameter="frequency", begin=1.6, end=1.0, samples=8, spreads=spreads)
+    >>> asked.plan
+    'tolerance of special points over frequency from 1.6 to 1: 8 samples of stop.clearance'
     """
 
     kind: ClassVar[str] = "tolerance"
@@ -194,7 +215,13 @@ class ToleranceStudy(ToleranceOptions, RangeStudy):
 
     @classmethod
     def of_table(cls, values: dict[str, Any], system: System) -> Self:
-        """Return the study of a table."""
+        """Return the study of a table.
+
+        Raises
+        ------
+        ModelError
+            If laws and parts are both given, or neither.
+        """
         rest = dict(values)
         laws, matrix, parts = (rest.pop(key, None) for key in ("spread", "correlation", "parts"))
         if not laws and parts is None:
@@ -260,6 +287,11 @@ def tolerance(
     output
         A file to write while the work is done; `gapwalk.load` reads it, and a stopped study continues.
 
+    Returns
+    -------
+    Tolerance
+        The distribution of each special point.
+
     Raises
     ------
     ModelError
@@ -271,8 +303,11 @@ def tolerance(
 
     Examples
     --------
-    >>> laws = gw.analysis.spread_in_percent(system, 2, ["stage2.clearance", "mean.q1"])
-    >>> print(gw.ask.tolerance(system, "frequency", (1.9, 0.6), laws, band=(0.60, 0.66)).summary())
+    >>> spread = gw.ask.Spread("stop.clearance", sd=0.02)
+    >>> options = gw.ask.ToleranceOptions(samples=8, check=1)
+    >>> found = gw.ask.tolerance(system, "frequency", (1.6, 1.0), [spread], band=(1.35, 1.4), options=options)
+    >>> found.chance(1.35, 1.4).value  # a jump lies in the band in all samples
+    1.0
     """
     check_system(system, "tolerance")
     options = options or ToleranceOptions()

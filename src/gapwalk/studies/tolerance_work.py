@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.answers.near_misses import Watch, watches_of
 from gapwalk.answers.point_forms import (
     Patterns,
     Solutions,
@@ -23,20 +24,17 @@ from gapwalk.answers.point_forms import (
     pools_of,
     with_predictors,
 )
+from gapwalk.answers.point_prediction import Regressions
 from gapwalk.answers.tolerance import Tolerance, ToleranceCheck
-from gapwalk.answers.tolerance_tracking import (
+from gapwalk.answers.tolerance_records import (
     Further,
     HowFound,
     ToleranceChunk,
     ToleranceWalks,
-    Tracker,
     Tracking,
-    solve_chunk,
-    track_chunk,
     trackable,
-    walk_chunk,
-    walk_sample,
 )
+from gapwalk.answers.tolerance_tracking import Tracker, solve_chunk, track_chunk, walk_chunk, walk_sample
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.continuation.walk import EndReason
@@ -57,14 +55,12 @@ _ROUND, _UNSEEN = 20, 0.05  # more of them, as long as so many samples have poin
 _CORRECTED, _SOLVED = 100, 400  # most samples that are solved for fits: by Newton's method alone, then also by chords
 _FEW, _SOME = 5, 20  # samples in a chunk of walks, and of solutions
 _CHUNK = 200  # samples in a later chunk
-_PAIR = 2  # walks that tell what a combination of forms means
 
 NOMINAL = Part("nominal", Branch)
 WALKS = Part("walks", ToleranceWalks, numbered=True)
 SOLUTIONS = Part("solutions", Solutions, numbered=True)
 PATTERNS = Part("patterns", Solutions, numbered=True)
 CHUNK = Part("samples", ToleranceChunk, numbered=True)
-LATER = Part("later walks", ToleranceWalks, numbered=True)
 TOLERANCE = Part("tolerance", Tolerance)
 
 
@@ -86,8 +82,6 @@ class ToleranceWork(Work):
         self._solutions: dict[int, Solutions] = {}
         self._sets: dict[int, Solutions] = {}
         self._chunks: dict[int, ToleranceChunk] = {}
-        self._later: dict[int, ToleranceWalks] = {}
-        self._again: list[ToleranceChunk] = []
         self._whole: Tolerance | None = None
         self._key = uuid.uuid4().hex
         self._failures: tuple[str, ...] = ()
@@ -98,7 +92,7 @@ class ToleranceWork(Work):
         if self._whole is None:
             self._branch, self._walks = known.get(NOMINAL), dict(known.all(WALKS))
             self._solutions, self._sets = dict(known.all(SOLUTIONS)), dict(known.all(PATTERNS))
-            self._chunks, self._later = dict(known.all(CHUNK)), dict(known.all(LATER))
+            self._chunks = dict(known.all(CHUNK))
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Do the remaining work."""
@@ -123,11 +117,11 @@ class ToleranceWork(Work):
         tracking = self._learned(tracking, "fitted", solved)
         pieces = [(*piece, False) for piece in self._left(self._set_starts, self._sets)]
         yield from self._done(workers, partial(solve_chunk, tracking), pieces, self._sets, PATTERNS)
-        patterns = self._patterns(tracking, self._sets.values(), self._ended(self._walks))
-        tracking = replace(tracking, key=f"{self._key} last", patterns=patterns)
+        patterns = self._patterns(tracking)
+        watches = self._watches(tracking, patterns)
+        tracking = replace(tracking, key=f"{self._key} last", patterns=patterns, watches=watches)
         pieces = self._left(self._starts, self._chunks)
         yield from self._done(workers, partial(track_chunk, tracking), pieces, self._chunks, CHUNK)
-        yield from self._cleared(workers, tracking)
         check = self._checked(workers, tracking)
         self._whole = self._tolerance(complete=True, check=check)
         yield Found.part(TOLERANCE, self._whole)
@@ -140,14 +134,14 @@ class ToleranceWork(Work):
     @property
     def done(self) -> int:
         """Number of chunks of samples that are done."""
-        every = self._walks, self._solutions, self._sets, self._chunks, self._later
+        every = self._walks, self._solutions, self._sets, self._chunks
         return self.total if self.complete else sum(map(len, every))
 
     @property
     def total(self) -> int:
         """Number of chunks of samples, as far as it is known."""
         every = self._walk_starts, self._solve_starts, self._set_starts, self._starts
-        return sum(len(starts) - 1 for starts in every) + len(self._later)
+        return sum(len(starts) - 1 for starts in every)
 
     @property
     def record(self) -> Tolerance | None:
@@ -172,6 +166,7 @@ class ToleranceWork(Work):
             specials,
             np.maximum(self.design.values.std(axis=0), 1e-300),
             asked.walk,
+            asked.accuracy,
         )
 
     @property
@@ -183,7 +178,7 @@ class ToleranceWork(Work):
         """
         most = min(_MOST, -(-self.asked.samples // _SHARE))
         count = min(_LEAST, most)
-        walks = self._ended(self._walks)
+        walks = self._ended
         while count < most and sum(len(each.walked) for each in self._walks.values()) >= count:
             every = Counter(tuple(met.key for met in each.met) for each in walks if each.sample < count)
             if sum(number == 1 for number in every.values()) <= _UNSEEN * count:
@@ -222,89 +217,44 @@ class ToleranceWork(Work):
     def _piece(self, number: int, rows: Sequence[int] | NDArray[np.intp]) -> tuple[int, NDArray[np.intp], Array]:
         return number, np.asarray(rows, dtype=np.intp), self.design.values[rows]
 
-    def _ended(self, *parts: Mapping[int, ToleranceWalks]) -> list[Walked]:
-        """Return the walks that came to their end."""
-        walks = [each for every in parts for _, chunk in sorted(every.items()) for each in chunk.walked]
+    @property
+    def _ended(self) -> list[Walked]:
+        """The walks that came to their end."""
+        walks = [each for _, chunk in sorted(self._walks.items()) for each in chunk.walked]
         return [each for each in walks if each.how == HowFound.WALKED]
 
     @property
     def _anchors(self) -> list[int]:
         assert self._branch is not None
-        return anchors_of(self._ended(self._walks), len(trackable(self._branch, self.spreads.varied)[0]))
+        return anchors_of(self._ended, len(trackable(self._branch, self.spreads.varied)[0]))
 
     def _learned(self, tracking: Tracking, name: str, known: int) -> Tracking:
         """Return the tracking with the forms of all points, and what walks and solutions of `known` samples say."""
-        walks, tracker, anchors = self._ended(self._walks), Tracker(replace(tracking, forms=())), self._anchors
+        walks, tracker, anchors = self._ended, Tracker(replace(tracking, forms=())), self._anchors
         forms = forms_of(walks, anchors, tracking.specials, tracker.mine)
         asked = replace(tracking, key=f"{self._key} {name}", forms=forms)
         chunks = [each for _, each in sorted(self._solutions.items()) if each.rows[-1] < known]
         pools = pools_of(forms, [names_of(each, anchors) for each in walks], walks, chunks)
         rows = np.concatenate([[each.sample for each in walks], *(each.rows for each in chunks)]).astype(np.intp)
         scaled = tracker.nominal[0].origin, tracking.deviations
-        made = with_predictors(forms, Tracker(asked).points, pools, self.design.values, rows, scaled)
+        made = with_predictors(forms, Tracker(asked).finder.points, pools, self.design.values, rows, scaled)
         return replace(asked, forms=made)
 
-    def _patterns(self, tracking: Tracking, sets: Iterable[Solutions], walks: Sequence[Walked]) -> Patterns:
+    def _patterns(self, tracking: Tracking) -> Patterns:
         """Compare the forms found in walked samples with what the walks met."""
-        anchors = self._anchors
+        anchors, sets = self._anchors, self._sets.values()
         found = {row: own for each in sets for row, own in zip(each.rows.tolist(), each.found, strict=True)}
-        return Patterns.of(tracking.forms, [(found[each.sample], names_of(each, anchors)) for each in walks])
+        return Patterns.of(tracking.forms, [(found[each.sample], names_of(each, anchors)) for each in self._ended])
 
-    def _cleared(self, workers: Workers, tracking: Tracking) -> Generator[Found]:
-        """Walk some of the samples in which no known combination of forms was found, and learn from them, in rounds.
-
-        Two samples of each combination are walked. They may meet further forms, which are then looked for in the
-        others too. A round that clears fewer samples than it walked is the last one: then all others are walked.
-        """
-        unclear, number, is_worth_it = self._unclear(self._chunks.values()), 0, True
-        self._again = []
-        while unclear:
-            groups: dict[tuple[int, ...], list[int]] = {}
-            for row, found in sorted(unclear.items()):
-                groups.setdefault(found, []).append(row)
-            chosen = sorted(row for rows in groups.values() for row in rows[:_PAIR])
-            if not is_worth_it or 2 * len(chosen) > len(unclear):
-                chosen = sorted(unclear)
-            pieces = [self._piece(number + k, chosen[a : a + _FEW]) for k, a in enumerate(range(0, len(chosen), _FEW))]
-            number += len(pieces)
-            pieces = [each for each in pieces if each[0] not in self._later]
-            yield from self._done(workers, partial(walk_chunk, tracking), pieces, self._later, LATER)
-            rest = sorted(set(unclear) - set(chosen))
-            if not rest:
-                break
-            tracking = self._extended(workers, tracking, f"after {number}")
-            pieces = [self._piece(k, rest[a : a + _SOME]) for k, a in enumerate(range(0, len(rest), _SOME))]
-            again = [each for _, each in workers.each(partial(track_chunk, tracking), pieces)]
-            self._again += again
-            unclear = self._unclear(again)
-            is_worth_it = len(rest) - len(unclear) >= len(chosen)
-
-    def _extended(self, workers: Workers, tracking: Tracking, name: str) -> Tracking:
-        """Return the tracking with the forms that only later walks met, and with what these walks tell."""
-        walks, anchors = self._ended(self._walks, self._later), self._anchors
-        tracker = Tracker(replace(tracking, forms=()))
-        known = {form.name: form for form in tracking.forms}
-        every = [known.get(form.name, form) for form in forms_of(walks, anchors, tracking.specials, tracker.mine)]
-        numbers = {form.name: number for number, form in enumerate(every)}
-        beside = {form.name: tracking.forms[form.companion].name for form in tracking.forms if form.companion >= 0}
-        forms = tuple(
-            replace(form, companion=numbers[beside[form.name]] if form.name in beside else -1) for form in every
-        )
-        asked = replace(tracking, key=f"{self._key} {name}", forms=forms)
-        pools = pools_of(forms, [names_of(each, anchors) for each in walks], walks, ())
-        scaled, nobody = (tracker.nominal[0].origin, tracking.deviations), np.zeros(0, dtype=np.intp)
-        asked = replace(
-            asked, forms=with_predictors(forms, Tracker(asked).points, pools, self.design.values, nobody, scaled)
-        )
-        rows = [each.sample for each in walks]
-        pieces = [(*self._piece(k, rows[a : a + _SOME]), False) for k, a in enumerate(range(0, len(rows), _SOME))]
-        sets = [each for _, each in workers.each(partial(solve_chunk, asked), pieces)]
-        return replace(asked, key=f"{asked.key} told", patterns=self._patterns(asked, sets, walks))
-
-    def _unclear(self, chunks: Iterable[ToleranceChunk]) -> dict[int, tuple[int, ...]]:
-        """Return the samples of chunks that are lost, and the forms found there."""
-        lost = [(each.rows[each.how == HowFound.LOST].tolist(), each.unclear) for each in chunks]
-        return {row: found for rows, every in lost for row, found in zip(rows, every, strict=True)}
+    def _watches(self, tracking: Tracking, patterns: Patterns) -> tuple[Watch, ...]:
+        """Return where walks nearly met further points."""
+        anchors, fixed = self._anchors, {tracking.forms[f].name for f in patterns.anchors[1:]}
+        found = []
+        for each in self._ended:
+            passed = np.cumsum([0, *(name in fixed for name in names_of(each, anchors))]).tolist()
+            found.append((each.sample, [(passed[miss.place], miss) for miss in each.misses]))
+        origin = np.array([self.system[name] for name in tracking.names])
+        return watches_of(found, Regressions((self.design.values - origin) / tracking.deviations))
 
     def _done(
         self, workers: Workers, function: Callable[[Any], Any], pieces: list[Any], done: dict[int, Any], part: Part
@@ -315,8 +265,8 @@ class ToleranceWork(Work):
             yield Found.part(part, each, each.number)
 
     def _checked(self, workers: Workers, tracking: Tracking) -> ToleranceCheck:
-        values, how, further = self._arrays()
-        tracked = np.flatnonzero(how == HowFound.TRACKED)
+        values, _, how, further = self._arrays()
+        tracked = np.flatnonzero(np.isin(how, (HowFound.TRACKED, HowFound.PARTLY)))
         chosen = np.sort(np.random.default_rng(self.asked.seed).permutation(tracked)[: self.asked.check]).tolist()
         more = {k: tuple((each.kind, each.value) for each in further if each.sample == k) for k in chosen}
         pieces = [(self.design.values[k], values[k], more[k]) for k in chosen]
@@ -334,29 +284,28 @@ class ToleranceWork(Work):
                 different.append(f"{where}: {', '.join(texts)}")
         return ToleranceCheck(len(chosen), largest, tuple(different))
 
-    def _arrays(self) -> tuple[Array, NDArray[np.intp], tuple[Further, ...]]:
+    def _arrays(self) -> tuple[Array, Array, NDArray[np.intp], tuple[Further, ...]]:
         branch = self._branch
         assert branch is not None
-        count = len(trackable(branch, self.spreads.varied)[0])
-        values, how = np.full((self.asked.samples, count), np.nan), np.full(self.asked.samples, int(HowFound.LOST))
+        shape = self.asked.samples, len(trackable(branch, self.spreads.varied)[0])
+        values, errors, how = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[0], int(HowFound.LOST))
         further: list[Further] = []
-        for walks in (*self._walks.values(), *self._later.values()):
+        for walks in self._walks.values():
             for each in walks.walked:
                 how[each.sample] = each.how
                 for met in each.met:
                     if met.index >= 0:
-                        values[each.sample, met.index] = met.value
+                        values[each.sample, met.index], errors[each.sample, met.index] = met.value, met.uncertainty
                     else:
                         further.append(Further(each.sample, met.kind, met.value))
-        for chunk in (*self._chunks.values(), *self._again):
-            known = chunk.how != HowFound.LOST
-            values[chunk.rows[known]], how[chunk.rows[known]] = chunk.values[known], chunk.how[known]
+        for chunk in self._chunks.values():
+            values[chunk.rows], errors[chunk.rows], how[chunk.rows] = chunk.values, chunk.errors, chunk.how
             further += chunk.further
-        return values, how, tuple(sorted(further, key=lambda each: (each.sample, each.kind, each.value)))
+        return values, errors, how, tuple(sorted(further, key=lambda each: (each.sample, each.kind, each.value)))
 
     def _tolerance(self, *, complete: bool, check: ToleranceCheck) -> Tolerance:
         assert self._branch is not None
-        values, how, further = self._arrays()
+        values, errors, how, further = self._arrays()
         specials, failures = trackable(self._branch, self.spreads.varied)
         rows = np.arange(len(how)) if complete else np.flatnonzero(how != HowFound.LOST)
         notes = [] if complete else [f"stopped when {len(rows):,} of {len(how):,} samples were done"]
@@ -382,6 +331,7 @@ class ToleranceWork(Work):
             complete,
             tuple(notes),
             failures,
+            errors[rows],
         )
 
 

@@ -17,6 +17,10 @@ from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.read_result import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_kind import StudyKind
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_diagram import TorusDiagram
+from gapwalk.tori.torus_family import TorusFamily
+from gapwalk.tori.verify_tori import verify_families, verify_torus
 from gapwalk.verification import (
     Check,
     Ledger,
@@ -30,7 +34,7 @@ from gapwalk.verification import (
 )
 from gapwalk.verification.verification import Advance
 
-Verifiable = Branch | Diagram | Map | Family | Result
+Verifiable = Branch | Diagram | Map | Family | TorusDiagram | TorusFamily | Torus | Result
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
@@ -44,10 +48,15 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        A branch, a diagram, a map, a family, a result, or the name of a result file. An incomplete result is verified
-        as far as it goes.
+        A branch, a diagram, a map, a family, tori, a result, or the name of a result file. An incomplete result is
+        verified as far as it goes.
     report
         Called with a word for what is verified, the number of pieces that are done, and the number of all.
+
+    Returns
+    -------
+    Verification
+        Each check, with its worst figure.
 
     Raises
     ------
@@ -57,17 +66,23 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
         If a file is not a result, or so damaged that it cannot be read. A file that can be read, but was changed by
         another program, is verified, and fails because of its checksum.
 
+    Notes
+    -----
+    The other integrator is that of Prince and Dormand (1981), Journal of Computational and Applied Mathematics 7,
+    67-75.
+
     Examples
     --------
-    >>> found = gw.verify("clutch.gapwalk")
-    >>> found.ok, found.words
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.65))
+    >>> found.ok
+    True
     """
     if isinstance(what, str | os.PathLike):
         return verified_result(what, report)[1]
     if not isinstance(what, Verifiable):
         raise ModelError(
-            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, a result, or the name of a "
-            'result file, as in gw.verify("clutch.gapwalk")'
+            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, tori, a result, or the name "
+            'of a result file, as in gw.verify("clutch.gapwalk")'
         )
     ledger = Ledger()
     _verify(ledger, what, report)
@@ -103,6 +118,14 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 verify_branches(ledger, named, report, what.within)
                 verify_distinct(ledger, named)
             ledger.note("the joints between the members of a family are not verified, their branches are")
+        case Torus():
+            verify_torus(ledger, what, Spot("the torus", "its curve", what.system.frequency))
+        case TorusFamily():
+            verify_families(ledger, [("the family", what)], report)
+        case TorusDiagram():
+            _verify_diagram(ledger, what.diagram, report)
+            verify_families(ledger, [(f"T{k}", each) for k, each in enumerate(what.families, start=1)], report)
+            ledger.note("the ends and events of families of tori are not verified, their tori are")
         case Result():
             found = _found(what)
             if isinstance(found, Branch):
@@ -127,11 +150,11 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 def _found(result: Result) -> Verifiable:
     """Return the record of a result that can be verified."""
     if result.finding is not None:
-        if isinstance(result.finding.record, Family):
+        if isinstance(result.finding.record, Family | TorusDiagram):
             return result.finding.record
         raise ModelError(
-            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps and "
-            "families have"
+            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps, families "
+            "and tori have"
         )
     return result.map or result.diagram or result.branches[0]
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -69,6 +69,8 @@ class Round:
         Angles at which a law has a kink, in their order, each with the number of its guard.
     least
         Size below which a motion counts as rest.
+    end : shape (2n,)
+        The state at the end.
     """
 
     closure: float
@@ -79,6 +81,7 @@ class Round:
     shifts: tuple[float, ...] = ()
     kinks: Kinks = ()
     least: float = float(np.finfo(float).tiny)
+    end: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def size(self) -> float:
@@ -86,8 +89,12 @@ class Round:
         return max(float(np.abs(self.extremes).max()), self.least)
 
 
-def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:
+def carry(
+    orbits: Sequence[Orbit], report: Callable[[int], object] | None = None, *, closes: bool = True
+) -> list[Round]:
     """Integrate orbits of one structure over one period; `report` is called with the number of completed ones.
+
+    With `closes` false they are motions that need not close, whose events are their own, such as parts of a torus.
 
     Raises
     ------
@@ -99,13 +106,13 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
     size = orbits[0].system.size if orbits else 1
     lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
     for first in range(0, len(orbits), lanes):
-        rounds += _carry(orbits[first : first + lanes])
+        rounds += _carry(orbits[first : first + lanes], _PASSES if closes else 0)
         if report is not None:
             report(len(rounds))
     return rounds
 
 
-def _carry(orbits: Sequence[Orbit]) -> list[Round]:
+def _carry(orbits: Sequence[Orbit], passes: int) -> list[Round]:
     # the Taylor series needs many short steps next to fractional powers
     edged = any(form.law.has_edges for form in orbits[0].system.structure.contacts)
     finer = _FINER / 5.0 if edged else _FINER
@@ -119,7 +126,7 @@ def _carry(orbits: Sequence[Orbit]) -> list[Round]:
         for index, better in zip(rough, again, strict=True):
             rounds[index] = better
     moved = list(orbits)
-    for _ in range(_PASSES):
+    for _ in range(passes):
         open_ended = [index for index, each in enumerate(rounds) if each.closure > _AGAIN and any(each.shifts)]
         if not open_ended:
             break
@@ -400,6 +407,7 @@ class _Motions:
             error if math.isfinite(error) else math.inf,
             tuple(self._shifts[lane]),
             tuple(sorted(self._kinks[lane])),
+            end=self._state[lane, : 2 * n].copy(),
         )
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from gapwalk.orbit.orbit import Orbit
 
 _PERIOD = 2.0 * math.pi
+_SOFTEST = 3e-5  # speed of an impact over that of the motion whose depth, its square, is within the bound of closure
 _TOGETHER = 1e-3  # radians within which two records of an impact may be one
 
 
@@ -83,7 +84,9 @@ def _of_impacts(theirs: Sequence[Change], ours: Sequence[Change], end: float) ->
             alone.append(each)
     for each in (*alone, *left):
         others = sorted(abs(each.theta - angle) for angle in angles)[1:]  # without itself
-        if not others or others[0] > _TOGETHER:
+        if abs(each.slope) < _SOFTEST:  # the motion misses it by so little that errors of integration decide
+            worst = max(worst, each.slope**2)
+        elif not others or others[0] > _TOGETHER:
             return math.inf
     return worst
 

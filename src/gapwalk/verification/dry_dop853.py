@@ -231,7 +231,9 @@ class _Motion(DryInstant, Follower):
                 bend = -equations.signs[switch] * float(turning[equations.contact_of[switch]])
                 if bend < 0.0:
                     root = (rate + math.sqrt(max(rate**2 - 2.0 * bend * gap, 0.0))) / -bend * equations.omega
-                    if 0.0 < root < _HOP:
+                    if rate < 0.0 and gap <= 0.0:  # a step has ended on the stop
+                        found["contact", switch] = 0.0
+                    elif 0.0 < root < _HOP:
                         found["contact", switch] = root
         return found
 

@@ -322,7 +322,7 @@ def _lanes(values: Array, lanes: Lanes) -> Array:
 
 
 def _varied(structure: Structure) -> dict[tuple[str, str], Array]:
-    """Return what loads vary, by prefix and name, with a factor for each load.
+    """Return the numbers that loads vary, by prefix and name, with a factor for each load.
 
     A number of a stage has the prefix of the stage, a number of a whole contact and a deflection the contact's name.
     """
@@ -336,7 +336,7 @@ def _varied(structure: Structure) -> dict[tuple[str, str], Array]:
 
 
 def _targets(structure: Structure, text: str) -> Iterator[tuple[str, str, float]]:
-    """Find what a text such as ``mesh.stiffness`` means: prefixes, names, and signs."""
+    """Find the numbers that a text such as ``mesh.stiffness`` names: prefixes, names, and signs."""
     contact, *words = text.split(".")
     (form,) = [each for each in structure.contacts if each.name == contact]
     prefixes = [form.stage_prefix(stage) for stage in form.stages if words[:-1] in ([], [stage.name])]

@@ -21,7 +21,14 @@ Advance = Callable[[str, int, int], object]
 
 
 class Check(Enum):
-    """Kind of check: a name, a sentence, and the largest figure that passes."""
+    """Kind of check: a name, a sentence, and the largest figure that passes.
+
+    Examples
+    --------
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
+    >>> [summary.check.name for summary in found.summaries][:2]
+    ['RECORD', 'RESIDUAL']
+    """
 
     SEAL = ("seal", "the file is as gapwalk wrote it, by its checksum", 0.0)
     RECORD = ("record", "the stored data of a point are consistent", 1e-9)
@@ -43,6 +50,7 @@ class Check(Enum):
     NATURE = ("nature", "a fold opens, and a doubled branch leaves a flip, to the stated side", 0.0)
     ENDS = ("ends", "the ends of a branch are where it is stated, and have the stated reasons", 0.0)
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
+    INVARIANCE = ("invariance", "another integrator carries the curve of a torus into itself, within its error", 1.0)
     CONDITION = ("condition", "an orbit on a locus is at its bifurcation", 1e-5)
 
     sentence: str
@@ -72,6 +80,12 @@ class Spot:
         One of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
     value
         The parameter there; nan if the item has no place along the parameter.
+
+    Examples
+    --------
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
+    >>> found.summaries[0].worst.spot.value <= 0.62
+    True
     """
 
     branch: str
@@ -97,6 +111,12 @@ class Figure:
         The figure; it should not exceed the bound of its check.
     detail
         Further explanation; may be empty.
+
+    Examples
+    --------
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
+    >>> found.summaries[0].worst.passes
+    True
     """
 
     check: Check
@@ -128,6 +148,12 @@ class Summary:
         Number of places at which it was made.
     worst
         The largest figure.
+
+    Examples
+    --------
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
+    >>> found.summaries[0].count > 0
+    True
     """
 
     check: Check
@@ -149,6 +175,12 @@ class Verification:
         Remarks on what could not be verified, and why, as sentences.
     points, special_points
         Numbers of points and special points that were checked.
+
+    Examples
+    --------
+    >>> found = gw.verify(gw.follow(orbit, "frequency", 0.62))
+    >>> found.ok, found.breaches
+    (True, ())
     """
 
     summaries: tuple[Summary, ...]
@@ -163,7 +195,23 @@ class Verification:
         return not self.breaches
 
     def worst(self, check: Check | str) -> Figure:
-        """Return the worst figure of a check; raise a KeyError if it was not made."""
+        """Return the worst figure of a check; raise a KeyError if it was not made.
+
+        Parameters
+        ----------
+        check
+            The check, or its name.
+
+        Returns
+        -------
+        Figure
+            The figure, with its place.
+
+        Raises
+        ------
+        KeyError
+            If the check was not made.
+        """
         for summary in self.summaries:
             if check in (summary.check, summary.check.word):
                 return summary.worst
@@ -179,7 +227,13 @@ class Verification:
 
     @summarizes
     def summary(self) -> SummaryParts:
-        """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them."""
+        """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them.
+
+        Returns
+        -------
+        SummaryText
+            Printed, it is what the terminal shows.
+        """
         rows = []
         for summary in self.summaries:
             worst = summary.worst
@@ -193,7 +247,13 @@ class Verification:
         yield from remarks(self.notes, ())
 
     def document(self) -> dict[str, Any]:
-        """Return the record as plain JSON values."""
+        """Return the record as plain JSON values.
+
+        Returns
+        -------
+        dict
+            Plain JSON values.
+        """
         return {
             "ok": self.ok,
             "points": self.points,

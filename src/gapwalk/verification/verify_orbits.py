@@ -95,7 +95,6 @@ def _verify_orbit(
         ledger.enter(Check.VOLUME, spot, off)
     off = _distance(reshot.multipliers, orbit.free_multipliers)
     beside: list[NDArray[np.complex128]] = []
-    is_corner = kind is not None and kind.is_corner
     if off > Check.MULTIPLIERS.bound:
         # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
         beside = _beside(track, point, around)
@@ -107,7 +106,7 @@ def _verify_orbit(
     if not (is_on_border(found) or is_on_border(stored)):
         counts = [int((np.abs(each) > 1.0).sum()) for each in (found, stored)]
         off = abs(counts[0] - counts[1])
-        if off and is_corner:  # the multipliers jump there: rounding decides on which side of it each motion lies
+        if off:  # where one crosses the circle or jumps within that step, both numbers are right
             sides = [int((np.abs(each) > 1.0).sum()) for each in beside or _beside(track, point, around)]
             off = min([off, *(abs(count - counts[1]) for count in sides)])
         detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"

@@ -34,6 +34,7 @@ from gapwalk.verification.verification import Check, Ledger, Spot
 
 _REACH = 1e-3  # arclength at which the sides of a special point are examined, unless its neighbours are nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be corrected
+_RESOLVED = 1e-10  # arclength from the neighbours below which rounding decides on which side of a point a motion is
 _SECANT = 1e-4  # arclength over which a test function is linear
 _TOLD = 0.01  # share of that arclength beyond which the zero of a secant is not trusted
 _HALVINGS = 30  # of the interval in which the point is then found
@@ -85,6 +86,11 @@ def verify_special_points(ledger: Ledger, track: Track) -> None:
         faults = sides.faults
         if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
             faults = ()  # branches cross there, so near another special point that no motion can be corrected nearby
+        unresolved = examination.reach < _RESOLVED  # as within the last steps before a jump
+        unknown = not sides.held and special.uncertainty == math.inf  # nor could the walk compute it a second time
+        if faults and (unresolved or unknown):
+            ledger.leave_unlocated(spot)
+            continue
         ledger.judge(Check.SIDES, spot, faults)
         if sides.before is not None and sides.after is not None:
             found = examination.criticality(sides.before, sides.after)
@@ -108,14 +114,24 @@ class Examination:
         Estimator that computes it with the other discretisation.
     special
         The special point.
+    straight
+        True to examine it along its tangent, even if the branch turns near it.
     """
 
     track: Track
     second: ErrorEstimator
     special: SpecialPoint
+    straight: bool = False
 
     def sides(self) -> Sides:
-        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point."""
+        """Examine the point from both sides, at decreasing distances while a result contradicts the stored point.
+
+        A branch that turns between two steps of the walk need not turn at the point.
+        """
+        seen = self._at_reaches()
+        return replace(self, straight=True)._at_reaches() if seen.faults and self._turn else seen
+
+    def _at_reaches(self) -> Sides:
         branch = self.track.branch
         # the steps of a walk are tiny beyond a turn, where rounding would tell the side
         from_afar = self._reach((branch.points[0], branch.points[-1]) if self._turn else branch.points)
@@ -130,6 +146,11 @@ class Examination:
             seen = self._look(reach)
         return first if seen.faults else seen
 
+    @property
+    def reach(self) -> float:
+        """The largest arclength at which the point can be examined."""
+        return self._reach(self.track.branch.points)
+
     def _reach(self, points: Sequence[BranchPoint]) -> float:
         """Return the arclength at which the point is examined: closer to it than its neighbours are."""
         special = self.special
@@ -141,13 +162,14 @@ class Examination:
     def _look(self, reach: float) -> Sides:
         """Examine the point at one distance on both sides."""
         special = self.special
+        at_once = [each for each in self.track.branch.special_points if each is special or _is_one_place(each, special)]
         try:
             a, b = self._beside(-reach), self._beside(reach)
         except NumericalError as error:
             return Sides((str(error),), None, held=False)
         faults = [
             f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
-            for side, point, stored in (("before", a, special.before), ("after", b, special.after))
+            for side, point, stored in (("before", a, at_once[0].before), ("after", b, at_once[-1].after))
             if not is_on_border(point.orbit.free_multipliers) and point.instability.total != stored.total
         ]
         found, function = special.kind.examined(special, a, b)
@@ -175,6 +197,8 @@ class Examination:
         Nothing of the branch may then lie along one tangent on both sides, or both sides along the same one.
         """
         here = self.special.point
+        if self.straight:
+            return False
         before = [each for each in self.track.branch.points if each.arclength < here.arclength]
         after = [each for each in self.track.branch.points if each.arclength > here.arclength]
         if not (self.special.is_corner and before and after and len(before[-1].x) == len(after[0].x) == len(here.x)):
@@ -291,6 +315,12 @@ class Examination:
         return sides[0] if len(sides) == _AGREEING and len(set(sides)) == 1 else 0.0
 
 
+def _is_one_place(other: SpecialPoint, special: SpecialPoint) -> bool:
+    """Return True if two points are one event of a symmetric motion, in two contacts or directions."""
+    alike = other.kind == special.kind and not special.kind.by_multipliers and other.contact != special.contact
+    return alike and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
+
+
 def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
     """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
@@ -298,12 +328,7 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
     nothing between the two. A point of the walk at the special point itself is no neighbour: a walk may end there, or
     step onto it.
     """
-
-    def is_one_place(other: SpecialPoint) -> bool:
-        both = other.kind == special.kind and not special.kind.by_multipliers and other.contact != special.contact
-        return both and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
-
-    others = (each for each in branch.special_points if each is not special and not is_one_place(each))
+    others = (each for each in branch.special_points if each is not special and not _is_one_place(each, special))
     here = special.point.arclength
     knots = [point for point in points if point.arclength != here]
     knots += [each.point for each in others]

@@ -21,14 +21,21 @@ _HARD = 2.0  # times the cap after which the process of a trial is ended, should
 def main() -> int:
     """Try what the log does not hold yet, and print a table of how many end how."""
     parser = arguments("dry.trials", __doc__)
-    parser.add_argument("--sampled", type=int, default=0, metavar="N", help="verify N orbits of each branch only")
+    parser.add_argument(
+        "--sampled", type=int, default=0, metavar="N", help="verify N orbits of each branch only (-1: nothing)"
+    )
     parser.add_argument("--factor", type=float, default=1.3, help="width of the range (default: 1.3)")
     parser.add_argument("--cap", type=float, default=180.0, help="processor time of one system, in seconds")
+    parser.add_argument("--walks", action="store_true", help="the walks alone, without settled motions and sweeps")
     options = parser.parse_args()
 
     def tried(name: str) -> Trial:
         system = random_system(int(name.split()[1]))
-        return apart(name, options.cap, lambda: attempt(name, system, options.factor, options.sampled, options.cap))
+        return apart(
+            name,
+            options.cap,
+            lambda: attempt(name, system, options.factor, options.sampled, options.cap, is_short=options.walks),
+        )
 
     code = compare_all(options.log, random_names(options), tried, Trial)
     print(table(options.log))
@@ -58,13 +65,16 @@ def apart(name: str, cap: float, work: Callable[[], Trial]) -> Trial:
 
 def table(log: Path) -> str:
     """Return how many trials of a log end how, with the names of all that do not reach the end of the range."""
-    groups: dict[str, list[str]] = defaultdict(list)
     trials = [Trial(**json.loads(line)) for line in log.read_text(encoding="utf-8").splitlines()]
-    for trial in trials:
-        groups[trial.outcome or trial.note].append(trial.name.split()[-1])
     lines = [f"{len(trials):4} systems"]
-    for outcome, names in sorted(groups.items(), key=lambda group: -len(group[1])):
-        lines.append(f"{len(names):4} {outcome}{'' if outcome.endswith('was reached') else ': ' + ', '.join(names)}")
+    for way in ("outcome", "back"):
+        groups: dict[str, list[str]] = defaultdict(list)
+        for trial in trials:
+            groups[getattr(trial, way) or trial.note].append(trial.name.split()[-1])
+        lines += ["     on the way back:"] if way == "back" else []
+        for outcome, names in sorted(groups.items(), key=lambda group: -len(group[1])):
+            listed = "" if outcome.endswith("was reached") or not outcome else ": " + ", ".join(names)
+            lines.append(f"{len(names):4} {outcome or 'not walked'}{listed}")
     for words, is_one in (("too slow", lambda trial: trial.slow), ("with faults", lambda trial: trial.faults)):
         names = [trial.name.split()[-1] for trial in trials if is_one(trial)]
         lines.append(f"{len(names):4} {words}: {', '.join(names) or 'none'}")

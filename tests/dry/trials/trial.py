@@ -10,14 +10,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 import numpy as np
 
 import gapwalk as gw
 from gapwalk.attractors import ClassifyOptions, LyapunovOptions, SettleOptions, classify, lyapunov
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, Interrupted
-from gapwalk.verification.dry_dop853 import carry
+from gapwalk.verification.branch_corrector import Track
+from gapwalk.verification.verification import Spot
 
 LONGEST = 60.0
 """Seconds of processor time after which a step counts as a hang, if the trial has no cap."""
@@ -26,8 +30,8 @@ _WALK = gw.WalkOptions(max_points=400)
 _SETTLE = SettleOptions(max_periods=2000, max_period=16)
 _LYAPUNOV = LyapunovOptions(max_periods=256)
 _EXPONENTS = LyapunovOptions(max_periods=1024)  # along orbits, where slow decay takes long to show
-_CLOSED, _SAME = 1e-9, 1e-6  # of the independent integrator, as in gapwalk.verification
 _STEPS, _POINTS = 5, 20  # of the sweep
+_FOUND = 1e-7  # relative difference of two special points that are one
 _SHARE = 0.5  # of the time that is left, for one step
 Result = TypeVar("Result")
 
@@ -74,8 +78,8 @@ class Trial:
         Processor time, in seconds, that all steps take at most; a step has half of what the steps before it have left.
     slow
         True if a step was cut off, since it took longer than that.
-    outcome
-        What became of the branch: why it ended, or why there is none.
+    outcome, back
+        What became of the branch, and of the one on the way back: why it ended, or why there is none.
     """
 
     name: str
@@ -86,6 +90,7 @@ class Trial:
     cap: float = math.inf
     slow: bool = False
     outcome: str = ""
+    back: str = ""
 
     @property
     def agrees(self) -> bool:
@@ -123,24 +128,35 @@ class Trial:
         return found
 
 
-def attempt(name: str, system: gw.System, factor: float = 1.3, sampled: int = 0, cap: float = math.inf) -> Trial:
-    """Search an orbit, walk and verify its branch, classify the settled motion, and sweep.
+def attempt(
+    name: str,
+    system: gw.System,
+    factor: float = 1.3,
+    sampled: int = 0,
+    cap: float = math.inf,
+    *,
+    is_short: bool = False,
+) -> Trial:
+    """Search an orbit, walk and verify its branch and the way back, classify the settled motion, and sweep.
 
-    The range is from its frequency to `factor` times as much. A number `sampled` of orbits are
-    integrated by the independent integrator in place of the whole verification. All that takes at most `cap` seconds
-    of processor time.
+    The range is from its frequency to `factor` times as much. Verification is of all but the orbits, of which a
+    number `sampled` is verified (0: all; negative: nothing is verified). All that takes at most `cap` seconds
+    of processor time. A short trial has the walks alone.
     """
     trial = Trial(name, cap=cap)
-    orbit = trial.step("orbit", lambda: gw.find_orbit(system), repr)
-    if orbit is not None:
+    first = trial.step("orbit", lambda: gw.find_orbit(system), repr)
+    if first is not None:
         to = factor * system["frequency"]
-        branch = trial.step("branch", lambda: gw.follow(orbit, "frequency", to, walk=_WALK), _branch_words)
+        branch = trial.step("branch", lambda: gw.follow(first, "frequency", to, walk=_WALK), _branch_words)
         trial.outcome = "too slow" if trial.slow else trial.ends["branch"]
         if branch is not None:
             trial.outcome = trial.outcome if trial.slow else branch.ends[-1].reason.value
             _judge(trial, branch, sampled)
+            _walk_back(trial, branch, to, sampled)
     else:
         trial.outcome = "too slow" if trial.slow else trial.ends["orbit"]
+    if is_short:
+        return trial
     kept = ClassifyOptions(settle=_SETTLE, lyapunov=_LYAPUNOV)
     attractor = trial.step("motion", lambda: classify(system, options=kept), lambda found: str(found.kind))
     if attractor is not None and attractor.orbit is not None:
@@ -162,35 +178,72 @@ def _sweep_words(sweep: gw.Sweep) -> str:
     return f"{sorted(set(sweep.regimes.ravel().tolist()))} {' '.join(sweep.notes)}"
 
 
-def _judge(trial: Trial, branch: gw.Branch, sampled: int) -> None:
+def _judge(trial: Trial, branch: gw.Branch, sampled: int, back: str = "") -> None:
     """Enter as faults what verification refuses, and an end that says nothing."""
     end = branch.ends[-1]
     if end.reason in (EndReason.FAILED, EndReason.STEP) and not end.detail:
-        trial.faults.append(f"branch: it ended without a reason: {end}")
-    if sampled:
-        places = sorted({round(each) for each in np.linspace(0, len(branch.points) - 1, sampled)})
-        orbits = [branch.points[place].orbit for place in places]
-        trial.step("closure", lambda: _closures(trial, orbits), lambda worst: f"{worst:.1e}")
+        trial.faults.append(f"{back}branch: it ended without a reason: {end}")
+    if sampled < 0:
         return
-    found = trial.step("verification", lambda: gw.verify(branch), lambda verified: verified.words)
+    found = trial.step(f"{back}verification", lambda: _verified(branch, sampled), lambda verified: verified.words)
     if found is not None:
-        trial.faults += [f"verification: {breach}" for breach in found.breaches[:3]]
+        trial.faults += [f"{back}verification: {breach}" for breach in found.breaches[:3]]
 
 
-def _closures(trial: Trial, orbits: list[gw.Orbit]) -> float:
-    """Enter as faults the orbits that another integrator does not close, or that have other extremes."""
-    worst = 0.0
-    for orbit, around in zip(orbits, carry(orbits, lambda _: None), strict=True):
-        size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
-        off = float(np.abs(around.extremes - orbit.extremes[:, :2]).max()) / size
-        growth = max(1.0, float(np.abs(orbit.multipliers).max()))
-        worst = max(worst, around.closure / growth)
-        if around.closure > growth * max(_CLOSED, around.error) or off > growth * max(_SAME, around.error):
-            trial.faults.append(
-                f"closure: at {orbit.system.frequency!r} the orbit of {orbit.state.tolist()} closes to "
-                f"{around.closure:.2g} (error {around.error:.1g}), its extremes differ by {off:.2g}"
-            )
-    return worst
+def _walk_back(trial: Trial, branch: gw.Branch, to: float, sampled: int) -> None:
+    """Walk from the end of the range back to its beginning.
+
+    If the branch reached the end, its last orbit is the first of the way back, on which the same special points must
+    be found. Otherwise an orbit is sought there, and what is walked is verified.
+    """
+    begin, last = branch.points[0].value, branch.points[-1].orbit
+    same = branch.ends[-1].reason is EndReason.RANGE and branch.points[-1].value == to and not trial.slow
+    beyond = last.system.at(frequency=to)
+    first = last if same else trial.step("back orbit", lambda: gw.find_orbit(beyond), repr)
+    if first is None:
+        trial.back = "too slow" if trial.slow else trial.ends["back orbit"]
+        return
+    found = trial.step("back branch", lambda: gw.follow(first, "frequency", begin, walk=_WALK), _branch_words)
+    trial.back = "too slow" if trial.slow else trial.ends["back branch"]
+    if found is None:
+        return
+    trial.back = trial.back if trial.slow else found.ends[-1].reason.value
+    if not same:
+        _judge(trial, found, sampled, "back ")
+    elif found.ends[-1].reason is not EndReason.RANGE:
+        trial.faults.append(f"back: what was walked to its end ends on the way back: {found.ends[-1]}")
+    else:
+        trial.faults += _differences(branch, found)
+
+
+def _differences(there: gw.Branch, back: gw.Branch) -> list[str]:
+    """Return the special points that only one of two walks along one branch has, as sentences."""
+    places = [[each.value for each in branch.special_points] for branch in (there, back)]
+    labels = [[(each.kind, each.contact) for each in branch.special_points] for branch in (there, back)]
+    left, faults = [*range(len(places[1]))], []
+    for value, label, special in zip(places[0], labels[0], there.special_points, strict=True):
+        near = [each for each in left if labels[1][each] == label and abs(places[1][each] - value) < _FOUND * value]
+        if near:
+            left.remove(min(near, key=lambda each: abs(places[1][each] - value)))
+        else:
+            faults.append(f"back: {special!r} is not found on the way back")
+    return faults + [f"back: {back.special_points[each]!r} is found on the way back only" for each in left]
+
+
+def _verified(branch: gw.Branch, sampled: int) -> gw.Verification:
+    """Verify a branch; with `sampled`, all but its orbits, of which so many, and those of its special points."""
+    if not sampled:
+        return gw.verify(branch)
+    every = Track.spots
+
+    def some(track: Track) -> Iterator[tuple[Spot, BranchPoint, Kind | None]]:
+        places = {round(each) for each in np.linspace(0, len(track.branch.points) - 1, sampled)}
+        for number, spot in enumerate(every(track)):
+            if number in places or number >= len(track.branch.points):
+                yield spot
+
+    with patch.object(Track, "spots", some):
+        return gw.verify(branch)
 
 
 def _compare(trial: Trial, exponents: Any, orbit: gw.Orbit) -> None:

@@ -72,6 +72,11 @@ class SearchResult:
         Counts at each value.
     complete
         False if the search was stopped before its end.
+
+    Examples
+    --------
+    >>> found.values, len(found.at(1.3)), len(found.new)
+    ((1.3,), 3, 3)
     """
 
     parameter: str
@@ -90,7 +95,18 @@ class SearchResult:
         return tuple(each for each in self.found if each.is_new)
 
     def at(self, value: float) -> tuple[FoundOrbit, ...]:
-        """Return the orbits found at one value."""
+        """Return the orbits found at one value.
+
+        Parameters
+        ----------
+        value
+            One of `values`.
+
+        Returns
+        -------
+        tuple of FoundOrbit
+            By period.
+        """
         return tuple(each for each in self.found if each.value == value)
 
     def __repr__(self) -> str:
@@ -117,6 +133,12 @@ class FoundOrbit:
         Number of Newton iterations that ended on it.
     branch
         Index of the known branch on which it lies; None if it is new.
+
+    Examples
+    --------
+    >>> each = found.found[0]
+    >>> each.orbit.period, each.is_new
+    (1, True)
     """
 
     value: float
@@ -147,6 +169,11 @@ class Tally:
         Last states of the transients that did not become periodic: tori, chaos, or slow decay.
     newton_starts
         Number of starts of Newton's method.
+
+    Examples
+    --------
+    >>> found.tallies[0].starts, found.tallies[0].settled
+    (8, 8)
     """
 
     value: float
@@ -198,12 +225,24 @@ def search(
     stop
         Called between two pieces of work; True ends the search.
 
+    Returns
+    -------
+    SearchResult
+        The distinct orbits at each value.
+
     Raises
     ------
     ModelError
         For an unknown parameter, a value that is not allowed, or inconsistent options.
     Interrupted
         After Ctrl-C; its `found` is the result so far, not `complete`.
+
+    Examples
+    --------
+    >>> options = gw.SearchOptions(starts=8, newton_starts=4)
+    >>> found = gw.search(system, "frequency", [1.3], known=[branch], options=options)
+    >>> len(found.found), len(found.new)  # all lie on the branch
+    (3, 0)
     """
     chosen = [float(value) for value in dict.fromkeys(np.asarray(values, dtype=float).ravel().tolist())]
     if not chosen:

@@ -62,6 +62,11 @@ class SearchOptions:
         Seed of the starts: the same seed gives the same result.
     block
         Starts in one piece of work. It affects the result, because a piece does not use what others find.
+
+    Examples
+    --------
+    >>> gw.SearchOptions(starts=100, newton_starts=50, seed=3).starts
+    100
     """
 
     starts: Annotated[int, Ge(1)] = 24

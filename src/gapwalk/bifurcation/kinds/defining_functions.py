@@ -31,6 +31,12 @@ class Criticality(NamedTuple):
         Unit vectors along which the derivative of the matrix is needed.
     covectors : shape (k, state_size)
         A change dB of the matrix changes the value by the sum of ``covectors[j] @ dB @ directions[j]``.
+
+    Examples
+    --------
+    >>> found = gw.Kind.named("flip").condition(np.diag([-1.2, -0.5]))
+    >>> found.directions.shape
+    (1, 2)
     """
 
     value: float

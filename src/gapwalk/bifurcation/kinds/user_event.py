@@ -32,11 +32,12 @@ class Event(Kind):
 
     Examples
     --------
-    The point where the amplitude of q1 passes 2:
+    The point where the amplitude of x passes 1.2:
 
-    >>> limit = gw.Event("amplitude 2", lambda orbit: orbit.measure("half.q1") - 2.0)
-    >>> branch = gw.follow(orbit, "frequency", 1.5, events=[limit])
-    >>> branch.special("amplitude 2")
+    >>> limit = gw.Event("amplitude 1.2", lambda orbit: orbit.measure("half.x") - 1.2)
+    >>> followed = gw.follow(orbit, "frequency", 1.2, events=[limit])
+    >>> round(followed.special("amplitude 1.2")[0].value, 9)
+    0.974812347
     """
 
     _of_orbit: Callable[[Orbit], float]
@@ -54,7 +55,13 @@ class Event(Kind):
         return event
 
     def function(self, point: BranchPoint) -> float:
-        """Evaluate the user's function at a point."""
+        """Evaluate the user's function at a point.
+
+        Raises
+        ------
+        ModelError
+            If the user's function returns no number.
+        """
         value = float(self._of_orbit(point.orbit))
         if not math.isfinite(value):
             raise ModelError(

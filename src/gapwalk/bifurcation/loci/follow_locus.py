@@ -79,6 +79,11 @@ def follow_locus(
     report
         Called with each new point and the points of codimension two before it.
 
+    Returns
+    -------
+    Locus
+        Its points, and where it ends.
+
     Raises
     ------
     ModelError
@@ -87,6 +92,18 @@ def follow_locus(
         If the start is not a special point of its kind to the tolerance of the method, or needs too many harmonics.
     Interrupted
         After Ctrl-C; its `found` is the locus so far.
+
+    Notes
+    -----
+    Kuznetsov (2004), *Elements of Applied Bifurcation Theory*; Govaerts (2000), *Numerical Methods for Bifurcations of
+    Dynamical Equilibria*.
+
+    Examples
+    --------
+    >>> curve = gw.follow_locus(fold, "frequency", "stop.clearance", ((1.0, 1.6), (0.9, 1.1)))
+    >>> curve.values[[0, -1]].round(6)
+    array([[1.372124, 1.1     ],
+           [1.41379 , 0.9     ]])
     """
     return trace_locus(start_locus(special, first, second, to, method), walk).to_end(traced_locus, report)
 

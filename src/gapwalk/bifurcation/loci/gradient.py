@@ -55,8 +55,8 @@ class Gradient(Shown):
 
     Examples
     --------
-    >>> branch.special_points[0].gradient("stage2.clearance")["stage2.clearance"]
-    -0.0853215...
+    >>> round(fold.gradient("stop.clearance")["stop.clearance"], 6)
+    -0.20789
     """
 
     special: SpecialPoint
@@ -136,7 +136,18 @@ class Gradient(Shown):
         ]
 
     def words(self, count: int) -> str:
-        """Return the parameters that move the point most, with their percent per percent, as text."""
+        """Return the parameters that move the point most, with their percent per percent, as text.
+
+        Parameters
+        ----------
+        count
+            Number of parameters.
+
+        Returns
+        -------
+        str
+            Such as ``stop.clearance -0.149, damping.x.x -0.0519``.
+        """
         shares = self.elasticities
         return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.order[:count] if shares[k])
 
@@ -155,6 +166,12 @@ class Gradients(Shown):
         Gradients in the order of the points.
     failures
         Sentences on the points that have none.
+
+    Examples
+    --------
+    >>> found = gw.analysis.gradients(branch.special("flip"), ["stop.clearance"])
+    >>> [round(each["stop.clearance"], 4) for each in found.found]
+    [0.3593, 0.0545]
     """
 
     found: tuple[Gradient, ...]
@@ -200,7 +217,9 @@ def gradients(points: Iterable[SpecialPoint], names: Sequence[str] = (), method:
 
     Examples
     --------
-    >>> print(gw.analysis.gradients(branch.special_points).summary())
+    >>> found = gw.analysis.gradients(branch.special("fold"), ["stop.clearance"])
+    >>> [round(each["stop.clearance"], 6) for each in found.found]
+    [-0.20789, -0.2092]
     """
     found, failures = [], []
     for special in points:

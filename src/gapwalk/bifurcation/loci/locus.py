@@ -13,7 +13,13 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class LocusEndReason(Enum):
-    """Reason why a locus ends; the value is the sentence that a user reads."""
+    """Reason why a locus ends; the value is the sentence that a user reads.
+
+    Examples
+    --------
+    >>> locus.ends[0].reason.name
+    'RANGE'
+    """
 
     START = "the start lies on the edge of the range"
     RANGE = "the edge of the range was reached"
@@ -44,6 +50,11 @@ class LocusEnd:
         Values of both parameters there.
     detail
         Further explanation; may be empty.
+
+    Examples
+    --------
+    >>> locus.ends[0].reason_words
+    'the edge of the range was reached'
     """
 
     reason: LocusEndReason
@@ -80,6 +91,12 @@ class LocusPoint:
         Unit tangent of the locus there, in scaled variables, in the direction of the walk.
     arclength
         Scaled arclength from the start of the walk.
+
+    Examples
+    --------
+    >>> point = locus.points[0]
+    >>> np.round(point.values, 6), point.measure("max.x") > 1.0
+    (array([1.372124, 1.1     ]), True)
     """
 
     values: tuple[float, float]
@@ -95,7 +112,18 @@ class LocusPoint:
             raise ValueError("the unknowns of a point are not as many as the components of its tangent")
 
     def measure(self, name: str) -> float:
-        """Return one measure of the motion; see `Orbit.measure`."""
+        """Return one measure of the motion; see `Orbit.measure`.
+
+        Parameters
+        ----------
+        name
+            Name of the measure, such as ``half.q1``.
+
+        Returns
+        -------
+        float
+            In the unit of the signal.
+        """
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:
@@ -104,7 +132,13 @@ class LocusPoint:
 
 
 class Codim2(StrEnum):
-    """Kind of a point of codimension two."""
+    """Kind of a point of codimension two.
+
+    Examples
+    --------
+    >>> [kind.value for kind in gw.records.Codim2][:3]
+    ['cusp', 'fold-flip', 'fold-neimark-sacker']
+    """
 
     CUSP = "cusp"
     """Two folds merge and vanish."""
@@ -148,6 +182,12 @@ class Codim2Point:
         The located point of the locus.
     contact
         The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
+
+    Examples
+    --------
+    >>> wide = gw.follow_locus(fold, "frequency", "harmonic1.amplitude", ((0.8, 1.8), (0.05, 1.0)))
+    >>> [str(point.kind) for point in wide.codim2_points]
+    ['cusp']
     """
 
     kind: Codim2
@@ -190,6 +230,11 @@ class Locus:
         Ends of the locus with their reasons, at its first and at its last point.
     contact
         For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
+
+    Examples
+    --------
+    >>> locus.first, locus.second, locus.values.shape == (len(locus.points), 2)
+    ('frequency', 'stop.clearance', True)
     """
 
     kind: Kind
@@ -218,11 +263,33 @@ class Locus:
         return self.ends[-1].reason is LocusEndReason.CLOSED
 
     def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
-        """Return the points of codimension two of one kind."""
+        """Return the points of codimension two of one kind.
+
+        Parameters
+        ----------
+        kind
+            The kind, or its name, such as ``cusp``.
+
+        Returns
+        -------
+        tuple of Codim2Point
+            In the order of the walk.
+        """
         return tuple(point for point in self.codim2_points if point.kind == kind)
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """Return one measure (see `Orbit.measure`) at each point, shape (points,)."""
+        """Return one measure (see `Orbit.measure`) at each point, shape (points,).
+
+        Parameters
+        ----------
+        name
+            Name of the measure, such as ``half.q1``.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the signal.
+        """
         return np.array([point.measure(name) for point in self.points])
 
     def __repr__(self) -> str:

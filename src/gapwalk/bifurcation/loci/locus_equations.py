@@ -62,15 +62,9 @@ class LocusEquation:
         residual, _, place = self.linearised(unknowns)
         return residual, place
 
-    def inverse(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the inverse of the derivatives of `residual` at a point in the plane of one parameter.
-
-        Raises
-        ------
-        LinAlgError
-            If they have none.
-        """
-        return np.asarray(np.linalg.inv(self.linearised(unknowns)[1]), float)
+    def derivatives(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """Return `residual` and its derivatives at a point in the plane of one parameter, and the place."""
+        return self.linearised(unknowns)
 
     def place(self, unknowns: NDArray[np.float64], *others: float) -> Place:
         """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
@@ -213,11 +207,12 @@ class MultiplierEquation(LocusEquation):
         )
         return np.append(place.residual, self.criticality(place).value), place
 
-    def inverse(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See `LocusEquation.inverse`."""
+    def derivatives(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], Place]:
+        """See `LocusEquation.derivatives`."""
         place = self.place(unknowns)
-        by_all = self.plane.gradient(self.kind, self.criticality(place), place, self.scales, self.step)
-        return np.asarray(np.linalg.inv(np.vstack((place.jacobian, by_all))), float)
+        critical = self.criticality(place)
+        by_all = self.plane.gradient(self.kind, critical, place, self.scales, self.step)
+        return np.append(place.residual, critical.value), np.vstack((place.jacobian, by_all)), place
 
     def criticality(self, place: Place) -> Criticality:
         """Return the criticality of an orbit with respect to this bifurcation."""

@@ -11,7 +11,7 @@ const $ = (id) => document.getElementById(id);
 export class Answer {
   /** `changed` is called when the diagram must be drawn again; `chosen` with an end, when it is clicked. */
   constructor({ changed, chosen }) {
-    Object.assign(this, { changed, chosen, key: null, content: null, version: -1 });
+    Object.assign(this, { changed, chosen, key: null, content: null, version: -1, heard: null }); // heard: as in heard.js
     $("answer-contact").addEventListener("change", () => { this.drawDetails(); this.changed(); });
     $("answer-close").addEventListener("click", () => { this.clear(); this.changed(); });
     $("answer-details").addEventListener("toggle", () => this.drawCharts());
@@ -31,6 +31,7 @@ export class Answer {
     $("answer-contact").replaceChildren(...content.contacts.map((name) => new Option(name)));
     $("answer-contact").parentElement.hidden = content.contacts.length < 2;
     this.drawDetails();
+    this.heard?.show(file, key, content);
     return content;
   }
 
@@ -38,6 +39,7 @@ export class Answer {
     Object.assign(this, { key: null, content: null, asked: null });
     $("answer").hidden = $("answer-details").hidden = true;
     $("below").replaceChildren();
+    this.heard?.clear();
   }
 
   get contact() {
@@ -46,7 +48,8 @@ export class Answer {
 
   /** Entries of a list of the answer that belong to the chosen contact. */
   own(list) {
-    return (this.content?.[list] ?? []).filter(({ of }) => !of || of === this.contact);
+    const more = list === "layers" ? this.heard?.layers ?? [] : [];
+    return [...(this.content?.[list] ?? []), ...more].filter(({ of }) => !of || of === this.contact);
   }
 
   /** What the diagram shows of it over two axes. */
@@ -55,10 +58,16 @@ export class Answer {
   }
 
   /** The panels below the diagram: with its range across, where it is over the same parameter. */
-  follow({ xaxis }, x) {
+  follow(axes, x) {
+    const { xaxis } = axes;
     const panels = this.own("below").filter(({ over }) => over === x);
     while ($("below").children.length > panels.length) $("below").lastChild.remove();
     while ($("below").children.length < panels.length) $("below").append(document.createElement("div"));
+    this.followPanels(panels, xaxis, x);
+    this.heard?.follow(axes, x);
+  }
+
+  followPanels(panels, xaxis, x) {
     if (!panels.length) return;
     const same = (list) => this.own(list).filter(({ over }) => over === x), width = $("below").clientWidth;
     const right = width - xaxis._offset - xaxis._length;
@@ -75,6 +84,7 @@ export class Answer {
     place.replaceChildren();
     $("answer-ends").replaceChildren(...this.own("ends").map((end) => this.end(end)));
     if (content.bars) place.append(bars(content.bars));
+    if (content.shares) place.append(shares(content.shares));
     for (const chart of this.own("charts")) place.append(Object.assign(document.createElement("div"), { className: "free", chart }));
     for (const part of content.parts) place.append(typeof part === "string" ? text("p", "line", part) : table(part));
     for (const note of content.notes) place.append(text("p", "hint", `Note: ${note}`));
@@ -133,6 +143,19 @@ function bars(changes) {
     made.append(element("rect", { class: "limits", x: px(low), width: px(high) - px(low), y: top + 17, height: 12 }));
     made.append(element("rect", { class: "moved", x: Math.min(px(0), px(moved)), width: Math.max(1, Math.abs(px(moved) - px(0))), y: top + 19, height: 8 }));
     made.append(element("line", { class: "zero", x1: px(0), x2: px(0), y1: top + 15, y2: top + 31 }));
+  });
+  return made;
+}
+
+/** Shares of starts as bars, with their confidence limits as thin lines. */
+function shares(all) {
+  const made = element("svg", { viewBox: `0 0 360 ${34 * all.length}`, class: "chart bars", role: "img", "aria-label": all.map(({ name, text: words }) => `${name}: ${words}`).join("; ") });
+  const most = Math.max(1e-9, ...all.map(({ high }) => high)), px = (v) => 4 + (v / most) * 350;
+  all.forEach(({ name, share, low, high, text: words, color }, k) => {
+    const top = 34 * k;
+    made.append(element("text", { class: "title", x: 4, y: top + 12 }, name), element("text", { x: 356, y: top + 12, "text-anchor": "end" }, words));
+    made.append(element("rect", { x: px(0), width: Math.max(1, px(share) - px(0)), y: top + 18, height: 10, fill: color }));
+    made.append(element("path", { class: "limit", d: `M${px(low)} ${top + 23}H${px(high)}M${px(low)} ${top + 19}V${top + 27}M${px(high)} ${top + 19}V${top + 27}` }));
   });
   return made;
 }

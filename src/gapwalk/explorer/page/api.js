@@ -24,6 +24,13 @@ export async function download(path, query) {
   save(await response.blob(), name);
 }
 
+/** Fetch the samples of a sound: { rate, values }. */
+export async function samples(path, query) {
+  const response = await reach(`${path}?${new URLSearchParams(query)}`);
+  if (!response.ok) await answer(response);
+  return { rate: Number(response.headers.get("x-rate")), values: new Float32Array(await response.arrayBuffer()) };
+}
+
 async function reach(path, options) {
   try {
     return await fetch(path, options);
@@ -43,4 +50,20 @@ async function answer(response) {
   }
   if (!response.ok) throw new Refused(content.error ?? `The server answered ${response.status}.`);
   return content;
+}
+
+/** Send a command whose answer is a stream of lines of JSON, and yield each; `signal` cancels it. */
+export async function* stream(path, body, signal) {
+  const headers = { "content-type": "application/json" };
+  const response = await reach(path, { method: "POST", headers, body: JSON.stringify(body), signal });
+  if (!response.ok) await answer(response);
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    const lines = (rest + (value ?? "")).split("\n");
+    rest = lines.pop();
+    for (const line of lines) yield JSON.parse(line);
+    if (done) return;
+  }
 }

@@ -3,6 +3,25 @@
 const SVG = "http://www.w3.org/2000/svg";
 const LEFT = 44, DIGIT = 6.3, RIGHT = 8, TOP = 8, BOTTOM = 32;
 
+/** How much larger than elsewhere charts are drawn: on very large screens without scaling, as all letters there. */
+export function zoom() {
+  return matchMedia("(min-width: 2400px)").matches ? 1.35 : 1;
+}
+
+const widths = new WeakMap(); // of places that were measured together
+
+/** Measure places before charts are drawn into them: each width read after a change would lay out the page again. */
+export function measure(places) {
+  for (const place of places) widths.set(place, place.clientWidth);
+}
+
+/** The width of a place, as it was measured just now, or as it is. */
+function widthOf(place) {
+  const width = widths.get(place) || place.clientWidth;
+  widths.delete(place);
+  return width;
+}
+
 export function element(name, attributes = {}, text = "") {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
@@ -21,7 +40,7 @@ export function element(name, attributes = {}, text = "") {
  * Returns a function that moves a mark to a point.
  */
 export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label, shades = [], below = null, padded = false, behind = [], barsBehind = null }) {
-  const width = Math.max(150, Math.round(place.clientWidth) || 300), room = below?.height ?? 0;
+  const width = Math.max(150, Math.round(widthOf(place) / zoom()) || 300), room = below?.height ?? 0;
   if (square) height = Math.min(width, 230);
   height += room;
   const bottom = height - BOTTOM - room; // of the curves

@@ -1,13 +1,14 @@
 // Many special points on the screen: those that would lie on one another become one mark with their number, and the
 // others have letters where there is room, the important kinds first.
 
+import { zoom } from "./chart.js";
+
 /** The kinds in the order in which they get letters; the others come after them. */
 const FIRST = ["fold", "flip", "neimark-sacker", "branch-point", "held-stop"];
 const SINGLE = 11, MIXED = 17, CLUSTERS = 23; // pixels between the middles of marks that do not hide each other
 const LEAST = 3; // points of a cluster: two beside each other can be told apart
 const HALF = 7.5; // half the width of the largest symbol
 const ROOM = 1; // pixels between a label and what is beside it
-export const FONT = 11; // pixels of the letters of labels
 const PLACES = [["top center", 0, -1], ["bottom center", 0, 1], ["middle right", 1, 0], ["middle left", -1, 0]];
 export const RADIUS = 10; // pixels of the mark of a cluster
 
@@ -24,9 +25,15 @@ export function sorted(points, view, width, height, lines = [], covered = []) {
   ];
   const rank = ({ kind }) => { const k = FIRST.indexOf(kind); return k < 0 ? FIRST.length + (kind === "grazing") : k; };
   const there = points.map((point) => ({ point, at: place(point) })).filter(({ at: [px, py] }) => px >= -RADIUS && py >= -RADIUS && px <= width + RADIUS && py <= height + RADIUS);
-  const groups = merged(there);
+  // ticks at grazing points hide nothing: there may be hundreds, and they would hide the others in a cluster; a cluster
+  // takes those that its mark covers
+  const groups = merged(there.filter(({ point }) => point.kind !== "grazing")), large = groups.filter(({ own }) => own.length >= LEAST), ticks = [];
+  for (const tick of there.filter(({ point }) => point.kind === "grazing")) {
+    const over = large.find(({ at }) => Math.hypot(at[0] - tick.at[0], at[1] - tick.at[1]) < RADIUS);
+    (over?.own ?? ticks).push(tick);
+  }
   const clusters = groups.filter(({ own }) => own.length >= LEAST).map(clusterOf);
-  const single = groups.filter(({ own }) => own.length < LEAST).flatMap(({ own }) => own).sort((a, b) => rank(a.point) - rank(b.point));
+  const single = groups.filter(({ own }) => own.length < LEAST).flatMap(({ own }) => own).concat(ticks).sort((a, b) => rank(a.point) - rank(b.point));
   return { single: labelled(single, [...clusters.map((each) => square(place(each), RADIUS)), ...covered], width, height, crossings(lines, place)), clusters };
 }
 
@@ -86,23 +93,29 @@ function square([px, py], half) {
   return [px - half, py - half, px + half, py + half];
 }
 
+/** Pixels of the letters of labels. */
+export function letters() {
+  return Math.round(11 * zoom());
+}
+
 const measured = new Map(); // the widths of labels, and how far their font reaches above and below its line
 const pen = document.createElement("canvas").getContext("2d");
 
 function measure(label) {
-  if (!measured.has(label)) {
-    pen.font = `${FONT}px system-ui, sans-serif`;
+  const name = `${letters()} ${label}`;
+  if (!measured.has(name)) {
+    pen.font = `${letters()}px system-ui, sans-serif`;
     const { width, fontBoundingBoxAscent, fontBoundingBoxDescent } = pen.measureText(label);
-    measured.set(label, { width, above: fontBoundingBoxAscent, below: fontBoundingBoxDescent });
+    measured.set(name, { width, above: fontBoundingBoxAscent, below: fontBoundingBoxDescent });
   }
-  return measured.get(label);
+  return measured.get(name);
 }
 
 /** The box of a label beside a symbol of some pixels, where Plotly puts it (its `textPointPosition`). */
 function boxOf(label, size, [px, py], across, down) {
   const { width, above, below } = measure(label), reach = size / 2 / 0.8 + 1;
   const left = px + across * reach + ((across - 1) * width) / 2;
-  const line = py + down * reach + 0.75 * FONT + ((down - 1) * FONT) / 2;
+  const line = py + down * reach + 0.75 * letters() + ((down - 1) * letters()) / 2;
   return [left - ROOM, line - above - ROOM, left + width + ROOM, line + below + ROOM];
 }
 

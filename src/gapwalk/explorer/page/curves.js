@@ -69,7 +69,7 @@ export function showLegend(legend, curves, clusters = []) {
 const TOLERANCE = 0.2; // pixels by which a thinned line may be off
 
 /** A branch as the server sends it. */
-function unpack(packed) {
+export function unpack(packed) {
   if (packed.x instanceof Float64Array) return packed; // of a saved page
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   return {

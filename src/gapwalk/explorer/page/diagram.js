@@ -1,6 +1,7 @@
 // The diagram: Plotly draws it, and this says what is drawn and which point a click meets.
 
-import { describeCluster, FONT, opened, RADIUS, sorted } from "./clusters.js";
+import { zoom } from "./chart.js";
+import { describeCluster, letters, opened, RADIUS, sorted } from "./clusters.js";
 import { Lines } from "./lines.js";
 import { arrowBoxes, arrowsOf, cellTraces, labelsOf, shapesOf, tracesOf } from "./overlay.js";
 
@@ -15,6 +16,8 @@ const CODIM2 = {
   cusp: "triangle-up", "fold-flip": "diamond", "fold-neimark-sacker": "cross", "flip-neimark-sacker": "x", "generalised-flip": "triangle-down",
   "1:1": "square", "1:2": "square-dot", "1:3": "pentagon", "1:4": "hexagon", "degenerate-grazing": "diamond-tall",
 };
+/** The colours of special points, as variables of the style sheet. */
+export const SHADES = Object.fromEntries(Object.entries(SYMBOLS).map(([kind, [, shade]]) => [kind, shade]));
 const BESIDE = 68, ABOVE = 52; // pixels beside and above the window, for the numbers and the titles of the axes
 const MANY = 20_000; // vertices of the lines beyond which labels do not mind them
 const LETTER = 8.5; // pixels of the title of an axis that one takes
@@ -26,6 +29,8 @@ export class Diagram {
     this.lines = new Lines(place.querySelector("canvas"));
     this.curves = curves;
     this.chosen = chosen; // called with { curve, index } after a click, or { settled }
+    this.ring = Object.assign(document.createElement("div"), { className: "ring", hidden: true }); // about the chosen point
+    this.place.before(this.ring); // below the numbers of clusters
     this.mark = null;
     this.names = { x: "", y: "" };
     this.over = null; // what an answer adds, as `onAxes` in overlay.js returns it
@@ -38,6 +43,26 @@ export class Diagram {
     this.watchClicks();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     new ResizeObserver(() => this.ready && this.later()).observe(place);
+  }
+
+  /** The place of the chosen point, [x, y], or null. */
+  get mark() {
+    return this.marked;
+  }
+
+  set mark(place) {
+    this.marked = place;
+    this.moveRing();
+  }
+
+  /** Put the ring about the chosen point, where Plotly's axes are now; Plotly itself would draw everything again for it. */
+  moveRing() {
+    const { xaxis, yaxis } = this.place._fullLayout ?? {}, { marked, ring } = this;
+    if (!marked || !xaxis) return (ring.hidden = true);
+    const [[x0, x1], [y0, y1]] = [xaxis.range, yaxis.range]; // while it is dragged, its scale is that of before
+    const across = ((marked[0] - x0) / (x1 - x0)) * xaxis._length, down = ((y1 - marked[1]) / (y1 - y0)) * yaxis._length;
+    ring.hidden = !(across >= -1 && across <= xaxis._length + 1 && down >= -1 && down <= yaxis._length + 1);
+    ring.style.transform = `translate(${xaxis._offset + across}px, ${yaxis._offset + down}px)`;
   }
 
   /** Show everything. */
@@ -89,6 +114,7 @@ export class Diagram {
   paint(moving = false) {
     this.lines.behind = this.over;
     this.lines.paint(this.place._fullLayout, color, moving);
+    this.moveRing();
     this.painted(this.place._fullLayout);
   }
 
@@ -120,7 +146,7 @@ export class Diagram {
     const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, pale: Boolean(curve.earlier), label: s.kind === "grazing" || curve.earlier ? "" : s.label, size: sizeOf(s.kind) })));
     const { single, clusters } = sorted(special, view, width - BESIDE, height - ABOVE, this.lines.vertices < MANY ? this.lines.thinned : [], arrowBoxes(this.arrows, view, width - BESIDE, height - ABOVE, color));
     this.clusters = clusters;
-    return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints(), this.markTrace()];
+    return [...this.added(view), ...this.specialPoints(single), this.codim2Points(single), this.settledPoints(), this.clusterPoints()];
   }
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
@@ -131,19 +157,16 @@ export class Diagram {
     return {
       autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: this.over?.lines.some(({ upright, text }) => upright && text) ? 24 : 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-      font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
+      font: { color: color("--ink"), size: Math.round(13 * zoom()), family: "system-ui, sans-serif" },
       xaxis: axis(this.names.x, view.x, width - BESIDE), yaxis: axis(this.names.y, view.y, height - 76),
       hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") }, align: "left" },
       ...this.decoration(view, width, height),
     };
   }
 
-  /** Put the mark at a node of a curve, or at a place, without drawing the rest again. */
+  /** Put the mark at a node of a curve, or at a place. */
   choose(curve, index, place = null) {
     this.mark = place ?? (curve ? [curve.x[index], curve.y[index]] : null);
-    if (!this.ready) return;
-    const number = this.place.data.length - 1;
-    window.Plotly.restyle(this.place, { x: [this.mark ? [this.mark[0]] : []], y: [this.mark ? [this.mark[1]] : []] }, [number]);
   }
 
   /** The diagram as a file: the lines become Plotly's own. */
@@ -156,7 +179,7 @@ export class Diagram {
     const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
     if (this.over) layout.shapes = [...shapesOf(this.over, color), ...layout.shapes];
-    const figure = { data: [...(this.over ? cellTraces(this.over, color) : []), ...traces, ...this.marks([...this.curves.all.values()], view, 1200, 720)], layout };
+    const figure = { data: [...(this.over ? cellTraces(this.over, color) : []), ...traces, ...this.marks([...this.curves.all.values()], view, 1200, 720), this.markTrace()], layout };
     const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
     const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
     const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
@@ -184,7 +207,7 @@ export class Diagram {
       return {
         type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
         x: found.map((s) => s.x), y: found.map((s) => s.y),
-        text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: FONT, color: color("--soft") },
+        text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: letters(), color: color("--soft") },
         customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
         marker: { symbol, size, opacity: found.map(({ pale }) => (pale ? this.lines.pale : 1)), color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
       };
@@ -196,7 +219,7 @@ export class Diagram {
     const symbols = found.map((s) => CODIM2[s.kind.slice(7)]);
     return {
       type: "scatter", mode: "markers+text", name: "codimension two", x: found.map((s) => s.x), y: found.map((s) => s.y),
-      text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: FONT, color: color("--ink") },
+      text: found.map((s) => s.label), textposition: found.map((s) => s.position), textfont: { size: letters(), color: color("--ink") },
       customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
       marker: {
         symbol: symbols.map((symbol) => symbol ?? "circle"), size: found.map((s) => s.size),
@@ -243,6 +266,7 @@ export class Diagram {
     Object.assign(tip.style, { left: `${left}px`, top: `${top}px` });
   }
 
+  /** The chosen point in a picture that is saved. */
   markTrace() {
     return {
       type: "scatter", mode: "markers", name: "chosen", hoverinfo: "skip", x: this.mark ? [this.mark[0]] : [], y: this.mark ? [this.mark[1]] : [],
@@ -319,5 +343,5 @@ function escaped(text) {
 
 /** The title of an axis; where there is no room for all of it, without what stands in parentheses. */
 function shortened(title, room) {
-  return title.length * LETTER > room ? title.replace(/ \(.*?\)/, "") : title;
+  return title.length * LETTER * zoom() > room ? title.replace(/ \(.*?\)/, "") : title;
 }

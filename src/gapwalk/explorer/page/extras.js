@@ -15,7 +15,9 @@ export class Extras {
 
   showLegend() {
     const { legend, diagram } = this, panels = this.answer.own("below").filter(({ over }) => over === $("x").value);
-    showLegend(legend, this.curves.all.values(), diagram.clusters);
+    showLegend(legend, this.curves.all.values(), $("diagram").classList.contains("deep") ? [] : diagram.clusters);
+    const bare = Boolean(diagram.over?.cells) && !this.curves.all.size; // cells alone: no lines, so none to explain
+    for (const entry of bare ? legend.querySelectorAll("li:not([class])") : []) entry.hidden = true;
     legendOf(legend, diagram.over, panels.flatMap(({ series }) => series), diagram.arrows.length > 0);
   }
 

@@ -1,6 +1,6 @@
 // The machine: its drawing moves with the motion, says what touches, sticks and slips, and is the way to choose.
 
-import { element } from "./chart.js";
+import { element, zoom } from "./chart.js";
 import { doing } from "./friction.js";
 
 const SECONDS = 2; // that a forcing period lasts on the screen
@@ -77,7 +77,7 @@ export class MachineView {
     const scene = (this.scene = this.scenes.findLast(({ width }) => width <= room * 1.02) ?? this.scenes[0]);
     const { width, height } = scene;
     const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "machine", role: "group", "aria-label": scene.words });
-    svg.style.maxWidth = `${1.3 * width}px`;
+    svg.style.maxWidth = `${1.3 * zoom() * width}px`;
     this.moves = [];
     const groups = new Map([[-1, svg]]), states = new Map(), tongues = new Map();
     for (const shape of scene.shapes) {

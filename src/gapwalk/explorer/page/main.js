@@ -4,9 +4,12 @@ import { Answer } from "./answer.js";
 import { download, get, post } from "./api.js";
 import { Choice } from "./choice.js";
 import { Curves, takeLoci } from "./curves.js";
+import { Depth } from "./depth.js";
 import { Diagram } from "./diagram.js";
 import { fill, save, unitOf } from "./dom.js";
+import { editing } from "./editing.js";
 import { Extras } from "./extras.js";
+import { Heard } from "./heard.js";
 import { Keyboard } from "./keyboard.js";
 import { Looks } from "./looks.js";
 import { MotionView } from "./motion.js";
@@ -14,6 +17,7 @@ import { Movers } from "./movers.js";
 import { Next } from "./next.js";
 import { Parameters } from "./parameters.js";
 import { ResultList, showDeleted } from "./results.js";
+import { RunUpControls } from "./runup.js";
 import { Undo } from "./undo.js";
 
 const $ = (id) => document.getElementById(id);
@@ -28,23 +32,24 @@ const keyboard = new Keyboard($("diagram"), curves, (found) => choice.choose(fou
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
 const answer = new Answer({ changed: drawDiagram, chosen: chooseEnd });
+answer.heard = new Heard({ diagram, tell, changed: drawDiagram, saved: (query) => download("/api/wav", query).catch(tell) });
+new RunUpControls(page, { act, tell, start: () => page.chosen?.start ?? null, values: () => parameters.changes });
 const movers = new Movers({ changed: () => extras.drawArrows(), turn: turnKnob });
 const next = new Next({ switch: switchBranch, locus: openLocus, settle: settleBeside, hear: () => motion.hear(), pin: () => motion.pin() }, tell);
 const choice = new Choice(page, { curves, diagram, keyboard, motion }, { changed: showChosen, shown: showMotion });
 const undo = new Undo($("undo"), tell);
 const list = new ResultList($("results"), { act: actOn, change: changeResult });
 const looks = new Looks(curves, diagram.lines, drawDiagram);
+const editor = editing(page, { open, compute: () => compute(), redraw: () => diagram.ready && diagram.later(), tell });
 const extras = new Extras($("legend"), curves, diagram, answer, movers);
+const depth = new Depth({ page, curves, diagram, answer, tell, changed: changeAxes, choose: (found) => choice.choose(found) });
 
 begin().catch(tell);
 
 async function begin() {
   connect();
-  const { folder, files, first } = await get("/api/files");
-  if (!files.length) {
-    $("empty").textContent = `There is no model file in ${folder}. Make one: gapwalk new model.toml, and reload this page.`;
-    return;
-  }
+  const { files, first } = await get("/api/files");
+  if (!files.length) return editor.choose();
   fill($("file"), files.map((name) => [name, name]));
   const wanted = decodeURIComponent(location.hash.slice(1));
   $("file").value = files.includes(wanted) ? wanted : first && files.includes(first) ? first : files[0];
@@ -192,7 +197,7 @@ function whyEmpty() {
 }
 
 const axes = () => ({ x: $("x").value, y: $("y").value });
-const isPlane = () => Boolean(page.names?.has($("x").value) && page.names.has($("y").value));
+const isPlane = () => Boolean(page.names?.has($("x").value) && ["y", "z"].some((id) => page.names.has($(id).value)));
 
 /** Show the name of the chosen point, and enable what can be done with it. */
 function showChosen() {
@@ -287,8 +292,13 @@ function showWalkRange() {
   const branch = chosen && page.results.find((r) => r.key === chosen.start.result)?.branches[chosen.start.branch];
   const range = name === about.x ? about.range : branch?.parameter === name ? branch.range : [];
   $("walk-to").value = range.at(-1) ?? Number((1.5 * value || 1).toPrecision(4));
-  const unit = ($("walk-unit").textContent = unitOf($("walk-parameter").selectedOptions[0]?.title ?? "").replace(/[ [\]]+$|^ \[/g, ""));
+  const unit = ($("walk-unit").textContent = unitIn("walk-parameter"));
   $("walk-from").textContent = chosen ? `from ${Number(value.toPrecision(8))} ${unit}`.trim() : "";
+}
+
+/** The unit of the parameter that a select has chosen, without brackets. */
+function unitIn(id) {
+  return unitOf($(id).selectedOptions[0]?.title ?? "").replace(/[ [\]]+$|^ \[/g, "");
 }
 
 function switchBranch() {
@@ -327,6 +337,7 @@ async function followLocus() {
 /** The second parameter of a locus, by default from half to one and a half of its value; a range that holds it stays. */
 function showLocusRange({ keep = false } = {}) {
   const name = $("locus-parameter").value, value = Number(parameters.base.get(name) ?? 0), reach = Math.abs(value) / 2 || 1;
+  $("locus-unit").textContent = unitIn("locus-parameter");
   if (keep && $("locus-low").valueAsNumber <= value && value <= $("locus-high").valueAsNumber) return;
   [$("locus-low").value, $("locus-high").value] = [value - reach, value + reach].map((v) => Number(v.toPrecision(4)));
 }
@@ -494,4 +505,4 @@ for (const format of ["svg", "png"]) {
 $("error").querySelector("button").addEventListener("click", hideError);
 $("help-open").addEventListener("click", () => $("help").showModal());
 
-window.gapwalk = { page, curves, diagram, motion, answer, movers, looks }; // for the curious, and for the tests
+window.gapwalk = { page, curves, diagram, motion, answer, movers, looks, depth, editor }; // for the curious, and for the tests

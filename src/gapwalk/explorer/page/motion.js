@@ -1,11 +1,13 @@
 // The motion at the chosen point, panel by panel; it is dropped when another point is chosen.
 
 import { get } from "./api.js";
-import { chart } from "./chart.js";
+import { chart, measure } from "./chart.js";
 import { signalWords, unitOf } from "./dom.js";
 import { Elements, legend, rests, showEnergy, strip } from "./friction.js";
 import { MachineView } from "./machine.js";
 import { Pinned } from "./pinned.js";
+import { Solid } from "./solid.js";
+import { loudness, Sound } from "./sound.js";
 
 const $ = (id) => document.getElementById(id);
 const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
@@ -15,6 +17,7 @@ export class MotionView {
     this.tell = tell;
     this.sound = new Sound();
     this.elements = new Elements();
+    this.solid = new Solid();
     this.pinned = new Pinned(() => this.motion && this.redraw());
     this.machine = new MachineView($("machine"), {
       moved: (sample) => this.follow(sample), chosen: (part) => this.choose(part), canChoose: (part) => canChoose(part),
@@ -31,6 +34,7 @@ export class MotionView {
       $("sound").textContent = on ? "Silence" : "Listen";
       $("sound").setAttribute("aria-pressed", on);
     });
+    $("volume").addEventListener("input", ({ target }) => loudness.turn(target.valueAsNumber / 100));
     for (const id of ["panels", "machine"]) this.watch(id);
     $("signal").addEventListener("change", () => {
       this.wanted = "";
@@ -161,6 +165,7 @@ export class MotionView {
     const wanted = motion.contacts.find((c) => c.name === this.wanted);
     const shown = [wanted, contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
     const behind = this.pinned.behind(motion, { name, dashes: own ? dashes : -1, contact, shown });
+    measure(["history", "phase", "loop", "element-loop", "multipliers"].map($));
     this.marks = {
       history: chart($("history"), { behind: behind.history, curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: periods(motion), y: signalWords(signal || name), height: 150 }),
       phase: chart($("phase"), { behind: behind.phase, curves: [[motion.q[name], motion.v[name]]], x: signalWords(name), y: signalWords(`${name}'`), padded: true }),
@@ -170,6 +175,7 @@ export class MotionView {
     if (shown) this.marks.loop = chart($("loop"), { behind: behind.loop, curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: shown.across, y: shown.up, padded: true });
     else $("loop").textContent = "no contact";
     this.elements.show(motion, signal);
+    this.solid.show(motion, name);
     showEnergy($("energy"), motion.energy, motion.period);
     const dots = motion.multipliers.map(([re, im]) => [re, im, re * re + im * im > 1 ? "out" : ""]);
     if (dots.length) chart($("multipliers"), { dots, x: "real part", y: "imaginary part", square: true, label: `Multipliers: ${motion.multipliers.map(complex).join(", ")}` });
@@ -186,8 +192,10 @@ export class MotionView {
   drawDetails(details) {
     const { section } = details;
     this.details = details;
+    this.solid.section(details);
     this.elements.book(details.energy);
     showEnergy($("energy"), details.energy, this.motion.period);
+    measure(["spectrum", "section"].map($));
     // the mean would hide the vibration; close lines are drawn as a curve
     if (details.missing) $("spectrum").textContent = details.missing;
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
@@ -204,6 +212,7 @@ export class MotionView {
     marks.phase(motion.q[name][sample], motion.v[name][sample]);
     marks.loop?.(this.shownContact.deflection[sample], this.shownContact.force[sample]);
     this.elements.follow(sample);
+    this.solid.follow(sample);
   }
 }
 
@@ -252,47 +261,4 @@ function table(log, unit) {
   row(["periods", "contact", "", `rate${unit}`], "th");
   for (const e of log) row([e.periods.toFixed(4), e.contact.replace(/ -$/, " −"), e.what.replace(/ -$/, " −"), e.velocity === null ? "" : e.velocity.toPrecision(3)], "td");
   return made;
-}
-
-const PITCH = 90; // forcing periods per second
-
-/** The acceleration of an orbit as a sound, one period again and again: rattle can be heard. */
-export class Sound {
-  on = false;
-
-  /** Start or stop; return true if it plays now. */
-  toggle(motion, coordinate) {
-    this.on = !this.on;
-    if (this.on) this.play(motion, coordinate);
-    else this.stop();
-    return this.on;
-  }
-
-  play(motion, coordinate) {
-    if (!this.on || !motion) return;
-    this.context ??= new AudioContext();
-    const values = motion.a[coordinate], last = values.length - 1;
-    const periods = motion.theta[last] - motion.theta[0];
-    const count = Math.max(64, Math.round((this.context.sampleRate / PITCH) * periods));
-    const buffer = this.context.createBuffer(1, count, this.context.sampleRate), wave = buffer.getChannelData(0);
-    const mean = values.reduce((sum, v) => sum + v, 0) / values.length;
-    const size = Math.max(1e-300, ...values.map((v) => Math.abs(v - mean)));
-    for (let i = 0, k = 0; i < count; i++) {
-      const at = motion.theta[0] + (i / count) * periods; // the samples need not be even
-      while (k < last - 1 && motion.theta[k + 1] <= at) k++;
-      const part = Math.min(1, (at - motion.theta[k]) / (motion.theta[k + 1] - motion.theta[k] || 1));
-      wave[i] = (0.25 * (values[k] * (1 - part) + values[Math.min(k + 1, last)] * part - mean)) / size;
-    }
-    this.stop();
-    this.source = this.context.createBufferSource();
-    this.source.buffer = buffer;
-    this.source.loop = true;
-    this.source.connect(this.context.destination);
-    this.source.start();
-  }
-
-  stop() {
-    this.source?.stop();
-    this.source = null;
-  }
 }

@@ -3,7 +3,7 @@
 /** Tints of shades and cells, as variables of the style sheet. */
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
-  wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", other: "--pair",
+  wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", measured: "--ink", other: "--pair",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
 };
 const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
@@ -55,7 +55,8 @@ function paintCells(draw, { rows, entries, within, turned }, px, py, color) {
   }));
 }
 
-function cellColor({ tint, wild }, color) {
+function cellColor({ tint, wild, color: own }, color) {
+  if (own) return own;
   return color(wild ? `${TINTS[tint]}-wild` : ["one", "both"].includes(tint) ? `--cell-${tint}` : TINTS[tint]);
 }
 
@@ -173,7 +174,7 @@ export function legendOf(list, over, below, arrows) {
   };
   const swatch = (kind) => Object.assign(document.createElement("i"), { className: kind });
   for (const { text, tint } of over?.shades ?? []) add(text, swatch(`swatch ${tint}`));
-  for (const { text, tint, wild } of over?.cells?.entries ?? []) add(text, swatch(`swatch cell ${tint}${wild ? " wild" : ""}`));
+  for (const { text, tint, wild, color: own = "" } of over?.cells?.entries ?? []) add(text, Object.assign(swatch(`swatch cell ${tint}${wild ? " wild" : ""}`), { style: own && `background: ${own}` }));
   for (const { text, mark, look } of [...(over?.layers ?? []), ...below]) add(text, swatch(`mark ${mark} ${look}`));
   if (over?.clouds.length) add("dots: parts, spread upwards only to be seen; bar: middle 90 % of them", swatch(`mark dots kind-${over.clouds[0].kind}`));
   if (arrows) add("arrow: how far a parameter moves the point", swatch("mark line main"));

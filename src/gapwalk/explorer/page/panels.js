@@ -1,8 +1,8 @@
 // Panels of series over a parameter, in SVG: below the diagram with its range across, or alone with their own.
 
-import { element, short, ticks } from "./chart.js";
+import { element, short, ticks, zoom } from "./chart.js";
 
-const TOP = 6, BOTTOM = 30, LOW = 18; // below a panel with and without the name of its axis
+const TOP = 6, BOTTOM = 34, LOW = 20; // below a panel with and without the name of its axis
 let count = 0;
 
 /**
@@ -12,7 +12,9 @@ let count = 0;
  * `lines`: [{ at, exact }]; `named`: with the name of the axis.
  */
 export function drawPanel(place, { title, across, series }, { range = null, left = 44, right = 8, height = 118, shades = [], lines = [], named = true } = {}) {
-  const width = Math.max(160, Math.round(place.clientWidth) || 300), bottom = height - (named ? BOTTOM : LOW), clip = `clip-${(count += 1)}`;
+  const larger = zoom();
+  [left, right] = [left / larger, right / larger];
+  const width = Math.max(160, Math.round(place.clientWidth / larger) || 300), bottom = height - (named ? BOTTOM : LOW), clip = `clip-${(count += 1)}`;
   const [x0, x1] = range ?? extent(series, "x"), [y0, y1] = extent(series, "y");
   const px = (v) => left + ((v - x0) / (x1 - x0)) * (width - left - right), py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": `${title} over ${across}` });
@@ -23,7 +25,7 @@ export function drawPanel(place, { title, across, series }, { range = null, left
   for (const { low, high, tint } of shades) inside.append(element("rect", { class: `tint ${tint}`, x: px(low), width: Math.max(0, px(high) - px(low)), y: TOP, height: bottom - TOP }));
   for (const tick of ticks(x0, x1, Math.max(3, Math.round(width / 90)))) {
     inside.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: bottom }));
-    svg.append(element("text", { x: px(tick), y: bottom + 12, "text-anchor": "middle" }, short(tick, x1 - x0)));
+    svg.append(element("text", { x: px(tick), y: bottom + 16, "text-anchor": "middle" }, short(tick, x1 - x0)));
   }
   for (const tick of ticks(y0, y1, 4)) {
     inside.append(element("line", { class: "grid", x1: left, x2: width - right, y1: py(tick), y2: py(tick) }));

@@ -4,9 +4,11 @@ import { Answer } from "./answer.js";
 import { nearestStored, open, unzipped } from "./api.js";
 import { Choice } from "./choice.js";
 import { Curves, takeLoci } from "./curves.js";
+import { Depth } from "./depth.js";
 import { Diagram } from "./diagram.js";
 import { fill, save } from "./dom.js";
 import { Extras } from "./extras.js";
+import { Heard } from "./heard.js";
 import { Keyboard } from "./keyboard.js";
 import { MotionView } from "./motion.js";
 import { Movers } from "./movers.js";
@@ -42,14 +44,16 @@ async function begin() {
     "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
   }));
   const answer = new Answer({ changed: () => show(diagram), chosen: (end, key) => extras.chooseEnd(end, key, page.choice) });
+  answer.heard = new Heard({ diagram, tell, changed: () => diagram.draw() });
   const movers = new Movers({ changed: () => extras.drawArrows() });
   const extras = (page.extras = new Extras($("legend"), curves, diagram, answer, movers));
+  const depth = new Depth({ page, curves, diagram, answer, tell, changed: () => show(diagram), choose: chooseStored });
   const next = new Next({ hear: () => motion.hear(), pin: () => motion.pin() }, tell);
   page.choice = new Choice(page, { curves, diagram, keyboard, motion }, {
     changed: () => { next.expect(page.chosen); movers.expect(page.chosen); if (page.chosen) answer.makeRoom(); },
     shown: () => { const { chosen } = page; next.ask("", chosen, () => page.chosen === chosen); movers.ask("", chosen, () => page.chosen === chosen); },
   });
-  Object.assign(window.gapwalk, { answer, movers });
+  Object.assign(window.gapwalk, { answer, movers, depth });
   takeLoci(about.loci, $("legend"));
   document.body.classList.toggle("unmoved", !about.branches.length);
   if (about.answer) await answer.show("", { key: "", version: 0 });
@@ -67,7 +71,7 @@ async function begin() {
 async function show(diagram) {
   const axes = { x: $("x").value, y: $("y").value };
   const branches = page.about.branches.map(({ name, period, count, second }) => ({ name, period, second, points: count }));
-  const { parameters } = page.about, plane = parameters.includes(axes.x) && parameters.includes(axes.y);
+  const { parameters } = page.about, plane = parameters.includes(axes.x) && [axes.y, $("z").value].some((name) => parameters.includes(name));
   curves.clear();
   await curves.update("", axes, plane, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };

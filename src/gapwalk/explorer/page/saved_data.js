@@ -1,7 +1,7 @@
 // Data of a saved page: they are in the file itself, in place of a server. Stands in for api.js.
 
 const STEPS = 2 ** 14; // levels of a drawn curve, as in saved_page.py
-const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, u1: Uint8Array };
+const TYPES = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i2: Int16Array, u1: Uint8Array };
 
 const data = { shown: null, numbers: null };
 
@@ -28,7 +28,16 @@ export async function get(path, query = {}) {
   if (path === "/api/gradient") return data.shown.branches[query.branch].gradients[query.special] ?? null;
   if (path === "/api/next") return next(query);
   if (path === "/api/details") return details(query);
+  if (path === "/api/heard") return data.shown.heard?.maps[query.signal] ?? null;
   return null;
+}
+
+/** The samples of a sound: those of one signal are in the file. */
+export function samples(path, { signal }) {
+  const sound = data.shown.heard?.sound;
+  if (!sound) throw new Error("This run-up is too long for a file that holds its sound. The explorer plays it, and gapwalk export --format wav saves it.");
+  if (signal !== sound.of) throw new Error(`This file has the sound of ${sound.of}. The explorer plays that of every signal.`);
+  return { rate: sound.rate, values: Float32Array.from(array(sound.levels), (level) => level * sound.scale) };
 }
 
 /** The index of the nearest node whose motion is in the file; on one side only if `way` is not 0. */

@@ -53,6 +53,11 @@ class Scales:
     ------
     ModelError
         If one of them is not > 0.
+
+    Examples
+    --------
+    >>> gw.train.Scales(angle=0.05, frequency=400.0, inertia=0.01).torque
+    80.0
     """
 
     angle: float
@@ -71,7 +76,18 @@ class Scales:
         return self.inertia * self.frequency**2 * self.angle
 
     def of(self, kind: QuantityKind | None) -> float:
-        """Return the physical value of the number 1 of a kind, in SI units with rad."""
+        """Return the physical value of the number 1 of a kind, in SI units with rad.
+
+        Parameters
+        ----------
+        kind
+            The kind; None for a plain number.
+
+        Returns
+        -------
+        float
+            In SI units with rad; 1 for a plain number.
+        """
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
         return self.angle**kind.angle * self.frequency**-kind.time * self.torque**kind.torque
@@ -97,6 +113,12 @@ class NonDimensional:
         The same without; its parameters have the same names, but ``frequency`` for a ``speed``.
     scales
         Physical values of its numbers.
+
+    Examples
+    --------
+    >>> plain = gw.train.nondimensional(driveline)
+    >>> plain.system.frequency > 0.0, plain.name("speed")
+    (True, 'frequency')
     """
 
     physical: System
@@ -104,23 +126,82 @@ class NonDimensional:
     scales: Scales
 
     def name(self, parameter: str) -> str:
-        """Return the name in the non-dimensional system of a parameter of the physical one."""
+        """Return the name in the non-dimensional system of a parameter of the physical one.
+
+        Parameters
+        ----------
+        parameter
+            Name in the physical system.
+
+        Returns
+        -------
+        str
+            Name in the non-dimensional system.
+        """
         return "frequency" if parameter == self.physical.structure.pace else parameter
 
     def value(self, parameter: str, value: float) -> float:
-        """Return the non-dimensional value of a parameter (by its physical name) from a value in its unit."""
+        """Return the non-dimensional value of a parameter (by its physical name) from a value in its unit.
+
+        Parameters
+        ----------
+        parameter
+            Name in the physical system.
+        value
+            Value in the unit of the parameter.
+
+        Returns
+        -------
+        float
+            The non-dimensional value.
+        """
         return value * self._factor(parameter)
 
     def physical_value(self, parameter: str, value: float) -> float:
-        """Return the value in its unit of a parameter (by its physical name) from the non-dimensional one."""
+        """Return the value in its unit of a parameter (by its physical name) from the non-dimensional one.
+
+        Parameters
+        ----------
+        parameter
+            Name in the physical system.
+        value
+            The non-dimensional value.
+
+        Returns
+        -------
+        float
+            Value in the unit of the parameter.
+        """
         return value / self._factor(parameter)
 
     def state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles)."""
+        """Make a non-dimensional state from a physical one (angles, angles per second, extensions as angles).
+
+        Parameters
+        ----------
+        state : shape (..., state_size)
+            Physical states.
+
+        Returns
+        -------
+        array
+            Non-dimensional states, of the same shape.
+        """
         return np.asarray(state, dtype=float) * self._states
 
     def physical_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Make a physical state from a non-dimensional one, shape (..., state_size)."""
+        """Make a physical state from a non-dimensional one, shape (..., state_size).
+
+        Parameters
+        ----------
+        state : shape (..., state_size)
+            Non-dimensional states.
+
+        Returns
+        -------
+        array
+            Physical states, of the same shape.
+        """
         return np.asarray(state, dtype=float) / self._states
 
     def _factor(self, parameter: str) -> float:
@@ -142,10 +223,21 @@ def nondimensional(system: System, scales: Scales | None = None) -> NonDimension
     scales
         Physical values of its numbers; by default `scales_of` the system.
 
+    Returns
+    -------
+    NonDimensional
+        The system without units, and how to convert.
+
     Raises
     ------
     ModelError
         If the system is no drive train, or has no units.
+
+    Examples
+    --------
+    >>> plain = gw.train.nondimensional(driveline)
+    >>> round(plain.value("mesh.clearance", 0.1), 6)  # 0.1 deg in the scale of angles
+    1.0
     """
     units, assembly = _train_of(system)
     scales = scales_of(system) if scales is None else scales
@@ -228,6 +320,33 @@ class PaperNumbers:
     """The non-dimensional numbers of the paper's equations 10 to 18, called as there.
 
     `n1` and `n2` are the second stage alone (the reading "reduced"); `b` is its clearance, `beta` its impact damping.
+
+    Attributes
+    ----------
+    K11, K12, K21, K22
+        Stiffness.
+    C11, C12, C21, C22
+        Damping.
+    n1, n2
+        Slopes of the second stage.
+    Tm1, Tm2
+        Mean torques.
+    Te1
+        Amplitude of the excitation.
+    Te2, p, phi
+        Amplitude, order, and phase in radians of the second excitation.
+    b
+        Clearance of the second stage.
+    beta
+        Impact damping.
+    W
+        Frequency.
+
+    Examples
+    --------
+    >>> numbers = gw.train.paper_numbers(line)
+    >>> numbers.train(gw.train.Scales(angle=0.05, frequency=400.0, inertia=0.01)).inertias[1].name
+    'hub'
     """
 
     K11: float
@@ -251,7 +370,13 @@ class PaperNumbers:
     W: float = 1.0
 
     def length_ratio(self) -> float:
-        """Return bc3 / bc1, which follows from the numbers."""
+        """Return bc3 / bc1, which follows from the numbers.
+
+        Returns
+        -------
+        float
+            Non-dimensional.
+        """
         load = self.Tm1 / self.Tm2
         return (self.n1 / self.n2 + load) / (1.0 + load * self.K22 / self.K12)
 
@@ -262,6 +387,11 @@ class PaperNumbers:
         ----------
         scales
             The angle bc1, the frequency w, and the inertia I2 of the hub.
+
+        Returns
+        -------
+        Train
+            The train, with units.
 
         Raises
         ------
@@ -337,10 +467,21 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     length_ratio
         bc3 / bc1.
 
+    Returns
+    -------
+    PaperNumbers
+        The numbers.
+
     Raises
     ------
     ModelError
         If the system is no such train, or has no units.
+
+    Examples
+    --------
+    >>> numbers = gw.train.paper_numbers(line)
+    >>> round(numbers.K11 + numbers.n1, 9), round(numbers.Tm1, 6)
+    (1.0, 0.003527)
     """
     plain = nondimensional(system, scales).system
     assembly = plain.structure.assembly

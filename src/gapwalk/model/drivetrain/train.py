@@ -85,6 +85,11 @@ class Train:
     units
         The units of its numbers; None for plain numbers. It is found from the texts.
 
+    Raises
+    ------
+    ModelError
+        With everything that is wrong, one reason a line.
+
     Notes
     -----
     Where a drag alone joins two parts of the train (a fluid coupling, ``coupling`` say), they slip, and a mean torque
@@ -96,10 +101,12 @@ class Train:
     ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`
     says which.
 
-    Raises
-    ------
-    ModelError
-        With everything that is wrong, one reason a line.
+    Examples
+    --------
+    >>> driveline.coordinates, driveline.parameters["speed"]
+    (('clutch', 'mesh'), 800.0)
+    >>> train.replaced("mesh", clearance="0.05 deg").system().parameters["mesh.clearance"]
+    0.05
     """
 
     inertias: Sequence[Inertia]
@@ -142,7 +149,13 @@ class Train:
         return (*self.shafts, *self.gears, *self.forces, *self.frictions)
 
     def system(self) -> System:
-        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
+        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts.
+
+        Returns
+        -------
+        System
+            The system.
+        """
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         _ = structure.variations  # refuses what there is not
@@ -243,6 +256,18 @@ class Train:
 
         In a train with units a number is in the unit of its kind, and a text has its own: ``clearance="0.5 deg"``.
 
+        Parameters
+        ----------
+        part
+            Name of the part.
+        **changes
+            New values by the names of its fields.
+
+        Returns
+        -------
+        Train
+            A new train; this one does not change.
+
         Raises
         ------
         ModelError
@@ -341,10 +366,20 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
     held
         True if a last shaft connects the last inertia to the ground.
 
+    Returns
+    -------
+    Train
+        The chain.
+
     Raises
     ------
     ModelError
         If there can be no such chain.
+
+    Examples
+    --------
+    >>> gw.train.chain(3, 1.0, 100.0, held=True).system().coordinates
+    ('shaft1', 'shaft2', 'shaft3')
     """
     names = [f"disc{number}" for number in range(1, count + 1)] + ["ground"] * held
     pairs = pairwise(names)

@@ -46,8 +46,7 @@ class Counted:
 
     Examples
     --------
-    >>> import gapwalk as gw
-    >>> Counted(gw.Harmonic(0.2, varies="mesh1.stiffness", order=2), mesh="mesh1").exact_order
+    >>> gw.train.Counted(gw.Harmonic(0.2, varies="mesh1.stiffness", order=2), mesh="mesh1").exact_order
     Fraction(2, 1)
     """
 

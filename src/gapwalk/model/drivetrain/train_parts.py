@@ -41,6 +41,11 @@ class Inertia:
     inertia
         Moment of inertia, > 0, in kg m^2 or any consistent unit. None if its motion is prescribed: loads vary its
         angle, as in ``gw.Harmonic("0.1 deg", varies="flywheel.angle")``.
+
+    Examples
+    --------
+    >>> gw.train.Inertia("flywheel", "0.14 kg m^2").inertia
+    '0.14 kg m^2'
     """
 
     name: str
@@ -87,6 +92,11 @@ class Link:
         it sticks rigidly. It always acts; beside a single spring with a clearance it acts while that touches.
     numbers
         Parameters of any law by name; they may also be given as arguments.
+
+    Examples
+    --------
+    >>> gw.train.Shaft("bearing", ("box", "ground"), damping="0.1 N m s/rad").is_drag
+    True
     """
 
     name: str
@@ -156,6 +166,11 @@ class Link:
         angle
             The unit of angles in which the equations are counted, in rad; only formulas depend on it.
 
+        Returns
+        -------
+        tuple of Contact
+            In the order of the file: stages, friction, rigid stop.
+
         Raises
         ------
         ModelError
@@ -191,7 +206,13 @@ class Link:
         return replace(self, **values, stages=tuple(stages), numbers=changed(self.name, self.numbers))
 
     def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, without its name.
+
+        Returns
+        -------
+        iterator of str
+            One sentence for each error.
+        """
         if self.stiffness is None and self.clearance is not None:
             yield 'has a clearance, but no stiffness beyond it; write stiffness = ..., or stiffness = "rigid"'
         if self.stiffness == RIGID and self.clearance is None:
@@ -224,6 +245,12 @@ class Shaft(Link):
     Its twist is the angle of the first inertia less that of the second. Without a clearance the spring acts always;
     with one it acts beyond it (a spline, say). Stages act in addition, each beyond its own clearance (a clutch). The
     second of its inertias may be ``"ground"``. Parameters are those of `Link`.
+
+    Examples
+    --------
+    >>> shaft = gw.train.Shaft("clutch", ("engine", "gear"), stiffness="1500 N m/rad", damping="2 N m s/rad")
+    >>> shaft.acts_always
+    True
     """
 
     def problems(self) -> Iterator[str]:
@@ -254,6 +281,12 @@ class Gear(Link):
         count their orders per tooth: see `Counted`.
     stiffness
         None for a rigid mesh, which makes one body of its two inertias.
+
+    Examples
+    --------
+    >>> gear = gw.train.Gear("mesh", ("gear", "box"), ratio=2, teeth=20, stiffness="1e5 N m/rad", clearance="0.1 deg")
+    >>> gear.exact_ratio, gear.first_teeth, gear.is_rigid
+    (Fraction(2, 1), 20, False)
     """
 
     ratio: float

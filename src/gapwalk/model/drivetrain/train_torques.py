@@ -37,7 +37,7 @@ class Force(Link):
 
     Examples
     --------
-    >>> Force("seal", ("hub", "box"), "c*v*abs(v)", c="0.001 N m s^2/rad^2").numbers
+    >>> gw.train.Force("seal", ("hub", "box"), "c*v*abs(v)", c="0.001 N m s^2/rad^2").numbers
     {'c': '0.001 N m s^2/rad^2'}
     """
 
@@ -130,7 +130,7 @@ class Friction(Link):
 
     Examples
     --------
-    >>> Friction("seal", ("hub", "ground"), "2 N m").numbers
+    >>> gw.train.Friction("seal", ("hub", "ground"), "2 N m").numbers
     {'limit': '2 N m'}
     """
 

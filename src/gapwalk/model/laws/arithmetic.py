@@ -21,7 +21,7 @@ EDGE = "_edge"
 """Key of the environment under which the width of the edge of fractional powers is given."""
 
 KINKS = "_kinks"
-"""Key of the environment under which a correction of each kink may be given: what ``max(u, 0)`` is too small by."""
+"""Key of the environment under which a correction of each kink may be given: the error of ``max(u, 0)`` there."""
 
 LARGEST_POWER = 100
 """The largest whole exponent; whole powers are products."""

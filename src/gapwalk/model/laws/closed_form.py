@@ -35,6 +35,12 @@ class StageTerms:
         True for the first stage on its side.
     numbers
         Its parameters by name.
+
+    Examples
+    --------
+    >>> stage = gw.laws.StageTerms(sign=1, depth=0.2, closed=1, innermost=True, numbers={"stiffness": 20.0})
+    >>> stage.closed * stage["stiffness"] * stage.depth
+    4.0
     """
 
     sign: int
@@ -48,7 +54,20 @@ class StageTerms:
 
 
 class Host(NamedTuple):
-    """Another contact on which a formula depends: its stages, and its force."""
+    """Another contact on which a formula depends: its stages, and its force.
+
+    Attributes
+    ----------
+    stages
+        Its stages.
+    force
+        Its force.
+
+    Examples
+    --------
+    >>> gw.laws.Host(stages=None, force=2.0).force
+    2.0
+    """
 
     stages: Stages
     force: Any
@@ -78,6 +97,13 @@ class Stages:
         For friction with a memory: the extension of its spring.
     host
         For a law with a host: the stages and the force of that contact.
+
+    Examples
+    --------
+    >>> numbers = {"stiffness": 20.0, "cubic": 0.0}
+    >>> stage = gw.laws.StageTerms(sign=1, depth=0.2, closed=1, innermost=True, numbers=numbers)
+    >>> gw.laws.Elastic().force(0.0, gw.laws.Stages([stage], sum), {})
+    4.0
     """
 
     slip: Any = 0.0
@@ -99,13 +125,34 @@ class Stages:
         return iter(self._stages)
 
     def total(self, terms: Iterable[Any]) -> Any:
-        """Return the sum of some terms."""
+        """Return the sum of some terms.
+
+        Parameters
+        ----------
+        terms
+            The terms.
+
+        Returns
+        -------
+        number, expression or array
+            Their sum.
+        """
         return self._add(list(terms))
 
     def kept(self, side: int) -> Stages:
         """Return the stages as they are if the innermost one on a side is always closed, and those on the other open.
 
         The modes are still of the kind of the backend: numbers, arrays or expressions.
+
+        Parameters
+        ----------
+        side
+            +1 or -1.
+
+        Returns
+        -------
+        Stages
+            The stages with these modes.
         """
         found = copy(self)
         found._stages = tuple(

@@ -17,7 +17,13 @@ def spring(stage: StageTerms) -> Any:
 
 
 class Elastic(Law):
-    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to the stages inside it."""
+    """``f = g``: the springs alone. Each stage acts beyond its clearance, in addition to the stages inside it.
+
+    Examples
+    --------
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="elastic").law.name
+    'elastic'
+    """
 
     name, words = "elastic", "springs without damping"
 
@@ -27,7 +33,13 @@ class Elastic(Law):
 
 
 class Viscous(Elastic):
-    """``f = g + c v`` while any stage touches (Dubowsky and Freudenstein 1971); it jumps at contact."""
+    """``f = g + c v`` while any stage touches (Dubowsky and Freudenstein 1971); it jumps at contact.
+
+    Examples
+    --------
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="viscous", viscous_damping=0.1).numbers
+    {'viscous_damping': 0.1}
+    """
 
     name, words = "viscous", "springs, and a viscous damper while they touch"
     parameters = (Parameter("viscous_damping", QuantityKind.DAMPING, "it is the coefficient of the damper", 0.0, 0.0),)
@@ -39,7 +51,13 @@ class Viscous(Elastic):
 
 
 class HuntCrossley(Elastic):
-    """``f = g + beta |g| v`` (Hunt and Crossley 1975): it dissipates on both sides."""
+    """``f = g + beta |g| v`` (Hunt and Crossley 1975): it dissipates on both sides.
+
+    Examples
+    --------
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="hunt-crossley", impact_damping=0.1).law.name
+    'hunt-crossley'
+    """
 
     name, words = "hunt-crossley", "springs, and damping in proportion to their force"
     parameters = (
@@ -55,7 +73,14 @@ class HuntCrossley(Elastic):
 
 
 class HuntCrossleyAsPrinted(HuntCrossley):
-    """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side."""
+    """``f = g (1 + beta v)`` (paper, equation 15): it feeds energy in on the negative side.
+
+    Examples
+    --------
+    >>> law = "hunt-crossley-as-printed"
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law=law, impact_damping=0.1).law.name
+    'hunt-crossley-as-printed'
+    """
 
     name, words = "hunt-crossley-as-printed", "the same without the magnitude: energy is fed in on the negative side"
 

@@ -37,9 +37,9 @@ class Expression(Law):
 
     Examples
     --------
-    >>> [each.name for each in Expression("k*x + c*v*abs(v)").parameters]
+    >>> [each.name for each in gw.laws.Expression("k*x + c*v*abs(v)").parameters]
     ['k', 'c']
-    >>> Expression("k*(x*y**2)", ("x", "y")) == Expression("k * (x * y ** 2)", ("x", "y"))
+    >>> gw.laws.Expression("k*(x*y**2)", ("x", "y")) == gw.laws.Expression("k * (x * y ** 2)", ("x", "y"))
     True
     """
 
@@ -114,7 +114,7 @@ class Expression(Law):
         return self.formula.guards(self.environment(stages, numbers), stages.functions, stages.modes)
 
     def environment(self, stages: Stages, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what the names of the formula stand for.
+        """Return the values of the names of the formula.
 
         Parameters
         ----------
@@ -122,6 +122,11 @@ class Expression(Law):
             Its ``deflections`` give the deflection and its rate for each variable.
         numbers
             The parameters by name, and perhaps ``"_edge"`` and ``"_kinks"`` as in `Formula.value`.
+
+        Returns
+        -------
+        dict
+            Values by name.
         """
         found = dict(numbers)
         for name in self.variables:

@@ -29,6 +29,12 @@ class Edge(NamedTuple):
         The argument, which must stay positive.
     column
         Column of the formula as it was given, from 1.
+
+    Examples
+    --------
+    >>> law = gw.force("orifice", {"x": 1.0}, "c*sqrt(x + h)", c=1.0, h=2.0).law
+    >>> [edge.function for edge in law.formula.edges]
+    ['sqrt']
     """
 
     function: str
@@ -68,12 +74,9 @@ class Formula:
 
     Examples
     --------
-    >>> formula = formula_of("k*max(x - gap, 0)**2 + c*v", ("x", "v"))
-    >>> formula.parameters
+    >>> law = gw.force("spring", {"x": 1.0}, "k*max(x - gap, 0)**2 + c*v", k=8.0, gap=0.25, c=1.0).law
+    >>> law.formula.parameters
     ('k', 'gap', 'c')
-    >>> values = {"x": 0.5, "v": 0.1, "k": 8.0, "gap": 0.25, "c": 1.0}
-    >>> formula.value(values, NUMPY_FUNCTIONS, formula.modes_at(values, NUMPY_FUNCTIONS))
-    0.6
     """
 
     text: str
@@ -94,11 +97,16 @@ class Formula:
             The variables and parameters by name: numbers, arrays, symbols, anything with ``+ - * /``. Under the key
             ``"_edge"`` the width of the edges of fractional powers, in the unit of what stands in ``max(..., 0)``:
             one for all, or a tuple in the order of `edge_widths`. Without it they are exact, and not smooth. Under the
-            key ``"_kinks"`` what ``max(u, 0)`` is too small by at the kink of each mode, or None, as samples of it are.
+            key ``"_kinks"`` the error of sampled values of ``max(u, 0)`` at the kink of each mode, or None.
         functions
             ``sin cos exp log sqrt tanh`` of one argument, and ``pow(base, exponent)``.
         modes
             One number 1 or 0, an array of them, or a symbol, for each mode.
+
+        Returns
+        -------
+        number, expression or array
+            The value, of the kind of the environment.
         """
         return self._tree.at(self._values(environment, functions, modes))
 
@@ -108,6 +116,16 @@ class Formula:
         """Evaluate the guard of each mode: the mode is 1 where it is positive. Parameters as in `value`.
 
         A guard depends on modes before its own at most.
+
+        Parameters
+        ----------
+        environment, functions, modes
+            As in `value`.
+
+        Returns
+        -------
+        list
+            One number for each mode.
         """
         values = self._values(environment, functions, modes)
         return [values.guard(guard) for guard in self._guards.values()]
@@ -115,7 +133,18 @@ class Formula:
     def modes_at(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]
     ) -> list[float | np.ndarray]:
-        """Decide all modes by the real parts of their guards, for numbers or arrays; 0 where a guard is 0."""
+        """Decide all modes by the real parts of their guards, for numbers or arrays; 0 where a guard is 0.
+
+        Parameters
+        ----------
+        environment, functions
+            As in `value`.
+
+        Returns
+        -------
+        list
+            0 or 1 for each mode.
+        """
         values = Values(environment, functions, {}, self._edge_numbers)
         for key, guard in self._guards.items():
             values.modes[key] = (np.real(values.guard(guard)) > 0.0) * 1.0
@@ -124,7 +153,18 @@ class Formula:
     def edge_values(
         self, environment: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], modes: Sequence[Any]
     ) -> list[Any]:
-        """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`."""
+        """Evaluate the argument of each of the `edges`, which must be positive. Parameters as in `value`.
+
+        Parameters
+        ----------
+        environment, functions, modes
+            As in `value`.
+
+        Returns
+        -------
+        list
+            One number for each edge.
+        """
         values = self._values(environment, functions, modes)
         return [node.at(values) for node in self._edge_nodes]
 

@@ -41,6 +41,11 @@ class Friction(Law):
         contact, which presses.
     host
         Name of that other contact; empty without one.
+
+    Examples
+    --------
+    >>> [number.name for number in gw.laws.Coulomb().parameters]
+    ['limit', 'static', 'speed']
     """
 
     by: str = "limit"
@@ -84,7 +89,20 @@ class Friction(Law):
                 yield f"{each.name} is {value:g}; it must be >= {each.least:g}: {why}"
 
     def limit(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Compute the size of the force in slip; arguments are as in `force`."""
+        """Compute the size of the force in slip; arguments are as in `force`.
+
+        Parameters
+        ----------
+        stages
+            For a law with a host: stages and force of that contact.
+        numbers
+            The parameters of the contact by name.
+
+        Returns
+        -------
+        number, expression or array
+            The size of the force.
+        """
         if self.by == "limit":
             return numbers["limit"]
         host = stages.host
@@ -95,7 +113,20 @@ class Friction(Law):
         return numbers["coefficient"] * (side * host.force)
 
     def breakaway(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """Compute the size of the force at which slip begins; arguments are as in `force`."""
+        """Compute the size of the force at which slip begins; arguments are as in `force`.
+
+        Parameters
+        ----------
+        stages
+            For a law with a host: stages and force of that contact.
+        numbers
+            The parameters of the contact by name.
+
+        Returns
+        -------
+        number, expression or array
+            The size of the force.
+        """
         return self.limit(stages, numbers)
 
 
@@ -103,6 +134,11 @@ class Coulomb(Friction):
     """Friction that sticks rigidly: in stick the slip rate is zero, and the force follows from that.
 
     Slip ends where its rate is zero, and begins where the force in stick reaches `static` times the limit.
+
+    Examples
+    --------
+    >>> gw.friction("brake", {"x": 1.0}, 0.3).law
+    Coulomb(by='limit', host='')
     """
 
     name, words = "coulomb", "dry friction that sticks rigidly"
@@ -113,7 +149,20 @@ class Coulomb(Friction):
         return (*self._limits, _STATIC, _SPEED)
 
     def breakaway(self, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """See `Friction.breakaway`."""
+        """See `Friction.breakaway`.
+
+        Parameters
+        ----------
+        stages
+            For a law with a host: stages and force of that contact.
+        numbers
+            The parameters of the contact by name.
+
+        Returns
+        -------
+        number, expression or array
+            The size of the force.
+        """
         return numbers["static"] * self.limit(stages, numbers)
 
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
@@ -126,6 +175,12 @@ class Jenkins(Friction):
 
     Its own state ``z``, the extension of the spring, follows the deflection in stick, and stays at the limit in slip.
     Slip begins where the force ``stiffness z`` reaches the limit, and ends where the slip rate changes its sign.
+
+    Examples
+    --------
+    >>> joint = gw.friction("joint", {"x": 1.0}, 0.3, stiffness=5.0)
+    >>> gw.System(["x"], [[1.0]], contacts=[joint]).state_names
+    ('x', "x'", 'joint.extension')
     """
 
     name, words = "jenkins", "a spring in series with dry friction"
@@ -167,6 +222,11 @@ class Hysteretic(Law):
     ----------
     springs
         Name of the law of the springs.
+
+    Examples
+    --------
+    >>> gw.laws.Hysteretic("elastic").springs
+    'elastic'
     """
 
     springs: str = "elastic"

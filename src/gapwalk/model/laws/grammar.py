@@ -109,6 +109,14 @@ class FormulaError(ModelError):
         The reason in one line, with what to write instead.
     column
         Column in the text, from 1 (in its line, if it has several).
+
+    Examples
+    --------
+    >>> try:
+    ...     gw.force("spring", {"x": 1.0}, "k*x^2", k=1.0)
+    ... except gw.laws.FormulaError as error:
+    ...     print(error.column, error.reason)
+    4 '^' is not part of a formula: write ** for a power: x**2
     """
 
     def __init__(self, reason: str, text: str, position: int) -> None:

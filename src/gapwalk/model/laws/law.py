@@ -53,28 +53,29 @@ class Law(ABC):
     Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
     it. Otherwise harmonic balance refuses it by name, and equilibria (``gapwalk modes``) are searched from many
     positions; the flow, the batch integrator (basins, regime maps), shooting, special points, loci, verification and
-    files carry it.
+    files work with it.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
     `gapwalk.flow.contact_events`; where it does not, nothing is computed.
 
     Examples
     --------
-    A spring with a force that begins at once::
+    A spring with a force that begins at once. A class in a file of its own registers itself for model files by
+    ``gw.laws.register(Preloaded())``.
 
-        class Preloaded(Law):
-            name, words = "preloaded", "a spring with a preload"
-            stage_parameters = (
-                CLEARANCE,
-                STIFFNESS,
-                Parameter("preload", QuantityKind.TORQUE, "it is the force at the breakpoint"),
-            )
-
-            def force(self, rate, stages, numbers):
-                return stages.total(s.closed * (s.sign * s["preload"] + s["stiffness"] * s.depth) for s in stages)
-
-
-        register(Preloaded())
+    >>> class Preloaded(gw.laws.Law):
+    ...     name, words = "preloaded", "a spring with a preload"
+    ...     stage_parameters = (
+    ...         gw.laws.CLEARANCE,
+    ...         gw.laws.STIFFNESS,
+    ...         gw.laws.Parameter("preload", gw.laws.QuantityKind.TORQUE, "it is the force at the breakpoint"),
+    ...     )
+    ...
+    ...     def force(self, rate, stages, numbers):
+    ...         return stages.total(s.closed * (s.sign * s["preload"] + s["stiffness"] * s.depth) for s in stages)
+    >>> stage = gw.Stage(1.0, 20.0, numbers={"preload": 2.0})
+    >>> gw.Contact("stop", {"x": 1.0}, [stage], law=Preloaded()).law.title
+    'preloaded'
     """
 
     name: ClassVar[str]
@@ -95,10 +96,26 @@ class Law(ABC):
             All stages on each side on which they act.
         numbers
             The parameters of the contact by name.
+
+        Returns
+        -------
+        number, expression or array
+            The force on the positive side of the deflection, of the kind of the arguments.
         """
 
     def problems(self, numbers: Mapping[str, float]) -> Iterator[str]:
-        """List the errors of values of its parameters (those of the contact as a whole), one sentence each."""
+        """List the errors of values of its parameters (those of the contact as a whole), one sentence each.
+
+        Parameters
+        ----------
+        numbers
+            Values of the parameters by name.
+
+        Returns
+        -------
+        iterator of str
+            One sentence for each error.
+        """
         return iter(())
 
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
@@ -106,6 +123,18 @@ class Law(ABC):
 
         By default the motion continues through the breakpoint, and the stage closes. A law that overrides this reverses
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
+
+        Parameters
+        ----------
+        rate
+            Rate of the deflection just before.
+        numbers
+            The parameters of the contact by name.
+
+        Returns
+        -------
+        number, expression or array
+            The rate just after.
         """
         return rate
 
@@ -120,7 +149,18 @@ class Law(ABC):
         return ("x",)
 
     def has_stage_parameter(self, name: str) -> bool:
-        """Return True if its stages have a parameter of that name."""
+        """Return True if its stages have a parameter of that name.
+
+        Parameters
+        ----------
+        name
+            Name of the parameter, without those of contact and stage.
+
+        Returns
+        -------
+        bool
+            True if each stage has it.
+        """
         return any(each.name == name for each in self.stage_parameters)
 
     @property
@@ -132,6 +172,20 @@ class Law(ABC):
         """Compute one number for each mode of the law, which is 1 where that number is positive, and otherwise 0.
 
         The force must be continuous where a guard vanishes. A guard may depend on earlier modes.
+
+        Parameters
+        ----------
+        rate
+            Rate of the deflection over time.
+        stages
+            All stages on each side on which they act, with the modes.
+        numbers
+            The parameters of the contact by name.
+
+        Returns
+        -------
+        sequence
+            One number, expression or array for each mode.
         """
         return ()
 
@@ -187,17 +241,41 @@ FORMULAS: Registry[type[Law]] = Registry("kind of force")
 
 
 def register_formula(kind: type[Law]) -> None:
-    """Register a law with data of its own, a frozen dataclass of texts, numbers and tuples, for result files."""
+    """Register a law with data of its own, a frozen dataclass of texts, numbers and tuples, for result files.
+
+    Parameters
+    ----------
+    kind
+        The class of the law.
+
+    Examples
+    --------
+    >>> gw.laws.register_formula(gw.laws.Expression)  # gapwalk has done so
+    """
     FORMULAS.add(kind.name, kind)
 
 
 def register(law: Law) -> None:
     """Register a force law for model files under its name.
 
+    Parameters
+    ----------
+    law
+        The law.
+
     Raises
     ------
     ModelError
         If another law has that name, or a parameter has the name of another key of its table.
+
+    Examples
+    --------
+    >>> class Doubled(gw.laws.Elastic):
+    ...     name, words = "doubled", "twice the force of the springs"
+    ...
+    ...     def force(self, rate, stages, numbers):
+    ...         return 2.0 * super().force(rate, stages, numbers)
+    >>> gw.laws.register(Doubled())
     """
     whole, of_stages = ([each.name for each in those] for those in (law.parameters, law.stage_parameters))
     others = {*law_parameters("stage_parameters")}

@@ -18,6 +18,12 @@ class Piecewise(Law):
     stage begins: the force jumps where it closes. ``offset`` is a constant force and ``even_quadratic`` a quadratic
     term that does not change its sign, both while the innermost stage is closed: with them a stage without a clearance
     is the middle piece of a measured curve.
+
+    Examples
+    --------
+    >>> curve = gw.laws.measured_spring("clutch", {"x": 1.0}, gw.laws.spring_curve([-4, -2, 2, 4], [-9, -1, 1, 10]))
+    >>> curve.law.name
+    'piecewise'
     """
 
     name, words = "piecewise", "a polynomial beyond each clearance, with a preload"

@@ -17,6 +17,11 @@ class Pushing(Law):
 
     As a contact opens, the damping force would pull from some depth on; there the force is 0 instead. It ends
     continuously: the mode of a side is 1 while its sum pushes.
+
+    Examples
+    --------
+    >>> gw.Contact("stop", {"x": 1.0}, [gw.Stage(1.0, 20.0)], law="pushing", numbers={"viscous_damping": 0.1}).law.name
+    'pushing'
     """
 
     name, words = "pushing", "springs and a viscous damper that push, and never pull"

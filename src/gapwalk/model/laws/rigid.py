@@ -15,6 +15,11 @@ class Rigid(Law):
 
     Between impacts it has no force. Impacts that follow each other ever faster end in a contact that is held; its force
     is a reaction, and it ends where that force would pull.
+
+    Examples
+    --------
+    >>> gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8).law
+    Rigid()
     """
 
     name, words = "rigid", "rigid stops with a coefficient of restitution"

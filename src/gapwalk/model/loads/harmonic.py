@@ -43,9 +43,8 @@ class Harmonic(Load):
 
     Examples
     --------
-    >>> Harmonic(0.1, {"x": 1.0}, growth=2)  # the force of an unbalance of 0.1
-    Harmonic(amplitude=0.1, acts_on={'x': 1.0}, order=1, phase=0.0, name='harmonic1', varies={}, growth=2, at=1.0, \
-over_speed=())
+    >>> gw.Harmonic(0.1, {"x": 1.0}, growth=2).name  # the force of an unbalance of 0.1
+    'harmonic1'
     """
 
     key, words, frequencies = "harmonic", "a term of the excitation", ("at",)

@@ -19,7 +19,20 @@ from gapwalk.model.units import Units
 
 
 class Line(NamedTuple):
-    """A part ``cosine * cos(order * W * t) + sine * sin(order * W * t)`` of a load; of order 0 it is constant."""
+    """A part ``cosine * cos(order * W * t) + sine * sin(order * W * t)`` of a load; of order 0 it is constant.
+
+    Attributes
+    ----------
+    order
+        Multiple of the fundamental frequency.
+    cosine, sine
+        Amplitudes, in the unit of the load.
+
+    Examples
+    --------
+    >>> list(gw.Harmonic.lines(2, 1.5, dict(amplitude=0.5, phase=0.0, growth=0, at=1.0)))
+    [Line(order=2, cosine=np.float64(0.5), sine=np.float64(-0.0))]
+    """
 
     order: int
     cosine: Any
@@ -30,6 +43,20 @@ class Levels(NamedTuple):
     """A part of a variation with two levels: ``high`` from the angle `up` to `down` in each cycle, otherwise ``low``.
 
     The angles are those of the excitation, W t; they repeat after ``2 pi / order``.
+
+    Attributes
+    ----------
+    low
+        The lower level, relative to the number that varies.
+    high
+        The higher level.
+    up, down
+        Angles at which the higher level begins and ends, in radians.
+
+    Examples
+    --------
+    >>> gw.loads.Levels(low=-0.3, high=0.2, up=-1.0, down=1.0).high
+    0.2
     """
 
     low: Any
@@ -83,24 +110,25 @@ class Load(ABC):
 
     Examples
     --------
-    An unbalance, whose force grows with the square of the frequency::
+    An unbalance, whose force grows with the square of the frequency. A class in a file of its own registers itself for
+    model files by ``gw.loads.register(Unbalance)``.
 
-        @dataclass(frozen=True)
-        class Unbalance(Load):
-            key, words = "unbalance", "the force of an unbalance"
-            parameters = (Parameter("moment", None, "it is the mass times its distance from the axis"),)
-            moment: float
-            acts_on: Mapping[str, float] = field(default_factory=dict, hash=False)
-            order: int = 1
-            name: str = ""
-            varies: Mapping[str, float] = field(default_factory=dict, hash=False)
-
-            @classmethod
-            def lines(cls, order, frequency, numbers):
-                yield Line(order, numbers["moment"] * (order * frequency) * (order * frequency))
-
-
-        register(Unbalance)
+    >>> from dataclasses import dataclass, field
+    >>> @dataclass(frozen=True)
+    ... class Unbalance(gw.loads.Load):
+    ...     key, words = "unbalance", "the force of an unbalance"
+    ...     parameters = (gw.laws.Parameter("moment", None, "it is the mass times its distance from the axis"),)
+    ...     moment: float
+    ...     acts_on: dict = field(default_factory=dict, hash=False)
+    ...     order: int = 1
+    ...     name: str = ""
+    ...     varies: dict = field(default_factory=dict, hash=False)
+    ...
+    ...     @classmethod
+    ...     def lines(cls, order, frequency, numbers):
+    ...         yield gw.loads.Line(order, numbers["moment"] * (order * frequency) * (order * frequency))
+    >>> gw.System(["x"], [[1.0]], harmonics=[Unbalance(0.1, {"x": 1.0})]).parameters["unbalance1.moment"]
+    0.1
     """
 
     key: ClassVar[str]
@@ -158,18 +186,53 @@ class Load(ABC):
             The frequency W of the excitation: real or complex, or an array.
         numbers
             Its parameters by name, of the same kinds, and its constants.
+
+        Returns
+        -------
+        iterable of Line
+            One part for each order.
         """
 
     @staticmethod
     def grown(size: Any, frequency: Any, numbers: Mapping[str, Any]) -> Any:
-        """Return a size that grows with a power of the frequency: ``size * (W / at)**growth``."""
+        """Return a size that grows with a power of the frequency: ``size * (W / at)**growth``.
+
+        Parameters
+        ----------
+        size
+            Size at the frequency ``at``.
+        frequency
+            The frequency W of the excitation: real or complex, or an array.
+        numbers
+            The parameters and constants of the load by name, ``growth`` and ``at`` among them.
+
+        Returns
+        -------
+        number or array
+            The size at that frequency.
+        """
         for _ in range(numbers.get("growth", 0)):  # result files of earlier versions have none
             size = size * (frequency / numbers["at"])
         return size
 
     @classmethod
     def levels(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Levels:
-        """Give the two levels of a variation that jumps (``has_levels = True``); parameters as in `lines`."""
+        """Give the two levels of a variation that jumps (``has_levels = True``); parameters as in `lines`.
+
+        Parameters
+        ----------
+        order
+            Order of the load.
+        frequency
+            The frequency W of the excitation.
+        numbers
+            Its parameters by name, and its constants.
+
+        Returns
+        -------
+        Levels
+            The two levels, and the angles between which the higher one holds.
+        """
         raise NotImplementedError
 
     @property
@@ -178,7 +241,18 @@ class Load(ABC):
         return Fraction(self.order) if self.is_periodic else Fraction(0)
 
     def in_train(self, units: Units) -> Self:
-        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere."""
+        """Return the load in the units of a drive train; its parameters and frequencies are converted elsewhere.
+
+        Parameters
+        ----------
+        units
+            The units of the train.
+
+        Returns
+        -------
+        Load
+            A load of the same kind.
+        """
         if not self.over_speed:
             return self
         return replace(self, over_speed=factor_over_speed(self.over_speed).in_train(units).data)
@@ -193,25 +267,64 @@ class Load(ABC):
             The values of its keys: those of its fields, and of `table_keys`.
         units
             True if the quantities of the file have units.
+
+        Returns
+        -------
+        Load
+            The load.
         """
         return cls(**given)
 
     @classmethod
     def notes(cls, constants: Mapping[str, Any]) -> str:
-        """Say what a reader of the model should know of its constants; empty if nothing."""
+        """Describe its constants for a reader of the model; empty if there is nothing to say.
+
+        Parameters
+        ----------
+        constants
+            Values of its constants by name.
+
+        Returns
+        -------
+        str
+            One sentence, or none.
+        """
         return ""
 
     @classmethod
     def problems(cls, numbers: Mapping[str, float]) -> Iterator[str]:
-        """List the errors of values of its parameters, one sentence each that begins with the name of one."""
+        """List the errors of values of its parameters, one sentence each that begins with the name of one.
+
+        Parameters
+        ----------
+        numbers
+            Values of its parameters by name.
+
+        Returns
+        -------
+        iterator of str
+            One sentence for each error.
+        """
         return iter(())
 
     def values(self) -> Iterator[float]:
-        """Iterate over the values of its parameters."""
+        """Iterate over the values of its parameters.
+
+        Returns
+        -------
+        iterator of float
+            In the order of `parameters`.
+        """
         yield from (getattr(self, each.name) for each in self.parameters)
 
     def constants(self) -> tuple[tuple[str, Any], ...]:
-        """Return its further fields with their values."""
+        """Return its further fields with their values.
+
+        Returns
+        -------
+        tuple of (str, object)
+            Each further field with its value.
+        """
         known = {"acts_on", "order", "name", "varies", *(each.name for each in self.parameters)}
         return tuple((each.name, getattr(self, each.name)) for each in fields(self) if each.name not in known)
 
@@ -298,7 +411,22 @@ LOADS: Registry[type[Load]] = Registry("load")
 
 
 def register(kind: type[Load]) -> None:
-    """Register a kind of load for model files and result files; raise a ModelError if another kind has its key."""
+    """Register a kind of load for model files and result files; raise a ModelError if another kind has its key.
+
+    Parameters
+    ----------
+    kind
+        The class of the load.
+
+    Raises
+    ------
+    ModelError
+        If another kind has its key.
+
+    Examples
+    --------
+    >>> gw.loads.register(gw.loads.Steady)  # as gapwalk has done; a class is registered in its own file
+    """
     LOADS.add(kind.key, kind)
 
 

@@ -60,6 +60,13 @@ class Measured(Load):
         Name of the file.
     name
         Prefix of its parameters' names.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 4.0 * np.pi, 361)
+    >>> table = gw.loads.orders_of(angle, 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle), per="cycle")
+    >>> [order for order, *_ in gw.loads.Measured.of(table, {"q1": 1.0}).series]
+    [1, 4]
     """
 
     key, words, frequencies = "measured", "a measured curve over the angle of a shaft", ("at",)
@@ -133,6 +140,11 @@ class Measured(Load):
         **fields
             Further fields of `Measured`.
 
+        Returns
+        -------
+        Measured
+            The load.
+
         Raises
         ------
         ModelError
@@ -140,10 +152,9 @@ class Measured(Load):
 
         Examples
         --------
-        >>> from gapwalk.loads import orders_of
         >>> angle = np.linspace(0.0, 4.0 * np.pi, 361)
-        >>> table = orders_of(angle, 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle), per="cycle")
-        >>> load = Measured.of(table, {"q1": 1.0})
+        >>> torque = 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle)
+        >>> load = gw.loads.Measured.of(gw.loads.orders_of(angle, torque, per="cycle"), {"q1": 1.0})
         >>> [order for order, *_ in load.series], round(load.mean, 9)
         ([1, 4], 80.0)
         """

@@ -44,7 +44,7 @@ class FactorOverSpeed:
 
     Examples
     --------
-    >>> float(FactorOverSpeed("1 + 0.1*W").value(2.0))
+    >>> float(gw.loads.FactorOverSpeed("1 + 0.1*W").value(2.0))
     1.2
     """
 
@@ -92,6 +92,21 @@ class FactorOverSpeed:
 
         Beyond its limits a table is continued by its first or last piece, for steps of Newton's method that pass its
         end; `gapwalk.model.coefficients.coefficients_of` refuses such systems.
+
+        Parameters
+        ----------
+        frequency
+            The frequency W.
+
+        Returns
+        -------
+        number or array
+            The factor, of the kind of the frequency.
+
+        Raises
+        ------
+        NumericalError
+            If a formula has no finite value there.
         """
         speed = frequency / self.pace
         if self.table is not None:
@@ -103,7 +118,18 @@ class FactorOverSpeed:
         return found
 
     def in_train(self, units: Units) -> FactorOverSpeed:
-        """Return the factor in the units of a drive train: a formula has the speed in the train's own unit."""
+        """Return the factor in the units of a drive train: a formula has the speed in the train's own unit.
+
+        Parameters
+        ----------
+        units
+            The units of the train.
+
+        Returns
+        -------
+        FactorOverSpeed
+            The factor.
+        """
         return replace(self, pace=units.frequency if self.table is None else self.pace * float(units.turns or 1))
 
     @cached_property

@@ -39,7 +39,7 @@ class Rectangle(Load):
 
     Examples
     --------
-    >>> Rectangle(0.2, {"mesh.stiffness": 1.0}, order=27, share=0.6).name
+    >>> gw.loads.Rectangle(0.2, {"mesh.stiffness": 1.0}, order=27, share=0.6).name
     'rectangle27'
     """
 

@@ -31,7 +31,7 @@ class Steady(Load):
 
     Examples
     --------
-    >>> Steady(0.2, {"x": 1.0}, over_speed="1 + 0.1*W").name  # besides `mean`, which depends on nothing
+    >>> gw.loads.Steady(0.2, {"x": 1.0}, over_speed="1 + 0.1*W").name  # unlike `mean`, which depends on nothing
     'steady'
     """
 

@@ -46,6 +46,11 @@ class OrderLine:
         Periods in a turn of the shaft.
     cosine, sine
         In the unit of the signal.
+
+    Examples
+    --------
+    >>> gw.loads.OrderLine(2.0, cosine=3.0, sine=4.0).energy
+    12.5
     """
 
     order: float
@@ -77,6 +82,12 @@ class OrderTable:
     is_even
         True if they are evenly spaced: then the orders are those of the trigonometric polynomial through them.
         Otherwise they are those of the straight lines between them.
+
+    Examples
+    --------
+    >>> table = gw.loads.orders_of(np.linspace(0.0, 2.0 * np.pi, 37), 5.0 + np.cos(np.linspace(0.0, 2.0 * np.pi, 37)))
+    >>> table.orders, round(table.mean, 9)
+    ((1.0,), 5.0)
     """
 
     turns: int
@@ -102,7 +113,7 @@ class OrderTable:
 
     @property
     def words(self) -> str:
-        """Write what is kept in one line."""
+        """Describe the orders that are kept in one line."""
         kept = ", ".join(f"{order:g}" for order in self.orders) or "none"
         uneven = f"; lines between uneven samples change the highest one by about {100.0 * self.lines_error:.2g} %"
         return (
@@ -122,7 +133,18 @@ class OrderTable:
         return (self.lines[-1].order * 2.0 * math.pi * self.turns / self.samples) ** 2 / 12.0
 
     def value(self, angle: ArrayLike) -> Any:
-        """Return the signal at some angles (rad), of their shape."""
+        """Return the signal at some angles (rad), of their shape.
+
+        Parameters
+        ----------
+        angle
+            Angles in rad, of any shape.
+
+        Returns
+        -------
+        array
+            In the unit of the signal.
+        """
         x = np.asarray(angle)
         total = np.full(x.shape, self.mean)
         for each in self.lines:
@@ -174,7 +196,7 @@ def orders_of(
     Examples
     --------
     >>> angle = np.linspace(0.0, 4.0 * np.pi, 721)
-    >>> table = orders_of(angle, 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle), per="cycle")
+    >>> table = gw.loads.orders_of(angle, 80.0 + 40.0 * np.cos(2.0 * angle) + 9.0 * np.sin(0.5 * angle), per="cycle")
     >>> [(each.order, round(abs(each.cosine), 9), round(abs(each.sine), 9)) for each in table.lines]
     [(0.5, 0.0, 9.0), (2.0, 40.0, 0.0)]
     """
@@ -235,6 +257,13 @@ def displacement_orders(
     ModelError
         As `orders_of`; also if the mean acceleration is more than 1 % of its effective value: no periodic motion has
         one.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 37)
+    >>> table = gw.loads.displacement_orders(angle, acceleration=4.0 * np.cos(2.0 * angle), speed=10.0)
+    >>> round(table.lines[0].cosine, 9)  # -4 / (2 * 10)**2
+    -0.01
     """
     if (displacement is None) == (acceleration is None):
         raise ModelError("a prescribed motion has a displacement or an acceleration: give one of them")

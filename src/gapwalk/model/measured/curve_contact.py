@@ -86,6 +86,11 @@ def measured_spring(
     force
         Where it acts; by default along its deflection.
 
+    Returns
+    -------
+    Contact
+        The contact, with a stage for each corner.
+
     Raises
     ------
     ModelError
@@ -93,8 +98,8 @@ def measured_spring(
 
     Examples
     --------
-    >>> curve = spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
-    >>> [(stage.clearance, stage.stiffness) for stage in measured_spring("clutch", {"x": 1.0}, curve).stages]
+    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> [(stage.clearance, stage.stiffness) for stage in gw.laws.measured_spring("clutch", {"x": 1.0}, curve).stages]
     [(2.0, 5.0)]
     """
     if not isinstance(curve, Curve):

@@ -45,11 +45,9 @@ class SpeedTable:
 
     Examples
     --------
-    >>> table = SpeedTable((700.0, 2000.0, 6000.0), (30.0, 55.0, 60.0), "gas.csv", "rpm")
-    >>> float(table.value(2000.0))
-    55.0
-    >>> table.covers(6120.0)
-    False
+    >>> table = gw.loads.SpeedTable((700.0, 2000.0, 6000.0), (30.0, 55.0, 60.0), "gas.csv", "rpm")
+    >>> float(table.value(2000.0)), table.covers(6120.0)
+    (55.0, False)
     """
 
     speeds: tuple[float, ...]
@@ -66,7 +64,18 @@ class SpeedTable:
         object.__setattr__(self, "values", values)
 
     def covers(self, speed: ArrayLike) -> bool:
-        """Return True if all speeds are within the table."""
+        """Return True if all speeds are within the table.
+
+        Parameters
+        ----------
+        speed
+            Speeds of any shape.
+
+        Returns
+        -------
+        bool
+            False if one of them is outside.
+        """
         x = np.real(np.asarray(speed))
         slack = _ROUNDING * (self.speeds[-1] - self.speeds[0])
         return bool(np.all((x >= self.speeds[0] - slack) & (x <= self.speeds[-1] + slack)))
@@ -81,6 +90,11 @@ class SpeedTable:
         continued
             True to continue the first and the last piece beyond the table.
 
+        Returns
+        -------
+        array
+            Values, of the shape of the speeds.
+
         Raises
         ------
         ModelError
@@ -90,7 +104,18 @@ class SpeedTable:
         return (value + d * (slope + d * (quadratic + d * cubic)))[()]
 
     def slope(self, speed: ArrayLike) -> Any:
-        """Return the derivative of the value by the speed; errors as of `value`."""
+        """Return the derivative of the value by the speed; errors as of `value`.
+
+        Parameters
+        ----------
+        speed
+            Speeds of any shape, within the table.
+
+        Returns
+        -------
+        array
+            Slopes, of the same shape.
+        """
         (cubic, quadratic, slope, _), d = self._piece(speed)
         return (slope + d * (2.0 * quadratic + d * (3.0 * cubic)))[()]
 
@@ -126,10 +151,20 @@ def speed_table(speed: ArrayLike, value: ArrayLike, name: str = "over the speed"
     name, unit
         See `SpeedTable`.
 
+    Returns
+    -------
+    SpeedTable
+        The table, by increasing speed.
+
     Raises
     ------
     ModelError
         As `SpeedTable`.
+
+    Examples
+    --------
+    >>> float(gw.loads.speed_table([3000.0, 1000.0], [40.0, 30.0], unit="rpm").value(2000.0))
+    35.0
     """
     speeds, values = _row(speed, "speeds"), _row(value, "values")
     if len(speeds) != len(values):

@@ -50,6 +50,12 @@ class Corner:
         Change of the force at the corner itself, from within outwards.
     slope, quadratic, cubic
         Changes of the coefficients.
+
+    Examples
+    --------
+    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> curve.corners[1].position, curve.corners[1].slope
+    (2.0, 5.0)
     """
 
     position: float
@@ -84,6 +90,12 @@ class Curve:
         Largest difference from the measured points, as a share of the largest measured force.
     points
         Number of measured points.
+
+    Examples
+    --------
+    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> float(curve.force(3.0)), float(curve.slope(3.0)), curve.covers(5.0)
+    (5.0, 5.0, False)
     """
 
     kind: str
@@ -106,7 +118,7 @@ class Curve:
 
     @property
     def words(self) -> str:
-        """Write what the curve is made of in one line."""
+        """Describe the pieces of the curve in one line."""
         steps = [each for each in self.corners if each.step]
         of_steps = f", {len(steps)} of them with a step" if steps else ""
         return (
@@ -118,15 +130,47 @@ class Curve:
         """Return the force at some deflections, of their shape; complex deflections are given for derivatives.
 
         At a step it is the force on the inner side, towards the deflection 0.
+
+        Parameters
+        ----------
+        deflection
+            Deflections of any shape.
+
+        Returns
+        -------
+        array
+            Forces, of the same shape.
         """
         return self._sum(deflection, _value)
 
     def slope(self, deflection: ArrayLike) -> Any:
-        """Return the derivative of the force by the deflection; at a corner, that on the inner side."""
+        """Return the derivative of the force by the deflection; at a corner, that on the inner side.
+
+        Parameters
+        ----------
+        deflection
+            Deflections of any shape.
+
+        Returns
+        -------
+        array
+            Slopes, of the same shape.
+        """
         return self._sum(deflection, _slope)
 
     def covers(self, deflection: ArrayLike) -> bool:
-        """Return True if all deflections are within the measured ones."""
+        """Return True if all deflections are within the measured ones.
+
+        Parameters
+        ----------
+        deflection
+            Deflections of any shape.
+
+        Returns
+        -------
+        bool
+            False if one of them is outside.
+        """
         x = np.asarray(deflection)
         return bool(np.all((x >= self.first) & (x <= self.last)))
 
@@ -160,6 +204,11 @@ def spring_curve(
         The largest difference from the points, as a share of the largest force. The straight lines are the fewest that
         stay within it.
 
+    Returns
+    -------
+    Curve
+        The curve.
+
     Raises
     ------
     ModelError
@@ -170,7 +219,7 @@ def spring_curve(
     --------
     A clearance of 2 on both sides:
 
-    >>> curve = spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
+    >>> curve = gw.laws.spring_curve([-4, -2, 2, 4], [-10, 0, 0, 10])
     >>> curve.force([-3.0, 1.0, 5.0])
     array([-5.,  0., 15.])
     >>> [(each.position, each.slope) for each in curve.corners]

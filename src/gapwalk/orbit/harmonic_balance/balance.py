@@ -48,6 +48,11 @@ class Balance(Method):
         ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
     tolerance
         Largest residual of an orbit, relative to the size of its lines.
+
+    Examples
+    --------
+    >>> round(gw.find_orbit(system, method=gw.Balance(5)).measure("max.x"), 6)  # the stop is not touched
+    0.777839
     """
 
     name: ClassVar[str] = "harmonic-balance"

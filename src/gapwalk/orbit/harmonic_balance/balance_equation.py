@@ -255,6 +255,10 @@ class BalanceEquation(OrbitEquation):
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
+    def rest(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the lines of a system that stays at a position, such as a static equilibrium."""
+        return self._from_positions(np.tile(position, (16 * self.harmonics, 1)))
+
     def linearised(self, evidence: Evidence) -> Linearised:
         """Return the linearised equations for the coefficients and the laws of an evaluation."""
         if self._fixed_linearised is not None:

@@ -318,7 +318,7 @@ def _table(
 def _varied(
     layout: CoefficientLayout, plan: _Plan, coefficients: NDArray[np.float64], slope: NDArray[np.float64]
 ) -> dict[Gate, NDArray[np.complex128]]:
-    """Return what is added to the table of polynomials while each gate is open.
+    """Return the addition to the table of polynomials while each gate is open.
 
     They are lines and their derivatives by the parameter, of shape (2, switches, 2, degree + 1, lines).
     """

@@ -288,7 +288,7 @@ class _Curve:
     def _moved_jumps(
         self, angles: NDArray[np.float64], moves: NDArray[np.float64], longest: int
     ) -> NDArray[np.complex128]:
-        """Return what the spectrum of the force changes by if the angles of jumps move."""
+        """Return the change of the spectrum of the force if the angles of jumps move."""
         known = self.formulas
         result: NDArray[np.complex128] = np.zeros(longest + 1, dtype=complex)
         for phi, move in zip(angles, moves, strict=True):

@@ -174,9 +174,10 @@ class Slider:
         return _parts([each.phi for each in self.breaks])
 
     def moved(self, place: int) -> tuple[float, Limit | None]:
-        """Return what moves a break: its angle changes by less the change of a quantity over this rate by phi.
+        """Return the rate, by the angle phi, of the quantity that is zero at a break.
 
-        The quantity is the penetration of the switch of the host, or the limit, which is returned too.
+        The angle of the break changes by minus the change of that quantity over this rate. The quantity is the
+        penetration of the switch of the host, or the limit, which is returned too.
         """
         each = self.breaks[place]
         if each.switch >= 0:
@@ -303,7 +304,7 @@ class Slider:
         return np.array([np.real(found), np.imag(found) / _STEP])
 
     def _signed_limit(self, phi: Array, patterns: NDArray[np.intp], *, partial: bool = True) -> Limit:
-        """Return what the law gives for the limit, which may be negative."""
+        """Return the limit by the law, which may be negative."""
         none = np.zeros(len(phi))
         if self.is_steady:
             value, slope = self._steady_limits[:, patterns]

@@ -53,7 +53,7 @@ def _fill(book: Any, name: str, headings: Sequence[str], columns: Sequence[Itera
 
 
 def _cell(sheet: Any, value: Any) -> Any:
-    """Return what openpyxl writes for a value.
+    """Return a value as openpyxl can write it.
 
     A text that begins with = must not become a formula, and a number keeps all digits: openpyxl would write 16 of them.
     """

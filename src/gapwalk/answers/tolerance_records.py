@@ -1,0 +1,193 @@
+"""Records of how the special points of many samples of a system are found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.answers.near_misses import Watch
+from gapwalk.answers.point_forms import Form, Patterns, Walked
+from gapwalk.answers.point_tracking import ENOUGH, TrackedPoint
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+Array = NDArray[np.float64]
+
+
+class HowFound(IntEnum):
+    """How the special points of one sample were found.
+
+    Examples
+    --------
+    >>> gw.records.HowFound(tolerance.how[0]).name
+    'WALKED'
+    """
+
+    TRACKED = 0
+    """By predictions, corrected by Newton's method where their error is not known to be small."""
+    WALKED = 1
+    """By walking the branch of the sample."""
+    REFUSED = 2
+    """Not at all: the model does not allow these values."""
+    FAILED = 3
+    """Not all: the walk failed."""
+    LOST = 4
+    """Not yet."""
+    PARTLY = 5
+    """Tracked, but for a stretch of the branch that was walked."""
+
+
+@dataclass(frozen=True, eq=False)
+class Further:
+    """A special point of a sample that has no nominal counterpart.
+
+    Attributes
+    ----------
+    sample
+        Number of the sample.
+    kind
+        Name of its kind.
+    value
+        Value of the parameter.
+
+    Examples
+    --------
+    >>> gw.records.Further(sample=3, kind="fold", value=1.4).value
+    1.4
+    """
+
+    sample: int
+    kind: str
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceWalks:
+    """Walked branches of some samples.
+
+    Attributes
+    ----------
+    number
+        Number of the chunk.
+    walked
+        The samples.
+    """
+
+    number: int
+    walked: tuple[Walked, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ToleranceChunk:
+    """Special points of some samples.
+
+    Attributes
+    ----------
+    number
+        Number of the chunk.
+    rows
+        Numbers of the samples.
+    values : shape (samples, points)
+        Value of the parameter at each point; nan where it does not exist.
+    errors : shape (samples, points)
+        Bounds of their errors.
+    how : shape (samples,)
+        Values of `HowFound`.
+    further
+        Special points without nominal counterpart.
+    """
+
+    number: int
+    rows: NDArray[np.intp]
+    values: Array
+    errors: Array
+    how: NDArray[np.intp]
+    further: tuple[Further, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """The nominal special points, and how those of samples are found.
+
+    Attributes
+    ----------
+    key
+        Text that no other tracking has: a process prepares the same points only once.
+    system
+        The nominal system.
+    names
+        The parameters that vary.
+    first
+        Nominal orbit from which the branch is walked.
+    parameter, begin, end
+        The branch.
+    specials
+        The nominal points that are tracked.
+    deviations
+        Standard deviations of the parameters.
+    walk
+        Options of the walks.
+    accuracy
+        Largest error of a value, as a share of it.
+    forms
+        Forms of all points; empty for the walks.
+    patterns
+        Which of the forms found in a sample lie on its branch; None for the first solutions.
+    watches
+        Where further points may be born.
+    """
+
+    key: str
+    system: System
+    names: tuple[str, ...]
+    first: Orbit
+    parameter: str
+    begin: float
+    end: float
+    specials: tuple[SpecialPoint, ...]
+    deviations: Array
+    walk: WalkOptions
+    accuracy: float = 2.0 * ENOUGH
+    forms: tuple[Form, ...] = ()
+    patterns: Patterns | None = None
+    watches: tuple[Watch, ...] = ()
+
+    @property
+    def width(self) -> float:
+        """Width of the range."""
+        return abs(self.end - self.begin)
+
+    @property
+    def labels(self) -> list[tuple[object, ...]]:
+        """Properties that a point shares with its counterpart."""
+        return [label_of(special) for special in self.specials]
+
+    def at(self, values: Array) -> System:
+        """Return the system of a sample at the beginning of its branch; raise a ModelError if it is not allowed."""
+        return self.system.at({**dict(zip(self.names, values.tolist(), strict=True)), self.parameter: self.begin})
+
+
+def label_of(special: SpecialPoint) -> tuple[object, ...]:
+    """Return kind, contact, and the side to which a fold opens; of other kinds, if it makes the branch less stable."""
+    turns = special.nature if special.kind.is_turning else np.sign(special.after.total - special.before.total)
+    return special.kind, special.contact, str(turns)
+
+
+def trackable(branch: Branch, names: Sequence[str]) -> tuple[tuple[SpecialPoint, ...], tuple[str, ...]]:
+    """Return the special points of a branch that can be tracked, and a sentence for each that cannot."""
+    points, failures = [], []
+    for special in branch.special_points:
+        try:
+            TrackedPoint.of(special, names)
+            points.append(special)
+        except (ModelError, NumericalError) as error:
+            failures.append(f"the {special.kind} at {special.value:.8g} is not tracked: {error}")
+    return tuple(points), tuple(failures)

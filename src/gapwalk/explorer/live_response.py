@@ -1,0 +1,255 @@
+"""The live response of the model editor: a quick walk in a process of its own, given up when the text changes.
+
+The walk is by harmonic balance to a hundredth, from the static equilibrium, with long steps and without special points.
+It needs no compiled flow, so a changed structure costs no more than a changed number. What harmonic balance does not
+describe (rigid stops, some friction) is walked by shooting.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+from gapwalk.bifurcation import directions, start_branch
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import EndReason, Walk
+from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.explorer.progress_stream import SECONDS
+from gapwalk.model.equilibria import find_equilibria
+from gapwalk.model.model_source import parse_source
+from gapwalk.model.system import System
+from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import solve
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.parallel.processes import undisturbed
+from gapwalk.studies.options import BranchOptions, RangeStudy
+from gapwalk.studies.study_file import Study, check_studies
+
+BALANCE = Balance(error=0.01)
+"""Harmonics up to a hundredth of the motion: less than the width of a line on the page."""
+SHOOTING = Shooting(tolerance=1e-6)
+STEPS = WalkOptions(initial_step=0.01, largest_step=0.05, largest_turn=0.6, max_points=1000)
+_LONGEST = 15.0  # seconds that a walk may take
+_LABELS = ("stable", "below", "above", "pair")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A text whose response is wanted.
+
+    Parameters
+    ----------
+    number
+        Number of the request.
+    text, name, root
+        The text of the model file, its name, and the folder outside of which no file is read.
+    """
+
+    number: int
+    text: str
+    name: str = ""
+    root: str = ""
+
+
+def response(asked: Asked) -> Iterator[dict[str, Any]]:
+    """Walk the response of a text quickly.
+
+    Yields
+    ------
+    dict
+        First ``across`` and ``up``, the titles of the axes, and ``range``; after each point ``x``, ``y`` and ``label``,
+        the kind of stability; at last ``end``, in words, empty at the end of the range.
+
+    Raises
+    ------
+    GapwalkError
+        If the text has errors, or no motion to begin with is found.
+    """
+    study = _shown(check_studies(parse_source(asked.text, asked.name, asked.root)))
+    options = study.options
+    assert isinstance(options, RangeStudy)
+    system = options.first_system(study.system)
+    given = full_measure(getattr(options, "measure", None) or "half", system.coordinates)
+    titles = {"across": parameter_words(options.parameter, system.units), "up": measure_words(given, system.units)}
+    yield {**titles, "range": [options.begin, options.end]}
+    period = options.period if isinstance(options, BranchOptions) else 1
+    began, end = time.monotonic(), ""
+    for point in _walk(system, options, period):
+        if isinstance(point, str):
+            end = point
+        else:
+            yield {"x": point.value, "y": point.measure(given), "label": _LABELS.index(point.instability.label)}
+        if time.monotonic() - began > _LONGEST:
+            end = f"stopped after {_LONGEST:g} s; Compute walks all of it"
+            break
+    yield {"end": end}
+
+
+def _shown(studies: tuple[Study, ...]) -> Study:
+    """Return the study whose range is walked: the first over the pace of the excitation, else over anything."""
+    ranges = [each for each in studies if isinstance(each.options, RangeStudy)]
+    if not ranges:
+        raise ModelError('no study has a range; kind = "response" with parameter, from and to has a curve here')
+    return next((each for each in ranges if _parameter(each) == each.system.structure.pace), ranges[0])
+
+
+def _parameter(study: Study) -> str:
+    assert isinstance(study.options, RangeStudy)
+    return study.options.parameter
+
+
+def _walk(system: System, options: RangeStudy, period: int) -> Iterator[BranchPoint | str]:
+    """Yield the points of the walk, and the reason why it ended before its range did."""
+    start, method = _first(system, period)
+    (direction,) = directions(options.begin, options.end)
+    beginning = start_branch(start, options.parameter, options.end, direction, method)
+    walk = Walk(beginning.first, beginning.within, beginning.corrector, STEPS)
+    yield beginning.first
+    yield from walk
+    if walk.end is not None and walk.end.reason is not EndReason.RANGE:
+        yield walk.end.reason_words
+
+
+def _first(system: System, period: int) -> tuple[Orbit, Method]:
+    """Return the first motion, and the method that has found it."""
+    with suppress(ModelError, NumericalError):
+        equation = BALANCE.pose(system, None, period)
+        while equation is not None:
+            guess = equation.rest(find_equilibria(system).equilibria[0].position)
+            unknowns, evaluation = solve(equation, guess, 0.0)
+            orbit = equation.orbit(unknowns, 0.0, evaluation)
+            if not equation.inaccuracy(orbit):
+                return orbit, BALANCE
+            equation = equation.finer()
+    return find_orbit(system, period, "settle", method=SHOOTING), SHOOTING
+
+
+def answers(asked: Asked) -> Iterator[dict[str, Any]]:
+    """Yield the response for the page: points together, at most four times a second; errors as a sentence."""
+    points: dict[str, list[float]] = {"x": [], "y": [], "label": []}
+    last = time.monotonic()
+    try:
+        for each in response(asked):
+            if "x" not in each:
+                yield {**each, **(points if "end" in each else {})}
+                continue
+            for name, values in points.items():
+                values.append(each[name])
+            due = time.monotonic() - last >= SECONDS
+            yield points if due else {}
+            if due:
+                points, last = {"x": [], "y": [], "label": []}, time.monotonic()
+    except GapwalkError as error:
+        yield {**points, "end": str(error), "failed": True}
+    except Exception as error:  # a page cannot show a traceback
+        yield {"end": f"this is a bug in gapwalk, please report it: {type(error).__name__}: {error}", "failed": True}
+
+
+def work(line: Any) -> None:
+    """Walk what is asked for, one after the other: the main function of the process.
+
+    It looks for a newer request after each point, and ends with its server, whose end of the pipe then closes.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError):
+        while True:
+            asked = line.recv()
+            while line.poll():
+                asked = line.recv()
+            for news in answers(asked) if isinstance(asked, Asked) else ():
+                if news:
+                    line.send((asked.number, news))
+                if line.poll():
+                    break
+
+
+class LiveResponses:
+    """The process that walks, and the requests of pages; one walk at a time, and none that nobody waits for."""
+
+    def __init__(self) -> None:
+        self._context = get_context("spawn")
+        self._process: Any = None
+        self._line: Any = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._number = 0
+        self._waiting: dict[int, asyncio.Queue[dict[str, Any]]] = {}
+        self._turn = asyncio.Lock()
+        self._guard = threading.Lock()
+
+    def warm(self) -> None:
+        """Start the process, so that it has loaded its code when the first text is there."""
+        with self._guard:
+            if self._process is not None and self._process.is_alive():
+                return
+            self._line, far = self._context.Pipe()
+            self._process = self._context.Process(target=work, args=(far,), name="gapwalk-live", daemon=True)
+            with undisturbed():
+                self._process.start()
+            far.close()
+            threading.Thread(target=self._read, args=(self._line,), name="gapwalk-live", daemon=True).start()
+
+    def warm_behind(self) -> None:
+        """Do so without waiting for it."""
+        threading.Thread(target=self.warm, name="gapwalk-live-start", daemon=True).start()
+
+    async def of(self, text: str, name: str, root: str) -> AsyncIterator[dict[str, Any]]:
+        """Yield the response of a text as it grows (see `answers`); the walk is given up when this is closed."""
+        async with self._turn:
+            await asyncio.to_thread(self.warm)
+            self._number += 1
+            number, news = self._number, dict[str, Any]()
+            queue = self._waiting[number] = asyncio.Queue()
+            self._loop = asyncio.get_running_loop()
+            try:
+                self._send(Asked(number, text, name, root))
+                while "end" not in news:
+                    news = await queue.get()
+                    yield news
+            finally:
+                del self._waiting[number]
+                if "end" not in news:
+                    self._send(None)  # nobody waits for the rest
+
+    def close(self) -> None:
+        """End the process."""
+        with self._guard:
+            if self._process is not None:
+                self._process.kill()  # it stores nothing
+                self._process.join()
+                self._line.close()
+
+    def _send(self, asked: Asked | None) -> None:
+        with suppress(OSError):  # it has died, and `_read` has said so
+            self._line.send(asked)
+
+    def _read(self, line: Any) -> None:
+        """Hand out what the process sends, until it ends."""
+        try:
+            while True:
+                number, news = line.recv()
+                self._call(number, news)
+        except (EOFError, OSError):
+            died = "the process that computes the response has died; change the text to try again"
+            for number in list(self._waiting):
+                self._call(number, {"end": died, "failed": True})
+
+    def _call(self, number: int, news: dict[str, Any]) -> None:
+        assert self._loop is not None  # a request has set it
+        with suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(self._hand_out, number, news)
+
+    def _hand_out(self, number: int, news: dict[str, Any]) -> None:
+        if number in self._waiting:
+            self._waiting[number].put_nowait(news)

@@ -1,0 +1,291 @@
+"""The model editor: checks of a text while it is typed, its numbers for sliders, and the files that it begins with.
+
+The text belongs to the user. It is never written again from its content: a slider replaces the digits of one number,
+so comments, order and spelling stay as they are.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from gapwalk.errors import ModelError, StoreError
+from gapwalk.explorer.axis_quantities import quantity_words
+from gapwalk.explorer.motion_panels import scenes_of
+from gapwalk.explorer.workspace import MODEL, Workspace
+from gapwalk.model.model_file import check_model
+from gapwalk.model.model_source import MAX_BYTES, Source, parse_source, value_spans
+from gapwalk.model.modes import dissipation_doubts
+from gapwalk.model.problems import ModelFileError, Problem
+from gapwalk.model.problems import Path as Place
+from gapwalk.model.system import System
+from gapwalk.studies.study_file import check_studies, template
+
+MOST_LETTERS = 50_000
+"""Length of the longest text that is edited on the page; requests are small."""
+
+_MATRICES = ("mass", "damping", "stiffness")
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_GALLERY = files("gapwalk.explorer") / "gallery"  # links to files of `examples`, the simplest first
+_NAMES = ("stop", "gear", "drivetrain", "idle", "mesh", "den_hartog", "belt", "impact_damper", "rub", "bearing")
+_TEMPLATE = "template"
+_UNIT = re.compile(r" \[[^\]]*\]$")
+_STAGE = re.compile(r"(.+)\.stage(\d+)\.\w+")
+
+
+def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
+    """Check the text of a model file, and describe it for the page.
+
+    Parameters
+    ----------
+    text
+        The text, as far as it is typed.
+    name
+        Name of the file, from which those of its matrices and tables are found.
+    root
+        The folder outside of which no file is read.
+
+    Returns
+    -------
+    dict
+        ``problems``, each with its line; ``numbers`` of the text that are parameters (see `numbers_of`), and ``lines``
+        of its named tables, None while the text is not TOML; ``machine``, the drawings, None while there is no system;
+        and in words ``title``, ``contents``, ``plans`` of the studies, and ``warnings``.
+    """
+    found: dict[str, Any] = {"problems": [], "numbers": None, "lines": None, "machine": None, "system": False}
+    found |= {"title": "", "contents": [], "plans": [], "warnings": []}
+    try:
+        source = parse_source(_checked_size(text), name, root)
+    except ModelFileError as error:
+        return {**found, "problems": _told(error.problems)}
+    model, _ = check_model(source)
+    system = None if model is None else model.system
+    found |= {"numbers": list(numbers_of(source, system)), "lines": _lines(source), "system": system is not None}
+    if model is not None:
+        found |= {"title": model.title, "machine": scenes_of(model.system), "contents": list(model.system.contents)}
+        found["warnings"] = dissipation_doubts(model.system)
+    try:
+        studies = check_studies(source)
+    except ModelFileError as error:
+        return {**found, "problems": _told(error.problems)}
+    found["plans"] = [": ".join(filter(None, (each.name, each.options.plan))) for each in studies]
+    return found
+
+
+def numbers_of(source: Source, system: System | None) -> Iterator[dict[str, Any]]:
+    """Yield the numbers of a text that are parameters of its system.
+
+    Parameters
+    ----------
+    source
+        The text.
+    system
+        Its system; None while it has errors. Then the names are those that the numbers are likely to have.
+
+    Yields
+    ------
+    dict
+        ``name`` and ``words`` of the parameter, ``value`` and ``unit`` as they are written, its ``line``, and where the
+        digits stand: the first character ``begin``, and ``end``, the one after the last.
+    """
+    names = None if system is None else system.parameters
+    for path, (begin, end) in value_spans(source.text).items():
+        raw = source.text[begin:end]
+        quote = raw[:1] if raw[:1] in "\"'" else ""
+        match = _NUMBER.match(raw, len(quote))
+        if match is None or raw[:3] in ('"""', "'''"):
+            continue
+        rest = raw[match.end() :].removesuffix(quote)
+        if rest if not quote else not re.fullmatch(r" ?[^\d\s][^\"]*|", rest):
+            continue  # such as 1_000, or a text that only begins with a number
+        name = _parameter_name(path, source.data, names)
+        if not name:
+            continue
+        words = name if system is None else quantity_words([name], system)[0]["words"]
+        if unit := rest.strip():  # as it is written, which may be another one than that of results
+            words = f"{_UNIT.sub('', words)} [{unit}]"
+        yield {
+            "name": name,
+            "words": words,
+            "value": float(match.group()),
+            "unit": unit,
+            "line": source.line(path),
+            "begin": begin + match.start(),
+            "end": begin + match.end(),
+        }
+
+
+def _parameter_name(path: Place, data: Mapping[str, Any], names: Mapping[str, float] | None) -> str:
+    """Return the name of the parameter to which a place of a text gives its value; empty if there is none."""
+    top, rest = str(path[0]), path[1:]
+    name = ""
+    if not rest:
+        name = top
+    elif top == "mean":
+        name = f"mean.{rest[0]}"
+    elif top in _MATRICES and all(isinstance(each, int) for each in rest):
+        coordinates = data.get("coordinates")
+        if isinstance(coordinates, list) and max(map(int, rest)) < len(coordinates):
+            row, column = int(rest[0]), int(rest[-1])
+            name = f"{top}.{coordinates[row]}.{coordinates[column]}"
+    elif len(rest) >= 2 and isinstance(rest[0], int) and isinstance(table := data[top][rest[0]], Mapping):
+        own = str(table.get("name", f"{top}{rest[0] + 1}"))
+        keys = [str(each) for each in rest[1:]]
+        if keys[0] == "stage" and len(keys) == 3:
+            keys = _stage_keys(own, int(keys[1]), keys[2], names)
+        name = ".".join([own, *keys])
+    return name if names is None or name in names else ""
+
+
+def _stage_keys(own: str, number: int, key: str, names: Mapping[str, float] | None) -> list[str]:
+    """Return the keys of a number of a stage: a single stage has no number, and a shaft counts its own spring too."""
+    counted = {int(match[2]) for name in names or () if (match := _STAGE.fullmatch(name)) and match[1] == own}
+    if names is None or not counted:
+        return [key] if names is not None else [f"stage{number + 1}", key]
+    numbers = sorted(counted)
+    return [f"stage{numbers[number]}", key] if number < len(numbers) else ["", key]
+
+
+def _lines(source: Source) -> dict[str, int]:
+    """Return the lines of all named tables, and of the keys at the top."""
+    found = {str(key): line for key in source.data if (line := source.line((key,)))}
+    for top, tables in source.data.items():
+        for number, table in enumerate(tables if isinstance(tables, list) else ()):
+            line = source.line((top, number))
+            if isinstance(table, Mapping) and isinstance(name := table.get("name"), str) and line:
+                found[name] = line
+    return found
+
+
+def _told(problems: tuple[Problem, ...]) -> list[dict[str, Any]]:
+    return [
+        {"line": each.line, "text": " ".join(filter(None, (each.place or each.path, each.message)))}
+        for each in problems
+    ]
+
+
+def _checked_size(text: str) -> str:
+    if len(text) > MOST_LETTERS:
+        message = f"the text has {len(text):,} letters; one of more than {MOST_LETTERS:,} is edited in a text editor"
+        raise ModelFileError([Problem(message)])
+    return text
+
+
+def starts() -> list[dict[str, str]]:
+    """Return what a new model can begin with: its key, its title, and a sentence."""
+    first = {"name": _TEMPLATE, "title": "Template", "text": "the two-stage clutch, with a comment on every key"}
+    return [first, *({"name": name, **_about(name)} for name in _NAMES)]
+
+
+def start_text(name: str) -> str:
+    """Return the text of a model to begin with.
+
+    Raises
+    ------
+    ModelError
+        If there is none of that name.
+    """
+    if name == _TEMPLATE:
+        return template()
+    if name not in _NAMES:
+        known = ", ".join((_TEMPLATE, *_NAMES))
+        raise ModelError(f"there is no model {name[:40]!r} to begin with; there are {known}")
+    return (_GALLERY / f"{name}{MODEL}").read_text(encoding="utf-8")
+
+
+@cache
+def _about(name: str) -> dict[str, str]:
+    data = parse_source(start_text(name)).data
+    count, what = (len(data["inertia"]), "inertias") if "inertia" in data else (len(data["coordinates"]), "coordinates")
+    units = "in N m, rad and rpm" if "speed" in data else "non-dimensional"
+    return {"title": str(data["title"]), "text": f"{count} {what if count > 1 else what[:-1]}, {units}"}
+
+
+def text_of(workspace: Workspace, name: str) -> dict[str, str]:
+    """Return the text of a model file in the workspace, and its stamp, with which it is saved again.
+
+    Raises
+    ------
+    ModelError
+        If it cannot be read as text.
+    """
+    path = _model_path(workspace, name)
+    try:
+        content = path.read_bytes() if path.stat().st_size <= MAX_BYTES else b"\xff"
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except OSError as error:
+        raise ModelError(f"{name} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ModelError(f"{name} is not a text in UTF-8; save it as UTF-8 with a text editor first") from None
+    return {"text": _checked_size(text), "stamp": _stamp(path)}
+
+
+def save_text(workspace: Workspace, name: str, text: str, stamp: str) -> dict[str, str]:
+    """Write a model file of the workspace, whole or not at all.
+
+    Line ends and the mark at the beginning of an existing file stay as they are there.
+
+    Parameters
+    ----------
+    workspace
+        The folder.
+    name
+        Name of the file.
+    text
+        Its text; it may have errors, because it belongs to the user.
+    stamp
+        That of the file as it was read (`text_of`); empty for a new file, ``"*"`` to replace any.
+
+    Returns
+    -------
+    dict
+        The new ``stamp``; or ``conflict``, in words, if the file was changed meanwhile or is there already. In that
+        case nothing is written.
+
+    Raises
+    ------
+    ModelError
+        If the name is not that of a model file in the folder.
+    StoreError
+        If it cannot be written.
+    """
+    path, content = _model_path(workspace, name), _checked_size(text)
+    before = _stamp(path)
+    if before and not stamp:
+        return {"conflict": f"there is a file {name} already; choose another name, or replace it"}
+    if before and stamp not in (before, "*"):
+        return {"conflict": f"{name} was changed meanwhile by another program; choose another name, or replace it"}
+    old = path.read_bytes()[:MAX_BYTES] if before else b""
+    if b"\r\n" in old:
+        content = content.replace("\n", "\r\n")
+    mark = b"\xef\xbb\xbf" if old.startswith(b"\xef\xbb\xbf") else b""
+    new = path.with_name(f".{path.name}-new")
+    try:
+        new.write_bytes(mark + content.encode("utf-8"))
+        os.replace(new, path)
+    except UnicodeEncodeError:
+        raise ModelError("the text holds half of a letter, which no file can; delete it") from None
+    except OSError as error:
+        raise StoreError(f"{name} cannot be written: {error.strerror}") from None
+    return {"stamp": _stamp(path)}
+
+
+def _model_path(workspace: Workspace, name: str) -> Path:
+    path = workspace.path(name)
+    if path.suffix != MODEL or Path(name).name != name:
+        raise ModelError(f"{name[:100]!r} is not the name of a model file; write one such as clutch{MODEL}")
+    return path
+
+
+def _stamp(path: Path) -> str:
+    """Return time and size of a file; empty if there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ""
+    return f"{found.st_mtime_ns}-{found.st_size}"

@@ -1,0 +1,286 @@
+"""Records of a backbone: its free vibrations, what happens along it, and why it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.motion import Motion, integrate
+from gapwalk.model.system import System
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+
+_GROWS = 1e-5  # modulus of a multiplier beyond 1 that is not rounding: two of them are 1, as a double eigenvalue
+
+
+@dataclass(frozen=True, eq=False)
+class BackbonePoint:
+    """One free vibration.
+
+    Attributes
+    ----------
+    value
+        The frequency, in the unit of the model.
+    start, turn : shape (n,)
+        The positions at the two places of rest between which the motion swings.
+    energy
+        Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
+    multipliers : shape (2n,)
+        Floquet multipliers, largest modulus first; two of them are 1.
+    touches
+        Number of contact events in a period.
+
+    Examples
+    --------
+    >>> point = backbone.points[-1]
+    >>> point.stable, point.touches
+    (True, 2)
+    """
+
+    _row: ClassVar = {
+        "frequency": "value",
+        "energy": "energy",
+        "amplitude": "amplitude",
+        "stable": "stable",
+        "touches": "touches",
+    }
+
+    value: float
+    start: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    energy: float
+    multipliers: NDArray[np.complex128]
+    touches: int
+
+    @property
+    def stuck(self) -> tuple[int, ...]:
+        """Contacts whose friction never slips: none."""
+        return ()
+
+    @property
+    def amplitude(self) -> float:
+        """Half the distance between the places of rest, of the coordinate that swings most."""
+        return 0.5 * float(np.abs(self.start - self.turn).max())
+
+    @property
+    def half(self) -> NDArray[np.float64]:
+        """Half the distance between the places of rest for each coordinate, shape (n,)."""
+        return 0.5 * np.abs(self.start - self.turn)
+
+    @property
+    def stable(self) -> bool:
+        """True if no multiplier is outside the unit circle."""
+        return bool(np.abs(self.multipliers).max() <= 1.0 + _GROWS)
+
+    def __repr__(self) -> str:
+        return f"BackbonePoint({self.value:.10g}, amplitude {self.amplitude:.6g}, {self.touches} contact events)"
+
+
+class BackboneEventKind(StrEnum):
+    """Kind of event along a backbone.
+
+    Examples
+    --------
+    >>> gw.free.BackboneEventKind.TURN.value
+    'the frequency turns'
+    """
+
+    TURN = "the frequency turns"
+    CROSSING = "another backbone crosses"
+
+
+@dataclass(frozen=True, eq=False)
+class BackboneEvent:
+    """Free vibration at which a backbone turns, as near an internal resonance, or at which another one crosses.
+
+    Attributes
+    ----------
+    kind
+        What happens.
+    point
+        The free vibration.
+    uncertainty
+        Estimated error of its frequency.
+
+    Examples
+    --------
+    >>> len(backbone.events)
+    0
+    """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "frequency": "point.value",
+        "uncertainty": "uncertainty",
+        "energy": "point.energy",
+        "amplitude": "point.amplitude",
+    }
+
+    kind: BackboneEventKind
+    point: BackbonePoint
+    uncertainty: float
+
+    @property
+    def value(self) -> float:
+        """The frequency."""
+        return self.point.value
+
+    def __repr__(self) -> str:
+        return f"BackboneEvent({self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e})"
+
+
+@dataclass(frozen=True, slots=True)
+class BackboneEnd:
+    """Place and reason of the end of a backbone.
+
+    Attributes
+    ----------
+    reason
+        The reason, as a sentence.
+    value
+        The frequency there.
+    is_failure
+        True if the numerics gave up.
+
+    Examples
+    --------
+    >>> print(backbone.ends[0])
+    the backbone begins here, at 1
+    """
+
+    reason: str
+    value: float
+    is_failure: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.reason}, at {self.value:.8g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone(Shown):
+    """Free vibrations of one family: how frequency and amplitude belong together without damping and excitation.
+
+    Attributes
+    ----------
+    system
+        The system without losses.
+    mode
+        Number of the linear mode from which it begins, from 1; 0 if it began at a given release.
+    points
+        The free vibrations, from the beginning on.
+    events
+        Turns of the frequency, and crossings.
+    ends
+        Its two ends.
+
+    Examples
+    --------
+    >>> backbone.mode, len(backbone.points) > 20
+    (1, True)
+    >>> bool(backbone.values[-1] > backbone.values[0])
+    True
+    """
+
+    system: System
+    mode: int
+    points: tuple[BackbonePoint, ...]
+    events: tuple[BackboneEvent, ...]
+    ends: tuple[BackboneEnd, BackboneEnd]
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The frequency at each point, shape (points,)."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def energies(self) -> NDArray[np.float64]:
+        """The energy at each point, shape (points,)."""
+        return np.array([point.energy for point in self.points])
+
+    def half(self, coordinate: str) -> NDArray[np.float64]:
+        """Return half the peak to peak of a coordinate between the places of rest, at each point.
+
+        Parameters
+        ----------
+        coordinate
+            Name of a coordinate.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the coordinate.
+        """
+        place = self.system.coordinates.index(coordinate)
+        return np.array([point.half[place] for point in self.points])
+
+    def motion(self, point: BackbonePoint, samples: int = 256) -> Motion:
+        """Return the motion of a point over a period, sampled.
+
+        Parameters
+        ----------
+        point
+            A point of the backbone.
+        samples
+            Number of samples.
+
+        Returns
+        -------
+        Motion
+            It begins at rest.
+        """
+        system = self.system.at({self.system.structure.pace: point.value})
+        return integrate(system, np.append(point.start, np.zeros(system.size)), 1, samples)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Ends at which the numerics gave up, in sentences."""
+        return tuple(str(end) for end in self.ends if end.is_failure)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the range, the events and the end, in words."""
+        first, last = self.points[0], self.points[-1]
+        what = f"backbone of mode {self.mode}" if self.mode else "backbone"
+        yield (
+            f"{what}: {len(self.points)} free vibrations, frequency {first.value:.8g} to {last.value:.8g}, amplitude "
+            f"{first.amplitude:.4g} to {last.amplitude:.4g}; {sum(point.stable for point in self.points)} are stable"
+        )
+        if self.events:
+            yield Table(
+                ("what", ">frequency", ">±", ">amplitude"),
+                [
+                    (each.kind.value, f"{each.value:.9g}", f"{each.uncertainty:.0e}", f"{each.point.amplitude:.6g}")
+                    for each in self.events
+                ],
+            )
+        for place, end in zip(("first", "last"), self.ends, strict=True):
+            yield f"{place} end: {end}"
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of points and events."""
+        return {
+            "points": lambda: rows_of(map(row_of, self.points)),
+            "events": lambda: rows_of(map(row_of, self.events)),
+        }
+
+    def plot(self, **options: Any):
+        """Draw amplitude over frequency, and frequency over energy; see `gapwalk.plot.backbone_pictures`.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def __repr__(self) -> str:
+        return (
+            f"Backbone({len(self.points)} free vibrations, {self.points[0].value:.6g} to {self.points[-1].value:.6g})"
+        )

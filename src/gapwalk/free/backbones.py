@@ -1,0 +1,78 @@
+"""Record of several backbones of one system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gapwalk.free.backbone_record import Backbone
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes
+
+
+@dataclass(frozen=True, eq=False)
+class Backbones(Shown):
+    """Backbones of one system, one for each linear mode or release.
+
+    Attributes
+    ----------
+    lines
+        The backbones.
+    failures
+        Modes without a backbone, with the reasons, in sentences.
+    complete
+        True if all were followed.
+
+    Examples
+    --------
+    >>> lines = gw.free.Backbones((backbone,))
+    >>> lines.complete, lines.failures
+    (True, ())
+    """
+
+    lines: tuple[Backbone, ...]
+    failures: tuple[str, ...] = ()
+    complete: bool = True
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks: none."""
+        return ()
+
+    @summarizes
+    def summary(self, *, notes: bool = True) -> SummaryParts:
+        """Return each backbone in words.
+
+        Parameters
+        ----------
+        notes
+            True to include the failures.
+        """
+        for line in self.lines:
+            yield from line.summary()
+        if notes:
+            yield from remarks(self.notes, self.failures)
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of all points and events, with the number of the backbone."""
+        return {
+            "points": lambda: rows_of(self._rows(lambda line: map(row_of, line.points))),
+            "events": lambda: rows_of(self._rows(lambda line: map(row_of, line.events))),
+        }
+
+    def _rows(self, rows: Callable[[Backbone], Any]) -> Iterator[dict[str, Any]]:
+        for number, line in enumerate(self.lines, start=1):
+            yield from ({"backbone": number, **row} for row in rows(line))
+
+    def plot(self, **options: Any):
+        """Draw amplitudes over the frequency; see `gapwalk.plot.backbone_pictures`. Return the figure.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, **options)

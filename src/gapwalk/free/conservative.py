@@ -1,0 +1,115 @@
+"""The system without damping and excitation, its energy, and the test that its motions run backwards."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import FlowError, ModelError
+from gapwalk.flow.dry_motion import is_dry
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.spring import springs_of
+from gapwalk.model.static_force import static_forces_of
+from gapwalk.model.system import System
+
+_LOSSES = ("impact_damping", "viscous_damping")  # numbers of contacts that are set to zero
+_BACK = 1e-7  # largest difference of a motion that ran forward and back, relative to it
+
+
+def without_losses(system: System) -> System:
+    """Return a system without damping and without excitation: its mean loads remain.
+
+    A drive train becomes the system of its equations of motion.
+
+    Parameters
+    ----------
+    system
+        The system.
+
+    Returns
+    -------
+    System
+        The same system with other numbers.
+
+    Raises
+    ------
+    ModelError
+        For a system with dry friction or rigid stops, or with a force that depends on rates in another way.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> free = gw.free.without_losses(gw.paper.case("13"))
+    >>> free["damping.q1.q1"], free["harmonic1.amplitude"]
+    (0.0, 0.0)
+    """
+    if is_dry(system.structure):
+        raise ModelError(
+            "a system with dry friction or rigid stops has no free vibration without losses; leave them out, or "
+            "replace a rigid stop by a stiff one"
+        )
+    plain = system.equations
+    structure, names = plain.structure, plain.coordinates
+    zero = [f"damping.{a}.{b}" for a in names for b in names]
+    zero += [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
+    zero += [f"{form.name}.amplitude" for form in structure.harmonics]
+    free = plain.at({name: 0.0 for name in zero if name in structure.names})
+    _check_reversible(free)
+    return free
+
+
+def _check_reversible(system: System) -> None:
+    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law."""
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    size = 2.0 * max((slope.clearance for spring in springs_of(system) for slope in spring.slopes), default=1.0) or 1.0
+    start = np.zeros(2 * system.size)
+    start[: system.size] = size * np.linspace(1.0, 0.7, system.size)
+    turn = np.repeat([1.0, -1.0], system.size)
+    try:
+        there = flow.integrate(coefficients, start, 0.0, PERIOD).state
+        back = flow.integrate(coefficients, turn * there, 0.0, PERIOD).state * turn
+    except FlowError:
+        return
+    unit = system.state_scales()
+    if np.abs((back - start) / unit).max() > _BACK * max(np.abs(start / unit).max(), np.abs(there / unit).max()):
+        raise ModelError(
+            "the motions of this system without damping and excitation do not run backwards: a force depends on rates, "
+            "or a number varies over the angle; take it out of the model, such as a formula with v"
+        )
+
+
+def potential_of(system: System, positions: NDArray[np.float64]) -> float:
+    """Return the potential energy at some positions, relative to zero positions, in the units of the model.
+
+    The forces of contacts are integrated along the straight line from zero, piece by piece between breakpoints. It is
+    nan if the stiffness matrix is not symmetric or a contact acts along another vector than its deflection: then the
+    equations were multiplied by something, and do not show their energy.
+    """
+    if not _shows_energy(system):
+        return float("nan")
+    mean = np.array([system[f"mean.{name}"] for name in system.coordinates])
+    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(mean @ positions)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    for force, spring in zip(static_forces_of(system), springs_of(system), strict=True):
+        along = force.deflections @ positions
+        places = {0.0, 1.0}
+        edges = [slope.sign * slope.clearance / along[0] for slope in spring.slopes if along[0] != 0.0]
+        places |= {edge for edge in edges if 0.0 < edge < 1.0}
+        ordered = sorted(places)
+        for low, high in pairwise(ordered):
+            shares = low + (high - low) * 0.5 * (nodes + 1.0)
+            forces = force.by_deflections(np.outer(shares, along)).force
+            total += 0.5 * (high - low) * float(weights @ forces) * float(force.direction @ positions)
+    return total
+
+
+def _shows_energy(system: System) -> bool:
+    stiffness = system.matrix("stiffness")
+    symmetric = np.allclose(stiffness, stiffness.T, rtol=1e-12, atol=1e-12 * np.abs(stiffness).max(initial=0.0))
+    forces = static_forces_of(system)
+    return symmetric and all(
+        len(each.deflections) == 1 and np.allclose(each.direction, each.deflections[0]) for each in forces
+    )

@@ -1,0 +1,113 @@
+"""Pictures of backbones: amplitude over frequency, with a response beside it, and frequency over energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.errors import ModelError
+from gapwalk.free.backbone_record import Backbone, BackboneEventKind
+from gapwalk.free.backbones import Backbones
+from gapwalk.model.words import measure_words, parameter_words
+from gapwalk.plot.branches import draw_branches, line_entries
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import AnyFigure, write_heading, write_legend, write_letters
+from gapwalk.plot.style import BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
+
+_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
+_ROOM = 2.5  # height of a picture with a response, in its largest amplitude
+_MARKS = {
+    BackboneEventKind.TURN: symbols("D", 5.0, "white", BLUE),
+    BackboneEventKind.CROSSING: symbols("X", 6.0, "white", VERMILLION),
+}
+
+
+@draws(Backbone, panels=True, size=(7.5, 5.6))
+def draw_backbone(
+    line: Backbone,
+    figure: AnyFigure,
+    measure: str = "half",
+    *,
+    response: Branch | Sequence[Branch] = (),
+    title: str = "",
+) -> Finish | None:
+    """Draw one backbone; see `draw_backbones`.
+
+    Parameters
+    ----------
+    line, figure
+        The backbone and the figure.
+    measure, response, title
+        As in `draw_backbones`.
+    """
+    return draw_backbones(Backbones((line,)), figure, measure, response=response, title=title)
+
+
+@draws(Backbones, panels=True, size=(7.5, 5.6))
+def draw_backbones(
+    found: Backbones,
+    figure: AnyFigure,
+    measure: str = "half",
+    *,
+    response: Branch | Sequence[Branch] = (),
+    title: str = "",
+) -> Finish | None:
+    """Draw amplitudes over the frequency, and the frequency over the energy if the equations show it.
+
+    Parameters
+    ----------
+    found, figure
+        The backbones and the figure.
+    measure
+        ``half`` of a coordinate, as ``half.q1``; by default of the first one.
+    response
+        Branches over the frequency, of the system with its damping and excitation, to be drawn beside them.
+    title
+        Title above the picture.
+    """
+    if not found.lines:
+        raise ModelError("there is no backbone yet, so there is nothing to draw")
+    system = found.lines[0].system
+    what, _, coordinate = measure.partition(".")
+    coordinate = coordinate or (measure if measure in system.coordinates else system.coordinates[0])
+    if what not in ("half", coordinate) or coordinate not in system.coordinates:
+        raise ModelError(f"measure is {measure!r}; a picture of backbones shows half of a coordinate, as in half.q1")
+    has_energy = bool(np.isfinite(found.lines[0].energies).all()) and found.lines[0].energies.max() > 0.0
+    panels = np.atleast_1d(figure.subplots(2 if has_energy else 1, 1))
+    write_heading(figure, title)
+    branches = [response] if isinstance(response, Branch) else list(response)
+    finish = None
+    if branches:
+        finish = draw_branches(branches, panels[0], f"half.{coordinate}", legend=False, labels=False)
+        panels[0].set_autoscale_on(True)
+    pace = parameter_words(system.structure.pace, system.units)
+    entries: list[tuple[str, Any]] = []
+    for number, line in enumerate(found.lines):
+        look = stroke(_COLOURS[number % len(_COLOURS)], 1.8, "-", zorder=5)
+        entries.append((f"backbone of mode {line.mode}" if line.mode else "backbone", look))
+        panels[0].plot(line.values, line.half(coordinate), **look)
+        if has_energy:
+            panels[1].plot(line.energies, line.values, **look)
+        place = system.coordinates.index(coordinate)
+        for event in line.events:
+            panels[0].plot([event.value], [event.point.half[place]], zorder=6, **_MARKS[event.kind])
+            if has_energy:
+                panels[1].plot([event.point.energy], [event.value], zorder=6, **_MARKS[event.kind])
+    kinds = {event.kind for line in found.lines for event in line.events}
+    entries += [(kind.value, look) for kind, look in _MARKS.items() if kind in kinds]
+    panels[0].set_xlabel(pace)
+    if branches:
+        # the response follows a backbone up to its peak, far below the largest free vibrations
+        peak = max(point.measure(f"half.{coordinate}") for branch in branches for point in branch.points)
+        panels[0].set_ylim(0.0, _ROOM * peak)
+    panels[0].set_ylabel(measure_words(f"half.{coordinate}", system.units))
+    if has_energy:
+        panels[1].set_xscale("log")
+        panels[1].set_xlabel("energy")
+        panels[1].set_ylabel(pace)
+        write_letters(panels.tolist())
+    write_legend(figure, [*line_entries(branches), *entries])
+    return finish

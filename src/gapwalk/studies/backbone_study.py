@@ -1,0 +1,163 @@
+"""The study of backbones: free vibrations without damping and excitation, from linear modes or from a release."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from annotated_types import Gt
+from pydantic import Field
+
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.free.backbone_record import Backbone
+from gapwalk.free.backbone_walk import BackboneOptions, backbone
+from gapwalk.free.backbones import Backbones
+from gapwalk.free.conservative import without_losses
+from gapwalk.model.system import System
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.run_up_study import Speed
+from gapwalk.studies.study_kind import AnswerFinding, Found, StudyKind, Work, plain_numbers
+from gapwalk.studies.study_registry import Counted
+from gapwalk.summary import row_of
+
+
+@dataclass(frozen=True)
+class BackboneStudy(StudyKind):
+    """Backbones of a system: its free vibrations without damping and excitation, over their amplitude.
+
+    Parameters
+    ----------
+    modes
+        Numbers of the linear modes about the equilibrium at which backbones begin, from 1.
+    release
+        Positions from which the system is released at rest, in place of modes, where there is no linear mode: one for
+        each coordinate, in units of the model.
+    begin, end
+        Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
+    largest_amplitude
+        Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).
+    """
+
+    kind: ClassVar[str] = "backbone"
+    gives_frequency: ClassVar[bool] = True
+
+    modes: tuple[Counted, ...] = (1,)
+    release: tuple[float, ...] = ()
+    begin: Annotated[Speed, Field(alias="from")] = None
+    end: Annotated[Speed, Field(alias="to")] = None
+    largest_amplitude: Annotated[float, Gt(0)] = 20.0
+
+    def __post_init__(self) -> None:
+        BackboneOptions(self.largest_amplitude)
+        if (self.begin is None) != (self.end is None):
+            raise ModelError("from and to give the range of the frequency together; write both, or leave both out")
+        if not (self.modes or self.release):
+            raise ModelError("modes is an empty list; write the numbers of some modes, as in modes = [1, 2]")
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> BackboneStudy:
+        """Return the study of a table, if the system has free vibrations without losses."""
+        asked = cls(**values)
+        without_losses(system)
+        if asked.release and len(asked.release) != system.size:
+            raise ModelError(f"release has {len(asked.release)} positions; the system has {system.size} coordinates")
+        if not asked.release and max(asked.modes) > system.size:
+            raise ModelError(f"modes names mode {max(asked.modes)}; the system has the modes 1 to {system.size}")
+        return asked
+
+    @property
+    def starts(self) -> tuple[int | tuple[float, ...], ...]:
+        """Modes, or the release, at which backbones begin."""
+        return (self.release,) if self.release else self.modes
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        where = f"from a release at {list(self.release)}" if self.release else f"of modes {list(self.modes)}"
+        return f"backbones {where}"
+
+    def work(self, system: System) -> BackboneWork:
+        """Return the work on the backbones."""
+        return BackboneWork(system, self)
+
+
+LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
+"""Number of a start, its backbone, and the reason if there is none."""
+
+
+@dataclass(frozen=True)
+class BackboneFinding(AnswerFinding[Backbones]):
+    """Finding of a study of backbones."""
+
+    def document_of(self, found: Backbones, points: bool) -> dict[str, Any]:
+        """Return events and ends as JSON values; with all points if wanted."""
+        return {"backbones": [self._line(line, points) for line in found.lines]}
+
+    def _line(self, line: Backbone, points: bool) -> dict[str, Any]:
+        document: dict[str, Any] = {
+            "mode": line.mode,
+            "events": [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in line.events],
+            "ends": [{"reason": end.reason, "frequency": end.value} for end in line.ends],
+        }
+        if points:
+            document["points"] = [
+                {name: plain_numbers(value) for name, value in row_of(each).items()} | {"start": each.start.tolist()}
+                for each in line.points
+            ]
+        return document
+
+
+class BackboneWork(Work):
+    """The work on backbones, one after the other."""
+
+    def __init__(self, system: System, asked: BackboneStudy) -> None:
+        self.system, self.asked = system, asked
+        self._lines: list[tuple[int, Backbone | None, str]] = []
+
+    def take(self, known: Parts) -> None:
+        """Read the backbones of a file; raise a ValueError if they belong to another study."""
+        self._lines = [line for _, line in known.all(LINE)]
+        if [number for number, _, _ in self._lines] != [*range(len(self._lines))] or len(self._lines) > self.total:
+            raise ValueError("the backbones do not belong to the study")
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Follow the backbones that are left."""
+        asked = self.asked
+        within = None if asked.begin is None or asked.end is None else (asked.begin, asked.end)
+        options = BackboneOptions(asked.largest_amplitude)
+        for number in range(len(self._lines), self.total):
+            start = asked.starts[number]
+            try:
+                line, reason = backbone(self.system, start, within, options=options), ""
+            except NumericalError as error:
+                line, reason = None, str(error)
+            self._lines.append((number, line, reason))
+            yield Found.part(LINE, self._lines[-1], number)
+
+    @property
+    def complete(self) -> bool:
+        """True if no work is left."""
+        return len(self._lines) == self.total
+
+    @property
+    def done(self) -> int:
+        """Number of backbones that are done."""
+        return len(self._lines)
+
+    @property
+    def total(self) -> int:
+        """Number of all backbones."""
+        return len(self.asked.starts)
+
+    @property
+    def record(self) -> Backbones:
+        """The backbones so far."""
+        lines = tuple(line for _, line, _ in self._lines if line is not None)
+        failures = tuple(reason for _, _, reason in self._lines if reason)
+        return Backbones(lines, failures, self.complete)
+
+    def finding(self) -> BackboneFinding:
+        """Return the backbones so far as the finding of a study."""
+        return BackboneFinding(self.record, self.done, self.total)

@@ -1,0 +1,203 @@
+"""The study of tori: the branches over a range, and the families of tori that begin at their Neimark-Sacker points."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Annotated, Any, ClassVar
+
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.errors import NumericalError
+from gapwalk.model.system import System
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Entry, Part, Parts
+from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
+from gapwalk.studies.study_registry import INLINE, Counted
+from gapwalk.summary import row_of
+from gapwalk.tori.torus_continuation import follow_tori
+from gapwalk.tori.torus_diagram import TorusDiagram
+from gapwalk.tori.torus_equation import refuse_dry
+from gapwalk.tori.torus_family import TorusFamily
+from gapwalk.tori.torus_solution import TorusOptions
+
+
+@dataclass(frozen=True)
+class ToriStudy(BranchOptions):
+    """Tori over a range of one parameter: the branches, and the families that begin at their Neimark-Sacker points.
+
+    Parameters
+    ----------
+    parameter, begin, end, measure, period, start, walk, method, verify
+        As `BranchOptions`, for the first branch; the range is that of all.
+    max_period
+        Longest period, in forcing periods, of branches to switch to.
+    max_branches
+        Number of branches after which it stops.
+    tori
+        Accuracy of the tori. In a table, its keys are among the others.
+    workers
+        Number of processes; by default one for each local core.
+    """
+
+    kind: ClassVar[str] = "tori"
+
+    max_period: Annotated[int, Counted] = 2
+    max_branches: Annotated[int, Counted] = 200
+    tori: Annotated[TorusOptions, INLINE] = field(default_factory=TorusOptions)
+    workers: Counted | None = field(default=None, compare=False)
+
+    @property
+    def plan(self) -> str:
+        """Describe the work to be done, in one line."""
+        return f"tori over {self.range_words}, on branches of period {self.period} to {self.max_period}"
+
+    def work(self, system: System) -> ToriWork:
+        """Return the work on the branches and the families.
+
+        Raises
+        ------
+        ModelError
+            For a system with dry friction or rigid stops.
+        """
+        refuse_dry(system)
+        return ToriWork(system, self)
+
+
+FAMILY = Part("family of tori", TorusFamily, numbered=True)
+TORI = Part("tori", tuple[tuple[str, ...], int])
+"""Failures, and the number of Neimark-Sacker points that are done."""
+
+
+@dataclass(frozen=True)
+class ToriFinding(AnswerFinding[TorusDiagram]):
+    """Finding of a study of tori."""
+
+    def document_of(self, found: TorusDiagram, points: bool) -> dict[str, Any]:
+        """Return the families with their events and ends as JSON values; with all tori if wanted."""
+        return {"families": [self._family(family, points) for family in found.families]}
+
+    def _family(self, family: TorusFamily, points: bool) -> dict[str, Any]:
+        document: dict[str, Any] = {
+            "parameter": family.parameter,
+            "curves": family.curves,
+            "events": [_plain(row_of(each)) for each in family.events],
+            "ends": [
+                {"reason": end.reason.name.lower(), "value": end.value, "rotation": end.rotation, "detail": end.detail}
+                for end in family.ends
+            ],
+        }
+        if points:
+            document["tori"] = [
+                {
+                    "value": point.value,
+                    "rotation": point.torus.rotation,
+                    "exponents": plain_numbers(point.torus.exponents.tolist()),
+                    "error": point.torus.error,
+                    "curve": point.torus.states.tolist(),
+                }
+                for point in family.points
+            ]
+        return document
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: plain_numbers(value) for name, value in values.items()}
+
+
+class ToriWork(Work):
+    """The work on tori: the branches of a diagram, then the families that begin on them."""
+
+    def __init__(self, system: System, asked: ToriStudy) -> None:
+        self.asked = asked
+        fields = {name: getattr(asked, name) for name in ("parameter", "begin", "end", "measure", "period", "start")}
+        options = DiagramOptions(max_period=max(asked.max_period, asked.period), max_branches=asked.max_branches)
+        request = DiagramStudyOptions(
+            **fields,
+            walk=asked.walk,
+            method=asked.method,
+            max_period=options.max_period,
+            max_branches=options.max_branches,
+        )
+        self._branches: DiagramWork = request.work(system)
+        self._families: list[TorusFamily] = []
+        self._failures: tuple[str, ...] = ()
+        self._tried = 0
+
+    def take(self, known: Parts) -> None:
+        """Read the branches and families of a file; raise a ValueError if they belong to another study."""
+        if known.get(STATE) is not None:
+            self._branches.take(known)
+        self._families = [family for _, family in known.all(FAMILY)]
+        self._failures, self._tried = known.get(TORI) or ((), 0)
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Find the branches that are not known, then follow the families that are left."""
+        if not self._branches.complete:
+            for found in self._branches.parts(workers):
+                yield Found(found.entries)
+        starts = self.record.starts
+        left = starts[self._tried :]
+        first = self._tried
+
+        def is_new(index: int) -> bool:
+            return not self.record.holds(left[index])
+
+        low, high = self.asked.ends
+        follow_one = partial(_follow, self.asked.parameter, (low, high), self.asked.tori)
+        for index, family in workers.each(follow_one, left, is_new):
+            self._tried = first + index + 1
+            if isinstance(family, str):
+                self._failures = (*self._failures, family)
+                continue
+            self._families.append(family)
+            yield Found((FAMILY.entry(family, len(self._families) - 1), self._state()))
+        self._tried = len(starts)
+
+    def last(self, *, finished: bool) -> Iterable[Entry]:
+        """Return the branches, families and failures."""
+        return self._all(finished)
+
+    def _all(self, finished: bool) -> Iterator[Entry]:
+        yield from self._branches.last(finished=self._branches.complete)
+        yield from (FAMILY.entry(family, number) for number, family in enumerate(self._families))
+        yield self._state()
+
+    def _state(self) -> Entry:
+        return TORI.entry((self._failures, self._tried))
+
+    @property
+    def complete(self) -> bool:
+        """True if no work is left."""
+        return self._branches.complete and self.record.complete
+
+    @property
+    def done(self) -> int:
+        """Number of branches and families."""
+        return self._branches.done + len(self._families)
+
+    @property
+    def total(self) -> int:
+        """Number of branches and families, as far as it is known."""
+        return self.done + max(0, len(self.record.starts) - self._tried)
+
+    @property
+    def record(self) -> TorusDiagram:
+        """The tori so far."""
+        return TorusDiagram(self._branches.record, tuple(self._families), self._failures, self._tried)
+
+    def finding(self) -> ToriFinding:
+        """Return the tori so far as the finding of a study."""
+        return ToriFinding(self.record, self.done, self.total)
+
+
+def _follow(
+    parameter: str, within: tuple[float, float], options: TorusOptions, special: SpecialPoint
+) -> TorusFamily | str:
+    """Follow the family that begins at a Neimark-Sacker point; return the reason, as a sentence, if there is none."""
+    try:
+        return found_by(follow_tori, special, parameter, within, options=options)
+    except NumericalError as error:
+        return str(error)

@@ -1,0 +1,11 @@
+"""Quasi-periodic motions: invariant closed curves of the stroboscopic map, and families of them.
+
+Functions: `find_torus`, `follow_tori`.
+
+Classes: `LockedWindow`, `Torus`, `TorusDiagram`, `TorusEnd`, `TorusEndReason`, `TorusEvent`, `TorusEventKind`,
+`TorusFamily`, `TorusOptions`, `TorusPoint`.
+"""
+
+from gapwalk.lazy_names import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -1,0 +1,123 @@
+"""Continuation of tori along a parameter, by pseudo-arclength in the curve, its rotation number and the parameter.
+
+Method: docs/numerics/tori.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk_scales import check_range
+from gapwalk.errors import Interrupted
+from gapwalk.notebook import shows_progress
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_family import TorusEvent, TorusFamily, TorusPoint
+from gapwalk.tori.torus_solution import TorusOptions
+from gapwalk.tori.torus_start import TorusStart, starts_at
+from gapwalk.tori.torus_tracer import TorusTracer
+
+STEPS = WalkOptions(initial_step=0.01, smallest_step=1e-5, largest_step=0.05, max_points=1000)
+"""Default options of the steps: a motion that changes by its own size, or all of the range, counts as 1."""
+
+TorusReport = Callable[[TorusPoint, list[TorusEvent]], None]
+"""Function called with each new torus and the events before it."""
+
+
+@shows_progress(lambda count, point, events: f"{count} tori, at {point.value:.6g}")
+def follow_tori(
+    start: Torus | SpecialPoint,
+    parameter: str,
+    to: float | tuple[float, float],
+    *,
+    walk: WalkOptions | None = None,
+    options: TorusOptions | None = None,
+    report: TorusReport | None = None,
+) -> TorusFamily:
+    """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of them.
+
+    Along it, folds, changes of stability and resonances are located; at resonances the locked periodic motions are
+    looked for. The rotation number varies freely, so that narrow resonances are stepped over.
+
+    Parameters
+    ----------
+    start
+        A Neimark-Sacker point, at which tori begin; or a torus, from `gw.tori.find_torus`.
+    parameter
+        Name of the parameter, such as ``"frequency"``.
+    to
+        The value at which to stop; or two values, between which a family is followed, from a torus in both directions.
+    walk
+        Options of the steps, in units of the size of the motion and of the range.
+    options
+        Accuracy, and number of samples of a curve.
+    report
+        Called with each new torus and the events before it.
+
+    Returns
+    -------
+    TorusFamily
+        The tori, events and both ends, in one direction.
+
+    Raises
+    ------
+    ModelError
+        For a start at which no tori begin, a range that does not contain it, or a system with friction or rigid stops.
+    ConvergenceError
+        If no torus is found next to a Neimark-Sacker point; the message says whether it is near a strong resonance.
+    Interrupted
+        After Ctrl-C; its `found` is the family so far.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> torus = gw.tori.find_torus(gw.settle(gw.paper.case("13"), frequency=0.672))
+    >>> family = gw.tori.follow_tori(torus, "frequency", (0.671, 0.673))
+    >>> family.parameter
+    'frequency'
+    """
+    options, walk = options or TorusOptions(), walk or STEPS
+    system = start.orbit.system if isinstance(start, SpecialPoint) else start.system
+    if parameter not in system.structure.names:
+        system.structure.place(parameter)  # raises the error that names near parameters
+    within = check_range(system[parameter], to).along(parameter, system)
+    beginnings = starts_at(start, parameter, within, options, walk, both=isinstance(to, tuple))
+    traces: list[tuple[TorusTracer, list[TorusPoint], list[TorusEvent]]] = []
+    try:
+        for beginning in beginnings:
+            traces.append((TorusTracer(beginning, walk, options), [], []))
+            tracer, points, events = traces[-1]
+            for point, before in tracer:
+                points.append(point)
+                events += before
+                if report is not None:
+                    report(point, before)
+            if tracer.is_closed:
+                break
+    except KeyboardInterrupt:
+        if not traces:
+            raise
+        raise Interrupted(_joined(parameter, beginnings, traces)) from None
+    return _joined(parameter, beginnings, traces)
+
+
+def _joined(
+    parameter: str,
+    beginnings: list[TorusStart],
+    traces: list[tuple[TorusTracer, list[TorusPoint], list[TorusEvent]]],
+) -> TorusFamily:
+    """Join one or two traces into one family, in one direction."""
+    first = beginnings[0].record
+    *back, (tracer, ahead, events) = traces if len(traces) == 2 and not traces[-1][0].is_closed else traces[-1:]
+    points, happened, begun = [first, *ahead], events, beginnings[0].end
+    for other, behind, before in back:
+        points = [*(replace(each, arclength=-each.arclength) for each in reversed(behind)), *points]
+        happened = [*(_turned(each) for each in reversed(before)), *happened]
+        begun = other.end_so_far
+    return TorusFamily(parameter, tuple(points), tuple(happened), (begun, tracer.end_so_far))
+
+
+def _turned(event: TorusEvent) -> TorusEvent:
+    return replace(event, before=event.after, after=event.before)

@@ -1,0 +1,96 @@
+"""Ends of families of tori: they shrink to an orbit, lose their smoothness, or lock to a periodic motion."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import GapwalkError
+from gapwalk.orbit.orbit_equation import solve
+from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.tori.closed_curve import TURN
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason
+from gapwalk.tori.torus_start import torus_at
+
+DENOMINATOR = 12
+"""The largest denominator of resonances that are named, and whose locked motions are looked for."""
+
+_RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
+_INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
+_BEYOND = 4.0  # distance within which the Neimark-Sacker point is looked for, in steps of the family
+
+
+def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
+    """Return True if a step has passed the orbit to which tori shrink: the curve beyond is the one before, inverted."""
+    first, last = (_deviations(torus_at(point)) for point in (before, after))
+    if first.shape != last.shape:
+        return False
+    return bool((first * last).sum() < _INVERTED * np.linalg.norm(first) * np.linalg.norm(last))
+
+
+def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
+    """Return the end of a family that has shrunk to an orbit between two of its points, with that point if it is found.
+
+    The orbit is found by Newton's method from the mean of the last curve, and followed to its Neimark-Sacker point.
+    """
+    torus = torus_at(before)
+    point = _neimark_sacker(before, after, parameter)
+    if point is None:
+        return TorusEnd(TorusEndReason.SHRINKS, before.value, torus.rotation, f"its size was {torus.size:.2g}")
+    turns = abs(float(np.angle(point.multiplier))) / TURN
+    turns = turns if abs(turns - torus.rotation) < abs(1.0 - turns - torus.rotation) else 1.0 - turns
+    return TorusEnd(TorusEndReason.SHRINKS, point.value, turns)
+
+
+def _neimark_sacker(before: BranchPoint, after: BranchPoint, parameter: str) -> SpecialPoint | None:
+    torus = torus_at(before)
+    equation = ShootingEquation(torus.system, None, torus.curves)
+    reach = _BEYOND * max(abs(after.value - before.value), 1e-6 * abs(before.value))
+    try:
+        orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
+        branch = follow(orbit, parameter, (before.value - reach, before.value + reach))
+    except GapwalkError:
+        return None
+    found = branch.special(Kind.NEIMARK_SACKER)
+    return min(found, key=lambda each: abs(each.value - before.value), default=None)
+
+
+def _solved(equation: ShootingEquation, start: NDArray[np.float64]):
+    unknowns, evaluation = solve(equation, start, 0.0)
+    return unknowns, 0.0, evaluation
+
+
+def rough(last: BranchPoint, beyond: Torus) -> TorusEnd:
+    """Return the end of a family whose tori need more samples than allowed, with the evidence."""
+    torus = torus_at(last)
+    why = f"with {beyond.count} samples the error is {beyond.error:.1g}, the tail of the series {beyond.tail:.1g}"
+    if beyond.grazes:
+        why += f"; a contact grazes along the torus ({beyond.touches[0]} to {beyond.touches[1]} contact events)"
+    near = resonance_near(torus.rotation)
+    if near is not None:
+        why += f"; the rotation number is near {near}"
+    return TorusEnd(TorusEndReason.ROUGH, last.value, torus.rotation, why)
+
+
+def resonance_near(turns: float) -> Fraction | None:
+    """Return the fraction of a small denominator next to a rotation number; None if there is none."""
+    near = Fraction(turns).limit_denominator(DENOMINATOR)
+    return near if abs(turns - near) < _RESONANT / near.denominator else None
+
+
+def locked(last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> TorusEnd:
+    """Return the end of a family whose motion locks to a fraction, with the motions that were found there."""
+    words = f"the rotation number approaches {ratio}" + ("" if window is None else f"; {window.words}")
+    return TorusEnd(TorusEndReason.RESONANCE, last.value, torus_at(last).rotation, words)
+
+
+def _deviations(torus: Torus) -> NDArray[np.float64]:
+    return (torus.states - torus.states.mean(axis=0)) / torus.system.state_scales()

@@ -1,0 +1,78 @@
+"""Events along a family of tori: folds, changes of stability and resonances, located between two of its points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.walk_scales import Range
+from gapwalk.continuation.zero_in_step import zero_in_step
+from gapwalk.tori.locked_window import LockedWindow, locked_window
+from gapwalk.tori.torus_ends import DENOMINATOR
+from gapwalk.tori.torus_family import TorusEvent, TorusEventKind
+from gapwalk.tori.torus_start import equation_of, torus_at
+
+
+def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
+    """Locate what happens in a step between two tori, in order along it.
+
+    One normal exponent passes zero at a fold too; that is no event of its own.
+
+    Parameters
+    ----------
+    before, after
+        The points at both ends of the step.
+    corrector
+        Corrector of the family.
+    within
+        The range in which locked motions are followed.
+    """
+    first, last = torus_at(before), torus_at(after)
+    found: list[tuple[float, TorusEvent]] = []
+
+    def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> TorusEvent:
+        share, point, width = zero_in_step(before, after, corrector, function)
+        width += torus_at(point).error * abs(point.value)
+        event = TorusEvent(kind, point.value, width, torus_at(point).rotation, first.unstable, last.unstable)
+        found.append((share, event))
+        return event
+
+    turns = before.tangent[-1] * after.tangent[-1] < 0.0
+    if turns:
+        locate(TorusEventKind.FOLD, lambda point: float(point.tangent[-1]))
+    changed = abs(first.unstable - last.unstable)
+    if changed > int(turns):
+        lost = max(first.unstable, last.unstable) - 1
+        kind = TorusEventKind.DOUBLING if changed == 1 else TorusEventKind.PAIR
+        locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+    for ratio in _between(first.rotation, last.rotation):
+        event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
+        near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
+        share, _ = found[-1]
+        found[-1] = share, replace(event, ratio=ratio, window=window_at(near, ratio, event.value, corrector, within))
+    return [event for _, event in sorted(found, key=lambda each: each[0])]
+
+
+def window_at(
+    point: BranchPoint, ratio: Fraction, value: float, corrector: Corrector, within: Range
+) -> LockedWindow | None:
+    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found."""
+    parameter = equation_of(corrector).parameter
+    return locked_window(torus_at(point), ratio, parameter, value, (within.low, within.high))
+
+
+def _between(first: float, last: float) -> list[Fraction]:
+    """Return the fractions of small denominators between two rotation numbers, in the order in which they come."""
+    low, high = sorted((first, last))
+    found = {
+        Fraction(part, whole)
+        for whole in range(1, DENOMINATOR + 1)
+        for part in range(int(np.ceil(low * whole)), int(np.floor(high * whole)) + 1)
+        if low < part / whole < high
+    }
+    return sorted(found, reverse=last < first)

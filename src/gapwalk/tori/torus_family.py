@@ -1,0 +1,315 @@
+"""Records of a family of tori: its points, what happens along it, and why it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from fractions import Fraction
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.torus import Torus
+
+
+class TorusEndReason(Enum):
+    """Reason why a family of tori ends; the value is the sentence that a user reads.
+
+    Examples
+    --------
+    >>> gw.tori.TorusEndReason.SHRINKS.value
+    'the tori shrink to an orbit, at a Neimark-Sacker point'
+    """
+
+    START = "the family starts here"
+    BORN = "the tori begin here, at a Neimark-Sacker point"
+    SHRINKS = "the tori shrink to an orbit, at a Neimark-Sacker point"
+    RANGE = "the end of the range was reached"
+    CLOSED = "the family closed on itself"
+    ROUGH = "the tori lose their smoothness"
+    RESONANCE = "the motion locks to a periodic one"
+    STEP = "the step became smaller than the smallest allowed"
+    POINTS = "the largest number of points was reached"
+    STOPPED = "the walk was stopped before its end"
+
+    @property
+    def is_failure(self) -> bool:
+        """True if the walk reached neither an end of the family nor of the range."""
+        return self in (TorusEndReason.STEP, TorusEndReason.POINTS)
+
+
+@dataclass(frozen=True, slots=True)
+class TorusEnd:
+    """Place and reason of the end of a family of tori.
+
+    Attributes
+    ----------
+    reason
+        The reason.
+    value
+        Value of the parameter there.
+    rotation
+        Rotation number there.
+    detail
+        The evidence, in words; may be empty.
+
+    Examples
+    --------
+    >>> print(tori.ends[1].reason.value)
+    the end of the range was reached
+    """
+
+    _row: ClassVar = {"reason": "reason", "value": "value", "rotation": "rotation", "detail": "detail"}
+
+    reason: TorusEndReason
+    value: float
+    rotation: float
+    detail: str = ""
+
+    @property
+    def reason_words(self) -> str:
+        """Reason with its evidence, as a sentence."""
+        return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
+
+    def __str__(self) -> str:
+        text = f"{self.reason.value}, at {self.value:.8g}, rotation number {self.rotation:.8g}"
+        return f"{text} ({self.detail})" if self.detail else text
+
+
+class TorusEventKind(StrEnum):
+    """Kind of event along a family of tori.
+
+    Examples
+    --------
+    >>> gw.tori.TorusEventKind.FOLD.value
+    'fold of tori'
+    """
+
+    FOLD = "fold of tori"
+    DOUBLING = "change of one normal direction"
+    PAIR = "change of two normal directions"
+    RESONANCE = "resonance"
+
+
+@dataclass(frozen=True, eq=False)
+class TorusEvent:
+    """Torus of a family at which its stability or its rotation is special.
+
+    Attributes
+    ----------
+    kind
+        What happens: the family turns back (fold), one normal exponent passes zero elsewhere (as where the torus
+        doubles), two pass zero (as where a torus of three frequencies begins), or the rotation number is a fraction.
+    value
+        Value of the parameter.
+    uncertainty
+        Estimated error of the value.
+    rotation
+        Rotation number.
+    before, after
+        Number of directions in which deviations grow, on either side, in the direction of the walk.
+    ratio
+        The fraction, for a resonance.
+    window
+        The locked motions of a resonance; None if none were looked for or found.
+
+    Examples
+    --------
+    >>> [event.ratio_words for event in tori.events]
+    ['5/11', '4/9']
+    """
+
+    _row: ClassVar = {
+        "kind": "kind",
+        "value": "value",
+        "uncertainty": "uncertainty",
+        "rotation": "rotation",
+        "unstable.before": "before",
+        "unstable.after": "after",
+        "ratio": "ratio_words",
+        "locked.from": "locked_from",
+        "locked.to": "locked_to",
+    }
+
+    kind: TorusEventKind
+    value: float
+    uncertainty: float
+    rotation: float
+    before: int
+    after: int
+    ratio: Fraction | None = None
+    window: LockedWindow | None = None
+
+    @property
+    def ratio_words(self) -> str:
+        """The fraction as text; empty for other kinds."""
+        return "" if self.ratio is None else str(self.ratio)
+
+    @property
+    def locked_from(self) -> float:
+        """Lower end of the range in which motions lock to the fraction; nan if it is not known."""
+        return float("nan") if self.window is None else self.window.low
+
+    @property
+    def locked_to(self) -> float:
+        """Upper end of the range in which motions lock to the fraction; nan if it is not known."""
+        return float("nan") if self.window is None else self.window.high
+
+    def __repr__(self) -> str:
+        what = f"{self.kind.value} {self.ratio}" if self.ratio is not None else self.kind.value
+        locked = "" if self.window is None else f", {self.window.words}"
+        return f"TorusEvent({what} at {self.value:.10g} +- {self.uncertainty:.0e}{locked})"
+
+
+@dataclass(frozen=True, eq=False)
+class TorusPoint:
+    """One torus of a family.
+
+    Attributes
+    ----------
+    value
+        Value of the parameter.
+    torus
+        The torus.
+    arclength
+        Scaled arclength from the first point.
+
+    Examples
+    --------
+    >>> tori.points[0].value, tori.points[0].torus.curves
+    (2.2, 1)
+    """
+
+    _row: ClassVar = {
+        "parameter": "value",
+        "rotation": "torus.rotation",
+        "stable": "torus.stable",
+        "unstable": "torus.unstable",
+        "exponent": "torus.largest_exponent",
+        "size": "torus.size",
+        "samples": "torus.count",
+        "error": "torus.error",
+        "grazes": "torus.grazes",
+    }
+
+    value: float
+    torus: Torus
+    arclength: float
+
+    def __repr__(self) -> str:
+        return f"TorusPoint({self.value:.10g}, {self.torus!r})"
+
+
+@dataclass(frozen=True, eq=False)
+class TorusFamily(Shown):
+    """Tori along a parameter.
+
+    Attributes
+    ----------
+    parameter
+        Name of the parameter.
+    points
+        The tori, in order along the family.
+    events
+        Folds, changes of stability and resonances, in order along the family.
+    ends
+        The two ends.
+
+    Examples
+    --------
+    >>> tori.parameter, tori.complete
+    ('frequency', True)
+    >>> bool(abs(tori.rotations * tori.values - 1.0).max() < 1e-9)
+    True
+    """
+
+    parameter: str
+    points: tuple[TorusPoint, ...]
+    events: tuple[TorusEvent, ...]
+    ends: tuple[TorusEnd, TorusEnd]
+
+    @property
+    def curves(self) -> int:
+        """m, the number of curves that strobes visit in turn."""
+        return self.points[0].torus.curves
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Value of the parameter at each point, shape (points,)."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def rotations(self) -> NDArray[np.float64]:
+        """Rotation number at each point, shape (points,)."""
+        return np.array([point.torus.rotation for point in self.points])
+
+    @property
+    def complete(self) -> bool:
+        """True if the walk came to an end by itself."""
+        return all(end.reason is not TorusEndReason.STOPPED for end in self.ends)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Ends at which the numerics gave up, in sentences."""
+        return tuple(str(end) for end in self.ends if end.reason.is_failure)
+
+    def measure(self, name: str) -> NDArray[np.float64]:
+        """Return one measure at each point; see `Torus.measure`.
+
+        Parameters
+        ----------
+        name
+            As in `Torus.measure`.
+
+        Returns
+        -------
+        array, shape (points,)
+            In the unit of the coordinate.
+        """
+        return np.array([point.torus.measure(name) for point in self.points])
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the range, the events and the ends, in words."""
+        first, last = self.points[0], self.points[-1]
+        stable = sum(point.torus.stable for point in self.points)
+        curves = "one curve" if self.curves == 1 else f"{self.curves} curves"
+        yield (
+            f"{len(self.points)} tori of {curves} along {self.parameter}, from {first.value:.8g} to {last.value:.8g}; "
+            f"{stable} are stable; rotation numbers from {self.rotations.min():.8g} to {self.rotations.max():.8g}"
+        )
+        if self.events:
+            yield Table(
+                ("what", self.parameter, "±", "rotation number", "unstable", "locked"),
+                [
+                    (
+                        f"{each.kind.value} {each.ratio_words}".strip(),
+                        f"{each.value:.9g}",
+                        f"{each.uncertainty:.0e}",
+                        f"{each.rotation:.8g}",
+                        f"{each.before} -> {each.after}" if each.before != each.after else str(each.before),
+                        "" if each.window is None else each.window.words,
+                    )
+                    for each in self.events
+                ],
+            )
+        for place, end in zip(("first", "last"), self.ends, strict=True):
+            yield f"{place} end: {end}"
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of points and events."""
+        return {
+            "tori": lambda: rows_of(map(row_of, self.points)),
+            "events": lambda: rows_of(map(row_of, self.events)),
+        }
+
+    def __repr__(self) -> str:
+        return (
+            f"TorusFamily({len(self.points)} tori along {self.parameter}, "
+            f"{self.points[0].value:.6g} to {self.points[-1].value:.6g}, {len(self.events)} events)"
+        )

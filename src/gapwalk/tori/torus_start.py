@@ -1,0 +1,186 @@
+"""Beginnings of families of tori: next to a Neimark-Sacker point, or at a torus, in one direction or in both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk_scales import Range, powers_of_two
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.orbit.sticking import transition_of
+from gapwalk.tori.closed_curve import TURN, odd, phases
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_equation import TorusEquation
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusPoint
+from gapwalk.tori.torus_solution import TorusOptions, torus_of
+
+_SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01)  # amplitudes of the first torus that are tried, in first steps
+_NEAR = 0.02  # distance of a rotation number from a fraction of small denominator that is mentioned
+_GRAZES = "a contact grazes along the smallest tori, which are not smooth"
+_UNKNOWN = "its tori may be locked, or not smooth"
+_STRONG = 4  # the largest denominator of such a fraction
+
+
+class CurveEquation(TorusEquation):
+    """Equation of tori whose solutions continuation can ask for a record."""
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Torus:
+        """Return the torus of a solution."""
+        return torus_of(self, unknowns, value, evaluation)
+
+
+def torus_at(point: BranchPoint) -> Torus:
+    """Return the torus of a point: continuation carries the record of a solution without looking into it."""
+    return cast(Torus, cast(object, point.orbit))
+
+
+def equation_of(corrector: Corrector) -> CurveEquation:
+    """Return the equation of a corrector of tori."""
+    return cast(CurveEquation, corrector.equation)
+
+
+@dataclass(frozen=True, eq=False)
+class TorusStart:
+    """Beginning of a family in one direction.
+
+    Attributes
+    ----------
+    corrector
+        Corrector of the equation.
+    first
+        The first point.
+    within
+        The range.
+    end
+        What is at the beginning: the Neimark-Sacker point, or the start of the walk.
+    """
+
+    corrector: Corrector
+    first: BranchPoint
+    within: Range
+    end: TorusEnd
+
+    @property
+    def record(self) -> TorusPoint:
+        """The first torus of the family."""
+        return TorusPoint(self.first.value, torus_at(self.first), self.first.arclength)
+
+
+def starts_at(
+    start: Torus | SpecialPoint, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions, both: bool
+) -> list[TorusStart]:
+    """Return the beginnings of the family of a torus in each direction, or of the tori next to a special point."""
+    if isinstance(start, SpecialPoint):
+        return [_next_to(start, parameter, within, options, walk)]
+    if not isinstance(start, Torus):
+        raise ModelError(
+            f"tori are followed from a torus or a Neimark-Sacker point, not from {type(start).__name__}; "
+            "gw.tori.find_torus(settled) finds the torus of a settled motion"
+        )
+    return _from_torus(start, parameter, within, both)
+
+
+def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest: float, within: Range) -> Corrector:
+    """Return the corrector of the tori near a curve."""
+    return Corrector(
+        cast(Equation, cast(object, equation)),
+        powers_of_two(np.append(equation.scales(states, smallest), within.width)),
+    )
+
+
+def _from_torus(torus: Torus, parameter: str, within: Range, both: bool) -> list[TorusStart]:
+    equation = CurveEquation(torus.system, parameter, torus.curves, torus.states)
+    corrector = corrector_of(equation, torus.states, 0.0, within)
+    value = torus.system[parameter]
+    x = np.append(torus.states.ravel(), (torus.rotation, value)) / corrector.scales
+    normal = np.zeros(len(x))
+    normal[-1] = 1.0
+    found = corrector.correct(x, normal)
+    if found is None:
+        raise ConvergenceError("Newton's method does not converge at the torus to start from; find it more accurately")
+    first = corrector.point(found, normal, 0.0)
+    end = TorusEnd(TorusEndReason.START, value, torus.rotation)
+    # towards the end of the range; both ways if two ends were given
+    ahead = 1.0 if within.high - value > value - within.low else -1.0
+    ways = (-1.0, 1.0) if both else (ahead,)
+    return [TorusStart(corrector, _towards(first, way), within, end) for way in ways]
+
+
+def _towards(point: BranchPoint, way: float) -> BranchPoint:
+    """Return a point whose tangent leads to higher (+1) or lower (-1) values of the parameter."""
+    sign = way * (1.0 if point.tangent[-1] >= 0.0 else -1.0)
+    return replace(point, tangent=sign * point.tangent, determinant=sign * point.determinant, memo={})
+
+
+def _next_to(
+    special: SpecialPoint, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions
+) -> TorusStart:
+    """Return the beginning at a Neimark-Sacker point: a small torus in the plane of its critical multipliers.
+
+    With ``M v = exp(i theta) v`` the curve ``x + a Re(v exp(i psi))`` is carried into itself to first order in a, with
+    the rotation number ``theta / 2 pi``; the parameter changes with the square of a.
+    """
+    if special.kind is not Kind.NEIMARK_SACKER:
+        raise ModelError(
+            f"no tori begin at a point of the kind {special.kind.value!r}; they do at Neimark-Sacker points "
+            f"({Kind.NEIMARK_SACKER.value!r})"
+        )
+    orbit, value = special.orbit, special.orbit.system[parameter]
+    arc = ShootingEquation(orbit.system, None, orbit.period).evaluate(orbit.state, value).evidence[0]
+    values, vectors = np.linalg.eig(transition_of(arc))
+    place = int(np.argmin(np.abs(values - special.multiplier)))
+    turns = float(np.angle(values[place])) / TURN
+    unit = orbit.system.state_scales()
+    vector = vectors[:, place] / np.abs(vectors[:, place] / unit).max()
+    count = odd(options.samples - 1)
+    wave = (np.exp(1j * phases(count))[:, None] * vector).real
+    length = float(np.abs(orbit.state / unit).max())
+    still = np.tile(orbit.state, (count, 1))
+    equation = CurveEquation(orbit.system, parameter, orbit.period, still + wave)
+    corrector = corrector_of(equation, still, length * 1e-3, within)
+    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
+    away /= np.linalg.norm(away)
+    x = np.append(still.ravel(), (turns, value)) / corrector.scales
+    grazes = False
+    for amplitude in _SMALLEST:
+        step = amplitude * walk.first_step
+        found = corrector.correct(x + step * away, away)
+        if found is None:
+            continue
+        try:
+            first = corrector.point(found, away, step)
+        except NumericalError:
+            continue
+        grazes = grazes or torus_at(first).grazes
+        if first.value in within and _is_torus(torus_at(first), options):
+            end = TorusEnd(TorusEndReason.BORN, value, turns % 1.0)
+            return TorusStart(corrector, first, within, end)
+    raise ConvergenceError(
+        f"no torus was found next to the Neimark-Sacker point at {parameter} = {value:.9g} (rotation number "
+        f"{turns:.6g}){_resonance_nearby(turns)}; {_GRAZES if grazes else _UNKNOWN}: settle() on either side shows "
+        "what motions there are"
+    )
+
+
+def _is_torus(torus: Torus, options: TorusOptions) -> bool:
+    """Return True if the curve has a size: Newton's method may converge to the orbit itself."""
+    return torus.size > 0.0 and torus.error <= max(options.accuracy, 1e-6)
+
+
+def _resonance_nearby(turns: float) -> str:
+    """Return a clause that names the fraction of a small denominator next to a rotation number; empty if none is."""
+    near = Fraction(turns).limit_denominator(_STRONG)
+    if abs(turns - near) > _NEAR:
+        return ""
+    return f", near the resonance {near.numerator}:{near.denominator}"

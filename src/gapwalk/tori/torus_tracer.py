@@ -1,0 +1,213 @@
+"""Tracer of a family of tori in one direction, with resolution by need, events, and reasons for its end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk import EndReason, Walk, WalkState
+from gapwalk.errors import NumericalError
+from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
+from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
+from gapwalk.tori.torus_events import events_between, window_at
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
+from gapwalk.tori.torus_solution import TorusOptions
+from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, torus_at
+
+_MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
+_GROWN = 5.0  # growth of a curve beyond which its reference is another
+_STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
+_ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
+_SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothness is located
+_LEAPS = (2.0, 4.0, 8.0, 16.0)  # steps, over the last good one, by which a resonance is leapt over
+_REASONS = {
+    EndReason.RANGE: TorusEndReason.RANGE,
+    EndReason.TURNED_BACK: TorusEndReason.RANGE,
+    EndReason.TABLE: TorusEndReason.RANGE,
+    EndReason.CLOSED: TorusEndReason.CLOSED,
+    EndReason.POINTS: TorusEndReason.POINTS,
+    EndReason.STEP: TorusEndReason.STEP,
+}
+
+Step = tuple[TorusPoint, list[TorusEvent]]
+
+
+class TorusTracer(Iterator[Step]):
+    """Iterator over the tori of a family in one direction.
+
+    Parameters
+    ----------
+    beginning
+        First point and direction.
+    walk
+        Options of the steps.
+    options
+        Accuracy of the tori.
+    """
+
+    def __init__(self, beginning: TorusStart, walk: WalkOptions, options: TorusOptions) -> None:
+        self.beginning, self.options, self.steps = beginning, options, walk
+        self.corrector, self._recent, self._moved = beginning.corrector, walk.first_step, 0.0
+        self.end: TorusEnd | None = None
+        self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
+        self._pose_again(self.walk.state, beginning.first)
+
+    @property
+    def is_closed(self) -> bool:
+        """True if the family has closed on itself."""
+        return self.end is not None and self.end.reason is TorusEndReason.CLOSED
+
+    @property
+    def end_so_far(self) -> TorusEnd:
+        """The end; that it was stopped if it has none yet."""
+        point = self.walk.point
+        return self.end or TorusEnd(TorusEndReason.STOPPED, point.value, torus_at(point).rotation)
+
+    def __next__(self) -> Step:
+        while True:
+            if self.end is not None:
+                raise StopIteration
+            state = self.walk.state
+            try:
+                point = next(self.walk)
+            except StopIteration:
+                leapt = self._ended(state)
+                if leapt is None:
+                    raise
+                return leapt
+            torus = torus_at(point)
+            if has_shrunk(state.point, point):
+                self.end = shrunk(state.point, point, equation_of(self.corrector).parameter)
+            elif (ratio := self._creeps_to(state.point, point)) is not None:
+                self.end = self._locked(state.point, ratio)
+            elif not self.options.accepts(torus):
+                self._refine(state, point)
+            else:
+                break
+        if self.end is not None:
+            raise StopIteration
+        self._recent = point.arclength - state.point.arclength
+        events = events_between(state.point, point, self.corrector, self.beginning.within)
+        self._pose_again(self.walk.state, point)
+        return TorusPoint(point.value, torus, point.arclength), events
+
+    def _walk_from(self, state: WalkState) -> Walk:
+        return Walk(state.point, self.beginning.within, self.corrector, self.steps, state, trust=0.0, branched=True)
+
+    def _pose_again(self, state: WalkState, point: BranchPoint) -> None:
+        """Pose the equation again if the curve has moved far from its reference, or has more samples than it needs."""
+        torus = torus_at(point)
+        if torus.error < _MUCH * self.options.accuracy and torus.count > self.options.samples:
+            fewer = odd(torus.count // 2)
+            if tail(resampled(torus.states, fewer) / torus.system.state_scales()) < _MUCH * self.options.accuracy:
+                self._pose(point, fewer, state)
+                return
+        equation = equation_of(self.corrector)
+        unit = equation.system.state_scales()
+        old, new = tangents(equation.reference / unit).ravel(), tangents(torus.states / unit).ravel()
+        cosine = float(old @ new) / float(np.linalg.norm(old) * np.linalg.norm(new))
+        grown = float(np.linalg.norm(new) / np.linalg.norm(old))
+        if cosine < _ALIGNED or not 1.0 / _GROWN < grown < _GROWN:
+            self._pose(point, torus.count, state)
+
+    def _pose(self, point: BranchPoint, count: int, state: WalkState) -> bool:
+        """Pose the equation with another number of samples, or reference, and continue at a point; return if it did."""
+        torus = torus_at(point)
+        curve = resampled(torus.states, count)
+        old = self.corrector
+        equation = replace(equation_of(old), reference=curve)
+        corrector = corrector_of(equation, curve, 1e-3 * torus.size, self.beginning.within)
+        unscaled = point.tangent * old.scales
+        along = resampled(unscaled[:-2].reshape(torus.count, -1), count).ravel()
+        tangent = np.append(along, unscaled[-2:]) / corrector.scales
+        tangent /= np.linalg.norm(tangent)
+        x = np.append(curve.ravel(), (torus.rotation + self._turns(point), point.value)) / corrector.scales
+        found = corrector.correct(x, tangent)
+        if found is None:
+            return False
+        try:
+            lifted = corrector.point(found, tangent, point.arclength)
+        except NumericalError:
+            return False
+        self.corrector = corrector
+        self.walk = self._walk_from(WalkState(None, lifted, state.step, state.count))
+        return True
+
+    def _turns(self, point: BranchPoint) -> float:
+        """Return the whole turns that the unknown rotation number has beyond that of the record."""
+        return float(point.x[-2] * self.corrector.scales[-2]) - torus_at(point).rotation
+
+    def _creeps_to(self, before: BranchPoint, after: BranchPoint) -> Fraction | None:
+        """Return the fraction that the rotation number approaches while the parameter stands still; None otherwise."""
+        moved = abs(after.value - before.value)
+        if moved > _STILL * self._moved:
+            self._moved = max(self._moved, moved)
+            return None
+        first, last = torus_at(before).rotation, torus_at(after).rotation
+        near = resonance_near(last)
+        return near if near is not None and abs(last - near) < abs(first - near) else None
+
+    def _refine(self, state: WalkState, rejected: BranchPoint) -> None:
+        """Return to a state with more samples, or with a shorter step if they are the most; end if nothing helps."""
+        more = self.options.finer(torus_at(state.point).count)
+        if more is not None and self._pose(state.point, more, state):
+            return
+        if more is None and rejected.arclength - state.point.arclength > _SHORTEST * self.steps.largest_step:
+            self.walk.go_back(state, rejected)
+            return
+        last = state.point
+        near = resonance_near(torus_at(last).rotation)
+        window = None if near is None else window_at(last, near, last.value, self.corrector, self.beginning.within)
+        if near is None or window is None:
+            self.end = rough(last, torus_at(rejected))
+        else:
+            self.end = locked(last, near, window)
+
+    def _locked(self, last: BranchPoint, ratio: Fraction) -> TorusEnd:
+        return locked(last, ratio, window_at(last, ratio, last.value, self.corrector, self.beginning.within))
+
+    def _ended(self, state: WalkState) -> Step | None:
+        """Record the end of the walk; where it ended at a resonance, try to leap over it and return the step."""
+        end, torus = self.walk.end, torus_at(state.point)
+        assert end is not None
+        if end.reason is not EndReason.STEP:
+            self.end = TorusEnd(
+                _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
+            )
+            return None
+        near = resonance_near(torus.rotation)
+        leapt = None if near is None else self._leap(state, near)
+        if leapt is not None:
+            return leapt
+        if near is None:
+            self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
+            return None
+        self.end = self._locked(state.point, near)
+        return None
+
+    def _leap(self, state: WalkState, ratio: Fraction) -> Step | None:
+        """Return the step to the other side of a resonance; None if no torus is found there."""
+        point = state.point
+        for longer in _LEAPS:
+            step = longer * max(self._recent, self.steps.first_step)
+            guess = point.x + step * point.tangent
+            found = self.corrector.correct(guess, point.tangent)
+            if found is None or np.linalg.norm(found.x - guess) > 0.5 * step:
+                continue
+            try:
+                beyond = self.corrector.point(found, point.tangent, point.arclength + step)
+            except NumericalError:
+                continue
+            torus = torus_at(beyond)
+            crossed = (torus.rotation - ratio) * (torus_at(point).rotation - ratio) < 0.0
+            if not crossed or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
+                continue
+            events = events_between(point, beyond, self.corrector, self.beginning.within)
+            self.walk = self._walk_from(WalkState(None, beyond, self.steps.first_step, state.count + 1))
+            return TorusPoint(beyond.value, torus, beyond.arclength), events
+        return None

@@ -1,0 +1,233 @@
+"""The model editor without a page: checks of a text, its numbers, its response, and files that stay the user's own."""
+
+import asyncio
+import io
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.errors import ModelError
+from gapwalk.explorer.live_response import Asked, LiveResponses, answers, response
+from gapwalk.explorer.model_editor import checked_text, numbers_of, save_text, start_text, starts, text_of
+from gapwalk.explorer.workspace import Workspace
+from gapwalk.model.model_file import check_model
+from gapwalk.model.model_source import parse_source, value_spans
+from gapwalk.studies import read_studies
+from tests.explorer.conftest import STOP
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STARTS = [each["name"] for each in starts()]
+
+
+def checked(text: str) -> dict:
+    return checked_text(text, "model.toml", "")
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_each_beginning_has_no_errors_and_is_drawn(name) -> None:
+    found = checked(start_text(name))
+    assert found["problems"] == []
+    assert found["machine"]
+    assert found["plans"]
+    assert found["title"]
+    if name != "template":
+        assert start_text(name) == (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def changed_by(text: str, number: dict, digits: str) -> dict[str, float]:
+    """The parameters that differ from those of a text after the digits of one number were replaced."""
+    other = text[: number["begin"]] + digits + text[number["end"] :]
+    (first, _), (second, _) = (check_model(parse_source(each)) for each in (text, other))
+    assert first is not None
+    assert second is not None
+    before, after = first.system.parameters, second.system.parameters
+    return {name: after[name] for name in before if after[name] != before[name]}
+
+
+# what a number of a train changes besides itself: its drag torque is taken by the reaction, for example
+@pytest.mark.parametrize("name", [*STARTS, "train", "hysteresis", "clutch"])
+def test_a_slider_changes_the_parameter_after_which_it_is_named_and_no_other(name) -> None:
+    text = start_text(name) if name in STARTS else (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+    numbers = checked(text)["numbers"]
+    assert len(numbers) >= 5
+    assert len({each["name"] for each in numbers}) == len(numbers)
+    for number in numbers:
+        digits = repr(number["value"] * 0.9 + (number["value"] == 0.0) * 0.01)
+        assert [*changed_by(text, number, digits)] == [number["name"]], number
+        assert float(text[number["begin"] : number["end"]]) == number["value"]
+        assert number["line"] == text.count("\n", 0, number["begin"]) + 1
+
+
+def test_numbers_with_units_are_named_with_them_and_the_unit_is_no_digit() -> None:
+    text = start_text("idle")
+    numbers = {each["name"]: each for each in checked(text)["numbers"]}
+    assert numbers["clutch.damping"]["words"] == "clutch.damping [N m s/rad]"
+    assert numbers["mesh.stiffness"]["words"] == "mesh.stiffness [N m/rad]"  # as written, not as in results
+    clearance = numbers["mesh.clearance"]
+    assert (clearance["words"], clearance["value"], clearance["unit"]) == ("clearance of mesh [deg]", 0.1, "deg")
+    assert text[clearance["begin"] - 1 : clearance["end"] + 5] == '"0.1 deg"'
+
+
+@pytest.mark.parametrize(
+    "value", ["1_000.0", "0x1F", "true", "inf", '"2 3 deg"', "'''1.0'''", "[1.0]", '"rigid"', '"deg 1"']
+)
+def test_other_values_are_no_numbers_of_a_slider(value) -> None:
+    assert list(numbers_of(parse_source(f"frequency = {value}\n"), None)) == []
+
+
+def test_places_of_values_are_those_of_toml_whatever_stands_around_them() -> None:
+    text = 'a = [ 1.5, # one\n  {b = "x#y", c.d = -2e-3 } ]  # two\n[t]\n"k.e" = \'z\'   \n[[s]]\nv = 0.25# three\n'
+    found = {path: text[begin:end] for path, (begin, end) in value_spans(text).items()}
+    assert found == {
+        ("a", 0): "1.5",
+        ("a", 1, "b"): '"x#y"',
+        ("a", 1, "c", "d"): "-2e-3",
+        ("t", "k.e"): "'z'",
+        ("s", 0, "v"): "0.25",
+    }
+
+
+def test_errors_have_their_lines_and_what_is_right_so_far_is_shown() -> None:
+    wrong = STOP.replace("side =", "sdie =")
+    (problem,) = [each for each in checked(wrong)["problems"] if "sdie" in each["text"]]
+    assert problem["line"] == 1 + wrong[: wrong.index("sdie")].count("\n")
+    assert problem["text"].endswith("did you mean side?")
+    unfinished = STOP.replace('kind = "response"', 'kind = "respnse"')
+    found = checked(unfinished)
+    assert [each["text"] for each in found["problems"]]
+    assert found["machine"]  # the system is right already
+    assert found["system"]
+    assert checked("x = ")["problems"][0]["line"] == 1
+    assert checked("x = ")["numbers"] is None
+    assert "edited in a text editor" in checked("#" * 60_000)["problems"][0]["text"]
+
+
+def test_the_response_is_that_of_an_exact_walk_to_a_hundredth() -> None:
+    first, *points, last = response(Asked(1, STOP))
+    assert last == {"end": ""}
+    assert (first["across"], first["up"]) == ("excitation frequency Ω", "amplitude of x (half the peak to peak)")
+    (study,) = read_studies(io.StringIO(STOP))
+    options = study.options
+    exact = gw.follow(gw.find_orbit(study.system, start="rest"), "frequency", options.end)
+    most = max(exact.measure("half.x"))
+    assert max(each["y"] for each in points) == pytest.approx(most, rel=0.02)
+    for each in points[:: len(points) // 7]:
+        orbit = gw.find_orbit(study.system.at({"frequency": each["x"]}), start="settle")
+        if each["label"] == 0 and orbit.measure("half.x") == pytest.approx(each["y"], rel=0.3):
+            assert orbit.measure("half.x") == pytest.approx(each["y"], rel=0.01, abs=0.01 * most)
+    assert min(each["x"] for each in points) == pytest.approx(min(first["range"]))
+    assert max(each["x"] for each in points) == pytest.approx(max(first["range"]))
+
+
+@pytest.mark.parametrize("name", ["gear", "drivetrain", "idle", "mesh", "rub"])
+def test_beginnings_have_a_response_without_a_compiled_flow(name, monkeypatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("this would take seconds after each change of the structure")
+
+    monkeypatch.setattr("gapwalk.flow.flow.Flow.__init__", refuse)
+    first, *points, last = response(Asked(1, start_text(name)))
+    assert len(points) > 15
+    assert set(first) == {"across", "up", "range"}
+    assert isinstance(last["end"], str)
+
+
+@pytest.mark.parametrize("name", ["den_hartog", "belt"])
+def test_friction_has_a_response_too(name) -> None:
+    *_, before, last = response(Asked(1, start_text(name)))
+    assert before["y"] > 0.0
+    assert last == {"end": ""}
+
+
+def test_what_has_no_response_is_said() -> None:
+    news = list(answers(Asked(1, start_text("impact_damper"))))
+    assert 'kind = "response"' in news[-1]["end"]
+    assert news[-1]["failed"]
+
+
+def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once() -> None:
+    live = LiveResponses()
+    long = STOP.replace("[study]", "[study]\nperiod = 1")
+
+    async def both() -> list[dict]:
+        abandoned = live.of(long, "", "")
+        await anext(abandoned)
+        await abandoned.aclose()
+        return [news async for news in live.of(STOP, "", "")]
+
+    try:
+        news = asyncio.run(both())
+        process = live._process
+        assert news[0]["across"]
+        assert news[-1]["end"] == ""
+        assert sum(len(each.get("x", ())) for each in news) > 20
+        again = asyncio.run(both())  # in another loop, by the same process
+        assert again[-1]["end"] == ""
+        assert live._process is process
+    finally:
+        live.close()
+    assert not process.is_alive()
+
+
+@pytest.fixture
+def workspace(tmp_path) -> Workspace:
+    return Workspace(tmp_path)
+
+
+def test_a_text_is_saved_as_it_is_with_its_comments_line_ends_and_mark(workspace) -> None:
+    own = "# mine\r\na = 1 # not a model\r\n"
+    file = workspace.root / "own.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + own.encode())
+    found = text_of(workspace, "own.toml")
+    assert found["text"] == own.replace("\r\n", "\n")
+    saved = save_text(workspace, "own.toml", found["text"] + "b = 2\n", found["stamp"])
+    assert file.read_bytes() == b"\xef\xbb\xbf" + (own + "b = 2\r\n").encode()
+    assert set(saved) == {"stamp"}
+    assert text_of(workspace, "own.toml")["stamp"] == saved["stamp"]
+    assert [each.name for each in workspace.root.iterdir()] == ["own.toml"]
+
+
+def test_nothing_of_others_is_overwritten_without_a_word(workspace) -> None:
+    assert set(save_text(workspace, "new.toml", "a = 1\n", "")) == {"stamp"}
+    stamp = text_of(workspace, "new.toml")["stamp"]
+    assert "already" in save_text(workspace, "new.toml", "a = 2\n", "")["conflict"]
+    (workspace.root / "new.toml").write_text("a = 33\n", encoding="utf-8")
+    assert "changed meanwhile" in save_text(workspace, "new.toml", "a = 2\n", stamp)["conflict"]
+    assert (workspace.root / "new.toml").read_text(encoding="utf-8") == "a = 33\n"
+    assert set(save_text(workspace, "new.toml", "a = 2\n", "*")) == {"stamp"}
+    assert (workspace.root / "new.toml").read_text(encoding="utf-8") == "a = 2\n"
+
+
+@pytest.mark.parametrize(
+    "name", ["../x.toml", "x.gapwalk", "x.txt", "", ".x.toml", "sub/x.toml", "x.toml\0", "/x.toml"]
+)
+def test_only_model_files_in_the_folder_are_written(workspace, name) -> None:
+    (workspace.root / "sub").mkdir()
+    with pytest.raises(ModelError, match=r"\.toml|workspace|name of a file|neither"):
+        save_text(workspace, name, "a = 1\n", "")
+    assert [each.name for each in workspace.root.rglob("*")] == ["sub"]
+
+
+def test_the_server_answers_the_editor(client, session, model) -> None:
+    names = [each["name"] for each in client.post("/api/edit/starts", json={}).json()["starts"]]
+    assert names == STARTS
+    text = client.post("/api/edit/start", json={"start": "stop"}).json()["text"]
+    assert text == start_text("stop")
+    opened = client.post("/api/edit/open", json={"file": model}).json()
+    assert opened["text"] == STOP
+    lines = client.post("/api/edit/check", json={"file": model, "text": STOP}).text.splitlines()
+    found, first, *_, last = (json.loads(line) for line in lines)
+    assert found["problems"] == []
+    assert first["across"] == "excitation frequency Ω"
+    assert last["end"] == ""
+    assert len(client.post("/api/edit/check", json={"text": "a = 1\n"}).text.splitlines()) == 1  # no response of that
+    saved = client.post("/api/edit/save", json={"file": model, "text": f"{STOP}# mine\n", "stamp": opened["stamp"]})
+    assert re.fullmatch(r"\d+-\d+", saved.json()["stamp"])
+    assert (session.workspace.root / model).read_text(encoding="utf-8").endswith("# mine\n")
+    refused = client.post("/api/edit/nonsense", json={})
+    assert refused.status_code == 400
+    assert "starts, start, open, save and check" in refused.json()["error"]
+    assert client.post("/api/edit/save", json={"file": "../x.toml", "text": "a = 1"}).status_code == 400
+    assert "no model 'x' to begin with" in client.post("/api/edit/start", json={"start": "x"}).json()["error"]

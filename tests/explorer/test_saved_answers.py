@@ -1,0 +1,169 @@
+"""Every kind of result is one file that opens without a server: what it draws is what the record says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
+from gapwalk.explorer.answer_view import Alone, view_of
+from gapwalk.explorer.html_file import Blob
+from gapwalk.explorer.saved_page import content_of, lines_of
+from gapwalk.studies.study_registry import kind_of, kinds
+from tests.explorer.browser import browser, until
+from tests.explorer.conftest import CLUTCH
+from tests.models import STOP
+from tests.studies.jobs import study_of
+
+FAMILY = (
+    STOP
+    + """
+[study]
+kind = "family"
+parameter = "frequency"
+from = 0.7
+to = 0.9
+over = { "stop.clearance" = [0.9, 1.0, 1.1] }
+"""
+)
+MAP = (
+    STOP
+    + """
+[study]
+kind = "map"
+parameter = "frequency"
+from = 0.7
+to = 0.9
+second = { parameter = "harmonic1.amplitude", from = 0.15, to = 0.25 }
+sections = [0.2]
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> dict[str, object]:
+    """A result of each kind of study whose picture is not tested elsewhere."""
+    folder = tmp_path_factory.mktemp("kinds")
+    found: dict[str, object] = {kind: gw.run(study_of(kind)) for kind in ("basins", "regimes", "sweep")}
+    for name, text in (("family", FAMILY), ("map", MAP)):
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+        found[name] = gw.run(gw.read_study(folder / f"{name}.toml"))
+    return found
+
+
+def test_no_kind_of_study_is_left_out() -> None:
+    """Those of `results`, and those of test_answer_page.py and test_kept.py."""
+    known = {"basins", "regimes", "sweep", "family", "map"}
+    others = {"response", "diagram", "locus", "settle", "rattle", "threshold", "design", "tolerance", "run-up"}
+    refused = {"tori", "backbone"}  # a saved page does not show them; the message says what to write
+    own = {kind for kind in kinds() if kind_of(kind).__module__.startswith("gapwalk.")}  # tests may register others
+    assert known | others | refused == own
+
+
+@pytest.mark.parametrize("name", ["basins", "regimes", "sweep", "family", "map"])
+def test_a_page_of_each_kind_opens_alone_and_draws_something(results, tmp_path, name) -> None:
+    file = tmp_path / f"{name}.html"
+    gw.save_html(results[name], file)
+    with browser() as chrome:
+        page = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+        wrong: list[str] = []
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+        page.goto(file.as_uri())
+        until(page, "Boolean(window.gapwalk?.diagram?.ready)")
+        until(page, "Boolean(gapwalk.answer.content) || gapwalk.curves.all.size > 0")
+        drawn = page.evaluate(
+            "[gapwalk.curves.all.size, gapwalk.diagram.over?.cells?.rows.length ?? 0, "
+            "(gapwalk.diagram.over?.layers ?? []).reduce((sum, { x }) => sum + x.length, 0)]"
+        )
+        assert any(drawn), drawn
+        if name in ("family", "map"):
+            page.focus("#diagram")
+            page.keyboard.press("Home")
+            until(page, "document.querySelectorAll('#section .dot').length > 0")
+            assert page.locator("#spectrum .bar, #spectrum .curve").count() > 0
+        assert page.inner_text("#error").strip("\u00d7 \n") == ""
+    assert wrong == []
+
+
+def test_the_cells_of_basins_are_the_labels_of_the_record(results) -> None:
+    found = results["basins"].finding.record
+    view = view_of(results["basins"].finding)
+    content = view.content()
+    (cells,) = content["cells"]
+    texts = [entry["text"] for entry in cells["entries"]]
+    named = np.array(texts)[np.array(cells["rows"])]
+    for index, name in enumerate(found.names):
+        np.testing.assert_array_equal(named == name, found.labels == index)
+    assert {RUNAWAY, UNRESOLVED}.isdisjoint(found.labels.ravel().tolist()) == (len(texts) == len(found.names))
+    assert cells["within"] == [list(ends) for ends in found.window.within]
+    assert content["sentences"][0].startswith(f"Of {found.labels.size:,} starts: {found.names[0]} ")
+
+
+def test_the_cells_of_regimes_are_those_of_the_record(results) -> None:
+    found = results["regimes"].finding.record
+    (cells,) = view_of(results["regimes"].finding).content()["cells"]
+    texts = np.array([entry["text"] for entry in cells["entries"]])[np.array(cells["rows"])]
+    first, second = found.axes
+    for row, column in ((0, 0), (-1, 0), (0, -1), (-1, -1)):
+        assert texts[row, column] == found.at(float(first[column]), float(second[row]))
+
+
+def test_shares_of_a_box_have_their_limits() -> None:
+    study = study_of("basins")
+    system = study.system
+    names = system.state_names
+    shares = gw.basin_shares(system, {names[0]: (-1.0, 1.0), names[1]: (-1.0, 1.0)}, starts=200)
+    content = view_of(Alone(shares)).content()
+    assert [each["share"] for each in content["shares"]] == [each.share for each in shares.shares]
+    assert sum(each["share"] for each in content["shares"]) == pytest.approx(1.0)
+    assert all(each["low"] <= each["share"] <= each["high"] for each in content["shares"])
+    lines = lines_of(shares)
+    assert content_of(lines, "half", "", 10, Blob())["answer"]["shares"][0]["name"] == shares.shares[0].name
+
+
+def test_a_family_has_its_members_and_the_paths_of_its_special_points(results) -> None:
+    found = results["family"].finding.record
+    view = view_of(results["family"].finding)
+    content = view.content()
+    assert content["space"]["values"] == [member.value for member in found.members for _ in member.branches]
+    assert next(name for name, _ in view.curves()) == "P1-1 at stop.clearance = 0.9"
+    joined = [path for path in found.point_paths if len(path.places) > 1]
+    assert len(content["ribs"]) == len(joined) > 0
+    for rib, path in zip(content["ribs"], joined, strict=True):
+        for (branch, special), place in zip(rib["points"], path.places, strict=True):
+            assert view.curves()[branch][1].special_points[special] is found.special(place)
+
+
+def test_a_saved_map_has_its_sections_too(results) -> None:
+    chart = results["map"].map
+    saved = content_of(lines_of(results["map"]), "half.x", "", 10, Blob())
+    assert [each["second"] for each in saved["branches"]] == (
+        [""] * len(chart.branches) + ["harmonic1.amplitude"] * len(chart.loci)
+    )
+    assert (saved["x"], saved["y"]) == ("frequency", "harmonic1.amplitude")
+
+
+def test_a_saved_run_up_plays_without_a_server(tmp_path: Path) -> None:
+    file = tmp_path / "run.html"
+    study = gw.read_study(CLUTCH)
+    run = gw.ask.run_up(study.system, gw.ask.SpeedCourse.ramp(0.5, 0.9, 0.001))
+    gw.save_html(run, file)
+    with browser() as chrome:
+        page = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+        wrong: list[str] = []
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.goto(file.as_uri())
+        until(page, "Boolean(window.gapwalk?.answer?.heard.found)")
+        signals = page.evaluate("[...document.getElementById('heard-signal').options].map(({ value }) => value)")
+        page.click("#heard-play")
+        until(page, "Boolean(gapwalk.answer.heard.own)")
+        rate, values = page.evaluate("[gapwalk.answer.heard.values.rate, [...gapwalk.answer.heard.own]]")
+        assert not page.locator("#heard-wav").is_visible()
+        page.select_option("#heard-signal", signals[1])
+        until(page, "!gapwalk.answer.heard.source && Boolean(document.querySelector('#heard-picture image'))")
+    exact = run.sound(signals[0], rate=rate).values
+    assert len(values) == len(exact)
+    assert np.abs(np.array(values) - (exact - exact.mean())).max() < 1e-4 * np.abs(exact).max()
+    assert wrong == []
