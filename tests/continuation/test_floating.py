@@ -127,8 +127,11 @@ def test_a_walk_passes_a_graze_beyond_which_vanishing_impacts_hold_the_gear_both
         (graze,) = branch.special_points
         assert graze.kind == "grazing"
         assert abs(graze.value - exact) < graze.uncertainty < 1e-3
-        # from below the graze on, the mesh just touches once on one side, and the motion stays stable
-        assert all(point.orbit.closings == (0, 0, point.value < exact, 0) for point in branch.points)
+        # from below the graze on, the mesh just touches once on one side, and the motion stays stable; a point of the
+        # walk may lie at the graze itself, where either is right to the error that is stated
+        apart = [point for point in branch.points if abs(point.value - exact) > graze.uncertainty]
+        assert len(apart) >= len(branch.points) - 2
+        assert all(point.orbit.closings == (0, 0, point.value < exact, 0) for point in apart)
         assert all(point.orbit.stable for point in branch.points)
 
 

@@ -100,7 +100,7 @@ def test_all_of_a_train_has_its_unit(page) -> None:
     assert page.inner_text("#results .name") == "speed 2000 to 1300 rpm"
     assert page.inner_text("#results .message").endswith("at speed = 1300 rpm")
     assert re.search(r"= [\d.]+ rpm$", page.inner_text("#motion-title"))
-    assert re.match(r"At [\d.]+ rpm ", page.inner_text("#next-text"))
+    until(page, "/^At [0-9.]+ rpm /.test(document.querySelector('#next-text').textContent)")
     lines = page.evaluate("[...gapwalk.curves.all.values()][0].special.map(({ lines }) => lines[0])")
     assert [line for line in lines if not re.fullmatch(r"at [\d.]+ ± \S+ rpm", line)] == []
     assert page.inner_text("#walk-unit") == "rpm"
