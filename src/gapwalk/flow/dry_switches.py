@@ -26,12 +26,9 @@ from gapwalk.flow.dry_derivatives import (
 )
 from gapwalk.flow.dry_state import Hold, Readings, SlipEvent, largest
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.lone_friction import BARELY, LATER, ON, SETTLING, UNSEEN, VALUES, LoneFriction
+from gapwalk.flow.lone_friction import BARELY, LATER, NEAR, ON, PAUSE, SETTLING, STILL, UNSEEN, VALUES, LoneFriction
 
-_STILL = 1e-12  # share of the size of the velocities below which a slip rate at the start is 0
-_NEAR = 1e-8  # the same at the end of a motion
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop
-_PAUSE = 1e-3  # radians that the stick of a spring lasts at least which is no pause in its slip
 _BRIEF = 4e-9  # radians that they must last: two events of one contact are distinct from a quarter of that
 
 Array = NDArray[np.float64]
@@ -57,7 +54,7 @@ class DrySwitches(LoneFriction):
         super().__init__(equations)
         self.keeps: int | None = None
         self._hosts = {self.layout.structure.host(friction) for friction in equations.dry} - {None}
-        self.missed, self._brief = False, list[bool]()
+        self.missed = False
         # places of the state that the last event has reset, and whether they follow a limit from there on
         self._forgotten: dict[int, bool] = {}
 
@@ -97,13 +94,13 @@ class DrySwitches(LoneFriction):
         found, size = [], largest(self.state[: self.n])
         for number in self.sign_of:
             depth, rate, scale = self.gap(number, theta)
-            if abs(depth) <= _STILL * (scale + size) and abs(rate) <= still:
+            if abs(depth) <= STILL * (scale + size) and abs(rate) <= still:
                 found.append(number)
         return found
 
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
-        still = _STILL * self.speed()
+        still = STILL * self.speed()
         candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
             if number is None:
@@ -157,7 +154,7 @@ class DrySwitches(LoneFriction):
         self.slips[place], self.sticks[place] = side, False
         now = self.read(theta, known)
         rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
-        if abs(rate) > SETTLING * float(self.base[0]) * abs(change) and abs(rate) > _STILL * self.speed():
+        if abs(rate) > SETTLING * float(self.base[0]) * abs(change) and abs(rate) > STILL * self.speed():
             return side * rate > 0.0
         change = self._leading(self.equations.dry[place], now, theta)
         return side * change > 0.0
@@ -168,11 +165,11 @@ class DrySwitches(LoneFriction):
         Where a stop has just let go, all accelerations are rounding, and only those to come tell their size.
         """
         change = self.acceleration(contact, now, theta)
-        vanishes = abs(change) <= _NEAR * largest(now.accelerations)
+        vanishes = abs(change) <= NEAR * largest(now.accelerations)
         if not vanishes and not self.sign_of:
             return change
         later = self.acceleration(contact, self._soon(now, theta), theta + LATER)
-        return later if vanishes or abs(change) <= _NEAR * abs(later) / LATER else change
+        return later if vanishes or abs(change) <= NEAR * abs(later) / LATER else change
 
     def _grows(self, place: int) -> bool:
         """Return True if the limit of friction is not constant, and the contact that presses is closed."""
@@ -235,7 +232,7 @@ class DrySwitches(LoneFriction):
         place = self.friction_of.get(number)
         side = -self.sign_of[number] if place is None else self.slips[place]
         acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
-        return side * acceleration < -_NEAR * largest(now.accelerations)
+        return side * acceleration < -NEAR * largest(now.accelerations)
 
     def at_slip(self, event: int, direction: int) -> None:
         """Change the mode of friction at one of its two events."""
@@ -250,6 +247,8 @@ class DrySwitches(LoneFriction):
             self._change_alone(place, -1 if second else 1, theta)
             return
         if not second and self._turns_alone(place, direction, theta):
+            return
+        if self._spring_changes_alone(place, bool(second), direction, theta):
             return
         now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
@@ -346,7 +345,7 @@ class DrySwitches(LoneFriction):
 
     def _pressed(self, theta: float) -> list[int]:
         """Return the reactions of open stops at which the motion rests, and into which it now accelerates."""
-        resting = [number for number in self._touching(theta, _STILL * self.speed()) if number not in self.held]
+        resting = [number for number in self._touching(theta, STILL * self.speed()) if number not in self.held]
         if not resting:
             return []
         now, reactions = self.read(theta), self.layout.structure.reactions
@@ -364,7 +363,7 @@ class DrySwitches(LoneFriction):
                 continue
             now = self.read(theta)
             force, limit = self.stiffness(place) * float(self.state[memory]), now.friction[place][1]
-            if abs(force) < limit * (1.0 - _NEAR):
+            if abs(force) < limit * (1.0 - NEAR):
                 continue
             side = 1 if force > 0.0 else -1
             if self._slips_on(place, side, theta, now):
@@ -383,12 +382,12 @@ class DrySwitches(LoneFriction):
                 self.slips[place], self.sticks[place] = 0, True
                 self.apply()
                 # where slip has just ended, the force is at its limit, and leaves it; later it was beyond
-                late = theta - self._begun[place] > _PAUSE
+                late = theta - self._begun[place] > PAUSE
                 self.missed = self.missed or (late and direction > 0 and self._brief[place])
                 return
             self._reset_extension(place, side, theta, now.friction[place][1])
             self._begun[place] = theta - 1.0
-        elif self.slips[place] and not second and direction in (0, -self.slips[place]):
+        elif self.slips[place] and direction in (0, -self.slips[place]):
             just = theta - self._begun[place] <= SETTLING
             steady = self.laws[place].by != "normal" and not self.slots[place].varies
             turning = self.slips[place] * self.slip_acceleration(place, now, theta)
@@ -418,7 +417,7 @@ class DrySwitches(LoneFriction):
 
     def after_impact(self, theta: float, stops: Sequence[int] = ()) -> None:
         """Decide all modes again after an impact, which moves what was stuck; `stops` are held if they are pushed."""
-        still, modes = _STILL * self.speed(), self.slips.copy()
+        still, modes = STILL * self.speed(), self.slips.copy()
         candidates = [number for number in self._touching(theta, still) if number in {*self.held, *stops}]
         now = self.read(theta)
         for place, number in enumerate(self.reaction_of):
@@ -465,16 +464,16 @@ class DrySwitches(LoneFriction):
             return False
         if not any(self.sticks) and not self._springs:
             least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
-            return least >= 0.0 or least >= -_NEAR * self.speed()
+            return least >= 0.0 or least >= -NEAR * self.speed()
         velocity, found = self.speed(), self.decide(theta)
         for place, memory in enumerate(self.memory_of):
             rate, _, bound, _, force, *_ = found[VALUES * place : VALUES * (place + 1)]
             if self.slips[place]:
-                if self.slips[place] * rate < -_NEAR * velocity:
+                if self.slips[place] * rate < -NEAR * velocity:
                     return False
             elif self.sticks[place]:
                 if memory is not None:
                     force = self.stiffness(place) * float(self.state[memory])
-                if abs(force) > bound * (1.0 + _NEAR):
+                if abs(force) > bound * (1.0 + NEAR):
                     return False
         return True

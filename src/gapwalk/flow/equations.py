@@ -107,21 +107,25 @@ class Equations(RunTimeParameters):
         return self._contact_laws[contact].guards[mode]
 
     def slip_guards(self, place: int) -> list[hy.expression]:
-        """Return the two event functions of friction, by its place in `dry`.
+        """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
 
-        In slip the first is its slip rate, and the second does not vanish. In stick they are what is left to the force
-        at which slip begins, in either direction.
+        In stick they are what is left to the force at which slip begins. In slip rigid friction, which may turn round,
+        has its slip rate for the first one, and a spring in series for that of its direction; the other one does not
+        vanish. So the force of a spring that stops at its limit is no event of the function that has just had one.
         """
         contact = self.dry[place]
         stick, breakaway = hy.par[self.first_stick + place], self._contact_laws[contact].limits[1]
-        law = self.layout.contacts[contact].form.law
-        if law.has_memory:
-            force = self._contact_laws[contact].force
-        else:
+        if not self.layout.contacts[contact].form.law.has_memory:
             force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
+            return [
+                (1.0 - stick) * self.slip_rate(place) + stick * (breakaway - force),
+                (1.0 - stick) + stick * (breakaway + force),
+            ]
+        force, slip = self._contact_laws[contact].force, hy.par[self.first_slip + place]
         return [
-            (1.0 - stick) * self.slip_rate(place) + stick * (breakaway - force),
-            (1.0 - stick) + stick * (breakaway + force),
+            (1.0 - stick) * (0.5 * (1.0 + side * slip) * self.slip_rate(place) + 0.5 * (1.0 - side * slip))
+            + stick * (breakaway - side * force)
+            for side in (1.0, -1.0)
         ]
 
     def slip_rate(self, place: int) -> hy.expression:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.dry_derivatives import margin_growth, rate_changes
+from gapwalk.flow.dry_derivatives import extension_changes, margin_growth, rate_changes
 from gapwalk.flow.dry_state import DryState, Kink, Readings, SlipEvent
 from gapwalk.flow.equations import Equations
 
@@ -22,6 +22,12 @@ BARELY = 1e-6
 """Share of its bound by which a force may differ from it for a stick or slip to be too brief."""
 TURNS = 1e-3
 """Share of the accelerations below which one may turn at once, so that slip only pauses; see `_slow`."""
+STILL = 1e-12
+"""Share of the size of the velocities below which a slip rate is 0."""
+NEAR = 1e-8
+"""Share of its size below which a value that decides vanishes by rounding."""
+PAUSE = 1e-3
+"""Radians that the stick of a spring lasts at least which is no pause in its slip."""
 LATER = 1e-4
 """Radians after which an acceleration decides that vanishes now."""
 UNSEEN = 1e-13
@@ -81,6 +87,7 @@ class LoneFriction(DryState):
         self.log: list[SlipEvent] = []
         self.kinks: list[Kink] = []
         self._begun = [0.0] * len(self.slots)
+        self._brief = [False] * len(self.slots)  # of springs that stick: whether that may be too short to be told
         self._pushes: tuple[bytes, dict[int, Push]] | None = None  # with the coefficients for which they are
 
     def _stick(self, place: int, theta: float) -> None:
@@ -131,10 +138,8 @@ class LoneFriction(DryState):
         beyond = abs(needed) / bound - 1.0
         if abs(beyond) < 2.0 * BARELY or side * needed > bound:
             return False
-        if len(self.slots) > 1:
-            now = self.read(theta)
-            if any(other != place and self._stops_too(other, now, theta) for other in range(len(self.slots))):
-                return False
+        if self._others_stop(place, found, theta):
+            return False
         # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
         turns = beyond > 0.0
         share = 2.0 * side * limit if turns else -acceleration
@@ -152,6 +157,50 @@ class LoneFriction(DryState):
         if not turns:
             self.state[n : 2 * n] -= rate * push.stopping
         self._change_alone(place, -side if turns else 0, theta)
+        return True
+
+    def _spring_changes_alone(self, place: int, second: bool, direction: int, theta: float) -> bool:
+        """Let a spring in series slip at its limit, or stick where its slip ends, while nothing else changes.
+
+        Its force does not jump, and its limit is constant: changes of the motion go on, but for those of its extension,
+        which are those of the limit in slip. Return False if it decides nothing.
+        """
+        memory, side = self.memory_of[place], self.slips[place]
+        if memory is None or self.held or self.sign_of or not self.has_constant_limit(place):
+            return False
+        if side and direction == side:
+            return False
+        if side and theta - self._begun[place] <= SETTLING:
+            return True  # its rate begins at 0
+        n, found, moved = self.n, self.decide(theta), self._own.tolist()
+        rate, limit, _, acceleration = found[VALUES * place : VALUES * place + 4]
+        if self._others_stop(place, found, theta):
+            return False
+        if side:
+            turning = side * acceleration
+            if turning > 0.0:
+                return True  # its rate only begins to grow
+            if -turning <= self._slow(found[-n:], moved):
+                return False
+            if not self.columns:
+                velocities, turned = np.array(moved[n : 2 * n]), np.array(found[-n:])
+                self.kinks.append(Kink(theta, np.array(moved[:n]), (velocities, velocities), (turned, turned)))
+            self._change_alone(place, 0, theta)
+            self._brief[place] = False
+            return True
+        side = -1 if second else 1
+        leading = rate
+        if abs(rate) <= max(SETTLING * self.base.item(0) * abs(acceleration), STILL * self.speed(moved)):
+            leading = acceleration
+            if abs(acceleration) <= NEAR * max(map(abs, found[-n:])):
+                return False
+        if side * leading <= 0.0:  # slip has just ended at the limit, and the force leaves it
+            return theta - self._begun[place] <= PAUSE or direction < 0
+        self._own[memory] = side * limit / self.stiffness(place)
+        if self.columns:
+            self._rows[:, memory] = side * extension_changes(self, place, theta) if self.is_strained[place] else 0.0
+        self._change_alone(place, side, theta)
+        self._begun[place] = theta - 1.0  # its rate does not begin at 0
         return True
 
     def _slow(self, accelerations: list[float], moved: list[float] | None = None) -> float:
@@ -208,13 +257,12 @@ class LoneFriction(DryState):
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
         number = self.reaction_of[place]
-        if not side and number is not None:
-            self.slips[place], self.sticks[place] = 0, True
-            self.hold((number,))
-        else:
+        if side:
             self._slip(place, side, theta)
-            if self.held:
-                self.hold(())
+        else:
+            self._stick(place, theta)
+        if number is not None and (self.held or not side):
+            self.hold(() if side else (number,))
         self.apply()
         self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
@@ -236,8 +284,21 @@ class LoneFriction(DryState):
         """Return True if the slip rate of friction that slips vanishes at the same time as an event."""
         if not self.slips[place] or theta - self._begun[place] <= SETTLING:
             return False
-        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
-        return abs(rate) <= _TOGETHER * abs(change) * float(self.base[0]) and self.slips[place] * change < 0.0
+        return self._vanishes(place, now.friction[place][0], self.slip_acceleration(place, now, theta))
+
+    def _vanishes(self, place: int, rate: float, change: float) -> bool:
+        """Return True if a slip rate with some change over time vanishes now, and ends slip."""
+        return abs(rate) <= _TOGETHER * abs(change) * self.base.item(0) and self.slips[place] * change < 0.0
+
+    def _others_stop(self, place: int, found: list[float], theta: float) -> bool:
+        """Return True if the slip rate of other friction vanishes at the same time, by the values that decide."""
+        return any(
+            other != place
+            and self.slips[other]
+            and theta - self._begun[other] > SETTLING
+            and self._vanishes(other, found[VALUES * other], found[VALUES * other + 3])
+            for other in range(len(self.slots))
+        )
 
     def kink(self, before: Readings, theta: float, after: Readings | None = None) -> None:
         """Record an instant at which velocities or accelerations jump."""
