@@ -60,7 +60,7 @@ def _varied(state: DryState, function: Callable[[NDArray], Any]) -> Array:
 
 def extension_changes(state: DryState, place: int, theta: float) -> Array:
     """Return the change, along each column, of the extension at which a Jenkins element slips."""
-    slots, changes, is_constant = state.slots[place], np.zeros(state.columns), state.has_constant_limit(place)
+    slots, changes, is_constant = state.slots[place], np.zeros(state.columns), state.has_constant_limit[place]
     stiffness, directions = state.stiffness(place), state.directions
     if is_constant and not state.is_strained[place]:
         return changes

@@ -185,6 +185,8 @@ class DryState:
         Coefficients of the system without constraints, and their derivatives along each direction.
     stop_reaction
         The number of the reaction of each switch of a rigid stop.
+    has_constant_limit
+        For each friction, True if its force in slip is the same all the time.
     columns
         Number of sensitivity columns.
     velocity_rows
@@ -230,6 +232,9 @@ class DryState:
         }
         self._order = [*self.sign_of, *sorted(self.friction_of)]  # of what is held: stops before friction
         self.stop_reaction = {structure.reactions[number][1]: number for number in self.sign_of}
+        self.has_constant_limit = [
+            law.by == "limit" and not slots.varies for law, slots in zip(self.laws, self.slots, strict=True)
+        ]
         self.slips, self.sticks = [0] * len(self.slots), [False] * len(self.slots)
         self.held: tuple[int, ...] = ()
         self.hold_log: list[Hold] = []
@@ -263,7 +268,7 @@ class DryState:
             self._contacts[contact] = [*slots.deflection.tolist(), *sway, *speed]
         # of springs in series, the slots of the coefficients of the extension in slip, if it is constant
         self._strains = [
-            [slots.numbers["limit"], slots.numbers["stiffness"]] if self.has_constant_limit(place) and memory else []
+            [slots.numbers["limit"], slots.numbers["stiffness"]] if self.has_constant_limit[place] and memory else []
             for place, (slots, memory) in enumerate(zip(self.slots, self.memory_of, strict=True))
         ]
         self._sways = any(layout.contacts[contact].sway is not None for contact in self._contacts)
@@ -432,10 +437,6 @@ class DryState:
         """Return the stiffness of the spring of friction with a memory."""
         return float(self.base[self.slots[place].numbers["stiffness"]])
 
-    def has_constant_limit(self, place: int) -> bool:
-        """Return True if the force of friction in slip is the same all the time."""
-        return self.laws[place].by == "limit" and not self.slots[place].varies
-
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
         moved = float(self.vectors[contact].dot(now.accelerations))
@@ -468,12 +469,9 @@ class DryState:
         depth = float(vector @ self.state[:n] + angles.sway(slots)) - self.sign_of[number] * clearance
         return depth, float(vector @ self.state[n : 2 * n] + angles.sway(slots, 0, 1)), clearance
 
-    def speed(self, moved: list[float] | None = None) -> float:
-        """Return the size of the velocities, now or a quarter of a period later.
-
-        `moved` are positions and velocities, if they are at hand.
-        """
-        n, numbers = self.n, self._own.tolist() if moved is None else moved
+    def speed(self) -> float:
+        """Return the size of the velocities, now or a quarter of a period later."""
+        n, numbers = self.n, self._own.tolist()
         if self.size > 2 * n:
             numbers = numbers[: 2 * n]
         return max(*map(abs, numbers[n:]), max(map(abs, numbers[:n])) / self.base.item(0))

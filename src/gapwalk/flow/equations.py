@@ -187,7 +187,8 @@ class Equations(RunTimeParameters):
 
         For each friction: its slip rate, the force in slip, that at which slip begins, the derivative of the slip rate
         over time with a constant limit, its reaction, and the derivatives by theta of the reaction and of the force at
-        which slip begins. Then the accelerations.
+        which slip begins. Then the length of the vector of the velocities, and of the positions times W. Then the
+        accelerations.
         """
         found, turning = [], [each / self.rate for each in self._accelerations]
         for place, contact in enumerate(self.dry):
@@ -197,7 +198,9 @@ class Equations(RunTimeParameters):
                 force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
             growths = [self._along(each, self.state) for each in (force, limits[1])]
             found += [self.slip_rate(place), *limits, bent, force, *growths]
-        return [hy.expression(0.0) + each for each in [*found, *turning]]
+        speeds = [*self.velocities, *(q / self.rate for q in self.positions)]
+        speed = hy.sqrt(hy.sum([each * each for each in speeds]))
+        return [hy.expression(0.0) + each for each in [*found, speed, *turning]]
 
     @cached_property
     def _columns(self) -> list[hy.expression]:

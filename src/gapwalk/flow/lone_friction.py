@@ -131,22 +131,22 @@ class LoneFriction(DryState):
         turning = side * acceleration
         if turning > 0.0:
             return True  # its rate only begins to grow
-        moved, accelerations = self._own.tolist(), found[-n:]
-        if -turning <= self._slow(accelerations, moved) or not bound > 0.0 or not push.on_itself > 0.0:
+        if self._is_slow(-turning, found) or not bound > 0.0 or not push.on_itself > 0.0:
             return False
         needed = side * limit + acceleration / push.on_itself
         beyond = abs(needed) / bound - 1.0
         if abs(beyond) < 2.0 * BARELY or side * needed > bound:
             return False
-        if self._others_stop(place, found, theta):
+        if len(self.slots) > 1 and self._others_stop(place, found, theta):
             return False
         # accelerations jump where it turns round, and what comes later contributes what they did meanwhile
         turns = beyond > 0.0
         share = 2.0 * side * limit if turns else -acceleration
         if not self.columns:
-            velocities, before = np.array(moved[n : 2 * n]), np.array(accelerations)
+            moved = self._own.copy()
+            velocities, before = moved[n : 2 * n], np.array(found[-n:])
             after = before + share * (push.moved if turns else push.stopping)
-            self.kinks.append(Kink(theta, np.array(moved[:n]), (velocities, velocities), (before, after)))
+            self.kinks.append(Kink(theta, moved[:n], (velocities, velocities), (before, after)))
         elif self.is_moved[contact := self.equations.dry[place]]:
             changes = rate_changes(self, contact, theta) * (share / acceleration)
             self.velocity_rows += changes[:, None] * (push.moved if turns else push.stopping)
@@ -166,31 +166,32 @@ class LoneFriction(DryState):
         which are those of the limit in slip. Return False if it decides nothing.
         """
         memory, side = self.memory_of[place], self.slips[place]
-        if memory is None or self.held or self.sign_of or not self.has_constant_limit(place):
+        if memory is None or self.held or self.sign_of or not self.has_constant_limit[place]:
             return False
         if side and direction == side:
             return False
         if side and theta - self._begun[place] <= SETTLING:
             return True  # its rate begins at 0
-        n, found, moved = self.n, self.decide(theta), self._own.tolist()
+        n, found = self.n, self.decide(theta)
         rate, limit, _, acceleration = found[VALUES * place : VALUES * place + 4]
-        if self._others_stop(place, found, theta):
+        if len(self.slots) > 1 and self._others_stop(place, found, theta):
             return False
         if side:
             turning = side * acceleration
             if turning > 0.0:
                 return True  # its rate only begins to grow
-            if -turning <= self._slow(found[-n:], moved):
+            if self._is_slow(-turning, found):
                 return False
             if not self.columns:
-                velocities, turned = np.array(moved[n : 2 * n]), np.array(found[-n:])
-                self.kinks.append(Kink(theta, np.array(moved[:n]), (velocities, velocities), (turned, turned)))
+                moved = self._own.copy()
+                velocities, turned = moved[n : 2 * n], np.array(found[-n:])
+                self.kinks.append(Kink(theta, moved[:n], (velocities, velocities), (turned, turned)))
             self._change_alone(place, 0, theta)
             self._brief[place] = False
             return True
-        side = -1 if second else 1
-        leading = rate
-        if abs(rate) <= max(SETTLING * self.base.item(0) * abs(acceleration), STILL * self.speed(moved)):
+        side, leading = -1 if second else 1, rate
+        # of a share of the largest velocity less than that of the length of the vector
+        if abs(rate) <= max(SETTLING * self.base.item(0) * abs(acceleration), STILL * found[-n - 1]):
             leading = acceleration
             if abs(acceleration) <= NEAR * max(map(abs, found[-n:])):
                 return False
@@ -203,13 +204,20 @@ class LoneFriction(DryState):
         self._begun[place] = theta - 1.0  # its rate does not begin at 0
         return True
 
-    def _slow(self, accelerations: list[float], moved: list[float] | None = None) -> float:
+    def _is_slow(self, turning: float, found: list[float]) -> bool:
+        """Return True if slip may turn round at once with a deceleration of its rate, by the values that decide."""
+        n = self.n
+        # the length of a vector is its largest number or more: usually it tells, and costs nothing
+        if turning > TURNS * max(*map(abs, found[-n:]), found[-n - 1] / self.base.item(0)):
+            return False
+        return turning <= self._slow(found[-n:])
+
+    def _slow(self, accelerations: list[float]) -> float:
         """Return the acceleration below which slip may turn round at once, by what the velocities need in a period.
 
-        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity. `moved`
-        are positions and velocities, if they are at hand.
+        Those of the moment alone do not tell: where one coordinate moves, the slip rate is its only velocity.
         """
-        return TURNS * max(*map(abs, accelerations), self.speed(moved) / self.base.item(0))
+        return TURNS * max(*map(abs, accelerations), self.speed() / self.base.item(0))
 
     def _soon(self, now: Readings, theta: float) -> Readings:
         """Return the values a moment later, under the present modes."""
