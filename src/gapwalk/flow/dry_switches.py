@@ -155,11 +155,15 @@ class DrySwitches(LoneFriction):
         Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
         """
         self.slips[place], self.sticks[place] = side, False
-        now = self.read(theta, known)
-        rate, change = now.friction[place][0], self.slip_acceleration(place, now, theta)
+        if known is None:
+            self.apply()
+            rate, _, _, change = self.decide(theta)[VALUES * place : VALUES * place + 4]
+        else:
+            known = self.read(theta, known)
+            rate, change = known.friction[place][0], self.slip_acceleration(place, known, theta)
         if abs(rate) > SETTLING * float(self.base[0]) * abs(change) and abs(rate) > STILL * self.speed():
             return side * rate > 0.0
-        change = self._leading(self.equations.dry[place], now, theta)
+        change = self._leading(self.equations.dry[place], known or self.read(theta), theta)
         return side * change > 0.0
 
     def _leading(self, contact: int, now: Readings, theta: float) -> float:

@@ -102,6 +102,9 @@ class FrictionGauge:
             columns, table = read
             force = columns[..., : table.shape[1]] @ table[self.n + self.reaction]
             return columns[..., table.shape[1] + 3 * self.place + 2], force
+        if self.memory is not None and self._law.by == "limit" and not self._slots.varies:  # nothing but the spring
+            own = {name: coefficients[slot] for name, slot in self._slots.numbers.items()}
+            return self._law.breakaway([], own), own["stiffness"] * y[..., 2 * self.n + self.memory]
         angles, n = Angles(self.layout, coefficients, theta), self.n
         numbers, stages = angles.named(self._slots.numbers, self._slots.waves), stages_of(self._slots, angles, _ORIGIN)
         if (host := self.layout.structure.host(self.contact)) is not None:

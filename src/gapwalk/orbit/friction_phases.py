@@ -247,8 +247,10 @@ class _Margins:
     def _stuck(self, samples: list[int]) -> list[DryModes]:
         """Return the modes just before some samples, with this friction in stick."""
         structure = self._structure
-        if len(structure.friction) + len(structure.memories) == 1 == len(structure.reactions):  # there are no others
-            return [DryModes(np.zeros(1, dtype=np.int8), np.ones(1, dtype=bool))] * len(samples)
+        friction, reactions = len(structure.friction), len(structure.reactions)
+        # the force of a spring in series depends on no modes, and there may be no others
+        if self._gauge.memory is not None or friction == reactions == 1:
+            return [DryModes(np.zeros(friction, dtype=np.int8), np.ones(reactions, dtype=bool))] * len(samples)
         modes = modes_along(structure, self._thetas[samples], *self._logs, before=True)
         return [self._gauge.sticking(modes.at(number)) for number in range(len(samples))]
 
