@@ -212,6 +212,9 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
             return _locate_onset(interval, stuck, far, change)
         except LookupError:
             return None
+    known: Located | None = interval.located.get(change)
+    if known is not None and first.arclength < known.point.arclength < last.arclength:
+        return known  # found before the step was divided
     tracked: dict[float, tuple[float, float]] = {}
 
     def value(arclength: float) -> float:
@@ -237,7 +240,8 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         return None
     point, found = interval.at(root), change._replace(theta=tracked[root][0])
     point.memo[found] = tracked[root][1]
-    return Located(point, found, 1e-12)
+    interval.located[change] = Located(point, found, 1e-12)
+    return interval.located[change]
 
 
 def never_slips(orbit: Orbit, contact: int) -> bool:
