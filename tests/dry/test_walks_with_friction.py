@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,9 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.continuation.walk import EndReason
-from gapwalk.flow.flow import Flow
+from gapwalk.flow.dry_switches import DrySwitches
+from gapwalk.flow.flow import Flow, flow_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
@@ -56,7 +60,7 @@ def test_the_points_do_not_depend_on_where_the_section_is(phase: float, first: f
     assert places(branch, "grazing-sliding")[0] == pytest.approx(0.4325314254, abs=1e-9)
 
 
-@pytest.mark.parametrize(("stiffness", "sliding", "calls"), [(None, 11, 2290), in_campaign(10.0, 22, 3040)])
+@pytest.mark.parametrize(("stiffness", "sliding", "calls"), [(None, 11, 2290), in_campaign(10.0, 22, 2980)])
 def test_work_of_a_walk_with_friction_does_not_grow(stiffness: float | None, sliding: int, calls: int) -> None:
     """Guards the speed of the clutch with friction .02 by counting flow calls; without friction there are 1,712."""
     orbit = gw.find_orbit(clutch(0.02, stiffness=stiffness))
@@ -67,6 +71,26 @@ def test_work_of_a_walk_with_friction_does_not_grow(stiffness: float | None, sli
     assert max(each.uncertainty for each in found) < 1e-6
     assert len(branch.points) < 340
     assert Flow.calls - before < calls
+
+
+def test_each_event_of_a_spring_is_decided_by_one_evaluation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Guards the speed: no event without a change, and no reading of all forces."""
+    orbit, counts = gw.find_orbit(clutch(0.02, stiffness=10.0), frequency=0.35), Counter[str]()
+    for name in ("at_slip", "decide", "read", "speed"):
+        own = getattr(DrySwitches, name)
+
+        def counted(self, *given, name=name, own=own):
+            counts[name] += 1
+            return own(self, *given)
+
+        monkeypatch.setattr(DrySwitches, name, counted)
+    arc = flow_of(orbit.system, "frequency", transition=True).integrate(coefficients_of(orbit.system), orbit.state)
+    changes = len(arc.slips) - 1
+    assert changes >= 4
+    assert counts["at_slip"] == changes
+    assert counts["decide"] <= changes + 2  # of the start and of the end
+    assert counts["read"] == 0
+    assert counts["speed"] <= 3
 
 
 def test_a_phase_that_vanishes_is_not_taken_for_another_one() -> None:

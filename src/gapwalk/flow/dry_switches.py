@@ -127,11 +127,11 @@ class DrySwitches(LoneFriction):
         """
         self.slips[place], self.sticks[place] = 0, False
         force = self.stiffness(place) * float(self.state[memory])
-        if self.has_constant_limit[place] and abs(force) < self.base[self.slots[place].numbers["limit"]] * (1.0 - ON):
-            self.sticks[place] = True
-            return known  # nothing need be read
-        now = self.read(theta, known)
-        rate, limit, _ = now.friction[place]
+        if self.has_constant_limit[place]:  # then the rate does not matter
+            now, rate, limit = known, 0.0, self.base.item(self.slots[place].numbers["limit"])
+        else:
+            now = self.read(theta, known)
+            rate, limit, _ = now.friction[place]
         tiny = ON * self.stiffness(place) * largest(self.state[: self.n])
         begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
         if limit > 0.0 and abs(force) < limit * (1.0 - ON) and not begins:
