@@ -221,7 +221,10 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         if arclength not in tracked:
             nearest = min(tracked, key=lambda known: abs(known - arclength), default=None)
             theta = change.theta if nearest is None else tracked[nearest][0]
-            tracked[arclength] = margin(interval.at(arclength).orbit, change, theta)
+            point = interval.at(arclength)
+            if (change, theta) not in point.memo:  # the ends of a step that is divided are asked again
+                point.memo[change, theta] = margin(point.orbit, change, theta)
+            tracked[arclength] = point.memo[change, theta]
         return tracked[arclength][1]
 
     rich = _has(first.orbit, change), _has(last.orbit, change)

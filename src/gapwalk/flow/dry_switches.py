@@ -247,15 +247,16 @@ class DrySwitches(LoneFriction):
         if self.keeps == self.equations.dry[place]:
             return
         theta = self.integrator.time
-        rigid = self.sticks[place] and self.memory_of[place] is None
-        if rigid and (direction > 0 or self._only_twitches(place, theta)):
-            return  # its force is within the bound again, or will be
-        if rigid and self._lets_go_alone(place):
-            self._change_alone(place, -1 if second else 1, theta)
-            return
-        if not second and self._turns_alone(place, direction, theta):
-            return
-        if self._spring_changes_alone(place, bool(second), direction, theta):
+        if self.memory_of[place] is not None:
+            if self._spring_changes_alone(place, bool(second), direction, theta):
+                return
+        elif self.sticks[place]:
+            if direction > 0 or self._only_twitches(place, theta):
+                return  # its force is within the bound again, or will be
+            if self._lets_go_alone(place):
+                self._change_alone(place, -1 if second else 1, theta)
+                return
+        elif not second and self._turns_alone(place, direction, theta):
             return
         now = self.read(theta)
         for other, memory in enumerate(self.memory_of):  # of two events at the same time only one is reported
