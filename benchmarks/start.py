@@ -20,7 +20,7 @@ _MOST = 5  # processes for each line
 _FIRST_POINT = """\
 import os, sys
 from gapwalk.cli import main, progress
-progress.WalkProgress.__call__ = lambda *_: os._exit(0)
+progress.ProgressLine.__call__ = lambda *_: os._exit(0)
 main(["run", sys.argv[1], "--output", sys.argv[2], "--force", "--quiet"])
 sys.exit("there was no point")
 """
