@@ -9,7 +9,6 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
@@ -455,7 +454,8 @@ def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[n
     if given is None:
         return default
     try:
-        matrix = np.asarray(given.toarray() if issparse(given) else given, dtype=float)
+        # of sparse matrices by what they can do: their package takes a tenth of a second to import
+        matrix = np.asarray(given.toarray() if hasattr(given, "toarray") else given, dtype=float)
     except (TypeError, ValueError):
         problems.append(f"{what} is {given!r}; it must be a matrix of {n} x {n} numbers")
         return default

@@ -31,21 +31,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from gapwalk.model.drivetrain.train_form import Step, TrainForm
 from gapwalk.model.structure import NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 _CONSISTENT = 1e-9  # relative error of the ratios around a loop
 _LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
 
-Matrix = csr_array | NDArray[Any]
+Matrix: TypeAlias = "csr_array | NDArray[Any]"
 """A matrix: sparse for a long train."""
 
 
@@ -324,6 +326,8 @@ class TrainNumbers:
     ) -> Matrix:
         """Return the matrix of these entries."""
         if len(self.form.links) > _LONG:
+            from scipy.sparse import csr_array  # imported late, because the import is slow
+
             return csr_array((entries, (rows, columns)), shape=shape)
         found = np.zeros(shape, dtype=entries.dtype)
         found[rows, columns] = entries
