@@ -114,7 +114,13 @@ def answer_events(owner: Any, events: Iterable[Any]) -> None:
 
 
 class Switchboard(BreakpointGeometry):
-    """Control of the switches of one compiled integrator, which calls it back at every event."""
+    """Control of the switches of one compiled integrator, which calls it back at every event.
+
+    Attributes
+    ----------
+    begun
+        For each switch whether its stage is closed at the start of the motion.
+    """
 
     def __init__(self, equations: Equations) -> None:
         super().__init__(equations)
@@ -130,6 +136,7 @@ class Switchboard(BreakpointGeometry):
             for k, j in equations.switches
         ]
         self._inside: list[bool] = []
+        self.begun: list[bool] = []
         self._holding = set[int]()  # switches of the stops that are held
         self.log: list[ContactEvent] = []
         self.missed = 0
@@ -147,6 +154,11 @@ class Switchboard(BreakpointGeometry):
         self.dry.attach(integrator, columns, readings, self._coefficient_change())
         if self.count or self.modes.mode_count or self.dry.count:
             answer_events(self, integrator.t_events)
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """The coefficients of the system, with lengths in multiples of the unit."""
+        return self._system
 
     def _coefficient_change(self) -> Callable[[NDArray[np.float64]], None]:
         """Return a function that takes over coefficients, which change with what is held."""
@@ -197,6 +209,7 @@ class Switchboard(BreakpointGeometry):
                 self.modes.refresh(theta, self._closed())
             if before != self._inside:
                 self._start_dry(theta)
+        self.begun = self._inside.copy()
         for switch in self.dry.stop_reaction:
             self._parameters[self._first + switch] = self._inside[switch] = False
             if near[switch] and not self.dry.holds(switch) and self._signs[switch] * self._rate(switch, theta) > 0.0:

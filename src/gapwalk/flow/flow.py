@@ -29,6 +29,7 @@ from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
+from gapwalk.flow.linear_transition import LARGE, LinearTransition
 from gapwalk.flow.turning_points import Turn, TurningPoints
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
@@ -141,14 +142,16 @@ class Flow:
         self.equations = equations
         self.size = equations.layout.structure.state_size
         self.has_transition, self.has_survey, self.directions = transition, survey, len(equations.varying)
-        right_hand_sides = list(equations.state)
-        if transition:
+        # whether the transition matrix is integrated with the state, or follows from the events alone
+        self.is_linear = transition and equations.layout.structure.size >= LARGE and LinearTransition.serves(equations)
+        right_hand_sides, integrated = list(equations.state), transition and not self.is_linear
+        if integrated:
             right_hand_sides += equations.fundamental()
         for index in range(self.directions):
             right_hand_sides += equations.direction(index)
         if survey:
             right_hand_sides += equations.integrals()
-        with kept(f"{equations.text} transition={transition} survey={survey}"):
+        with kept(f"{equations.text} transition={integrated} survey={survey}"):
             self._compiled = hy.taylor_adaptive(
                 right_hand_sides,
                 state=np.zeros(len(right_hand_sides)),
@@ -284,14 +287,16 @@ class _Integrator:
         self._coefficients = self._parameters[self.equations.first_coefficient :]
         self._components = self._parameters[: self.equations.first_switch]
         self._switchboard = Switchboard(self.equations)
-        self._switchboard.attach(taylor, self.size * self.has_transition + self.directions, flow.readings)
+        self._linear = LinearTransition(self.equations) if flow.is_linear else None
+        self._width = self.size * (self.has_transition and not flow.is_linear)  # columns of the transition matrix
+        self._switchboard.attach(taylor, self._width + self.directions, flow.readings)
         self._turns = TurningPoints(self.equations, taylor, self._switchboard)
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
             self._switchboard.listener = WeakMethod(self._turns.at_stop)
         self._still = np.zeros((self.directions, len(self.equations.pattern)))
         self._identity = np.zeros(len(self._state) - self.size)
-        if self.has_transition:
+        if self._width:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
     def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
@@ -300,7 +305,7 @@ class _Integrator:
             self._switchboard.dry.keeps, self._switchboard.dry.unseen = keeps, unseen
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
-                return self._arc(steps)
+                return self._arc(steps, np.array([start, stop]))
         self._refuse_missed(state, start, stop)
 
     def sample(self, coefficients, state, thetas):
@@ -311,8 +316,10 @@ class _Integrator:
         rows = self._sampled(np.asarray(thetas, dtype=float))
         if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
-        size, count, unit, width = self.size, len(rows), self._unit, self.size * self.has_transition
+        size, count, unit, width = self.size, len(rows), self._unit, self._width
         transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
+        if self._linear is not None:
+            transitions = self._linear_transitions(np.asarray(thetas, dtype=float))
         along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
         moved = rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit
         return Variations(*moved, self._switchboard.log, *self._dry_logs)
@@ -448,10 +455,18 @@ class _Integrator:
             "diverges"
         )
 
-    def _arc(self, steps: int) -> Arc:
+    def _linear_transitions(self, thetas: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the transition matrices of the last motion from the first of some angles to each."""
+        assert self._linear is not None
+        switches = self._switchboard
+        return self._linear.along(switches.coefficients, switches.begun, switches.log, thetas, self._unit)
+
+    def _arc(self, steps: int, ends: NDArray[np.float64]) -> Arc:
         size, state, unit = self.size, self._state, self._unit
         transition = sensitivity = None
-        if self.has_transition:
+        if self._linear is not None:
+            transition = self._linear_transitions(ends)[1]
+        elif self.has_transition:
             transition = state[size : size * (1 + size)].reshape(size, size).T.copy()
         if self.directions == 1:
             sensitivity = state[-size:] * unit

@@ -1,0 +1,143 @@
+"""Transition matrices of large systems from their events: against Taylor series, SciPy, and differences of motions."""
+
+from __future__ import annotations
+
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import gapwalk as gw
+from gapwalk.flow import flow as flow_module
+from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.linear_transition import LARGE
+from gapwalk.model.coefficients import coefficients_of, varying
+from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.loads import Harmonic
+from gapwalk.model.system import System
+
+
+def chain(size: int, seed: int = 0, *, law: str = "hunt-crossley", damping: float = 0.05, **numbers: float) -> System:
+    """A chain of masses with stops of one or two stages, at three of them, and damping of any kind."""
+    random = np.random.default_rng(seed)
+    stiffness = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
+    names = [f"x{k}" for k in range(size)]
+    stages = [
+        [Stage(0.2, 4.0, side=Side.POSITIVE)],
+        [Stage(0.1, 2.0)],
+        [Stage(0.1, 3.0, name="first"), Stage(0.3, 9.0, name="last")],
+    ]
+    contacts = [
+        Contact(f"stop{k}", {names[place]: 1.0, names[place - 1]: -0.5}, own, law=law, **numbers)
+        for k, (place, own) in enumerate(zip((size // 3, size // 2, size - 1), stages, strict=True))
+    ]
+    return System(
+        names,
+        stiffness,
+        damping * stiffness + 0.4 * damping * np.diag(random.random(size)),
+        mass=np.diag(0.5 + random.random(size)),
+        contacts=contacts,
+        harmonics=[Harmonic(0.8, {names[-1]: 1.0})],
+        frequency=0.6,
+    )
+
+
+def flows(system: System, *parameters: str) -> tuple[Flow, Flow]:
+    """Return the flow with matrices from events, and the one with Taylor series."""
+    own = flow_of(system, *parameters, transition=True)
+    with patch.object(flow_module, "LARGE", 10**6):
+        flow_module._compile.cache_clear()
+        other = flow_of(system, *parameters, transition=True)
+    flow_module._compile.cache_clear()
+    assert own.is_linear
+    assert not other.is_linear
+    return own, other
+
+
+def motion(flow: Flow, system: System, seed: int, *parameters: str) -> Arc:
+    state = 0.4 * np.random.default_rng(seed).normal(size=2 * system.size)
+    directions = np.array([mask.astype(float) for mask in varying(system, parameters)]) if parameters else None
+    return flow.integrate(coefficients_of(system), state, 0.3, 0.3 + PERIOD, directions)
+
+
+def free(stiffness: np.ndarray, damping: np.ndarray, frequency: float) -> System:
+    """A system that never comes to its stop."""
+    names = [f"x{k}" for k in range(len(stiffness))]
+    far = Contact("stop", {names[0]: 1.0}, [Stage(100.0, 1.0)])
+    return System(
+        names, stiffness, damping, contacts=[far], harmonics=[Harmonic(0.1, {names[0]: 1.0})], frequency=frequency
+    )
+
+
+CASES = [("hunt-crossley", {}), ("viscous", {"viscous_damping": 0.3})]
+
+
+@pytest.mark.parametrize(("law", "numbers"), CASES)
+@pytest.mark.parametrize("size", [LARGE, 12])
+def test_they_are_those_of_taylor_series(size: int, law: str, numbers: dict[str, float]) -> None:
+    for seed in range(4):
+        system = chain(size, seed, law=law, **numbers)
+        parameter = ("frequency", "harmonic1.amplitude", "stop1.clearance", "frequency")[seed]
+        own, other = (motion(flow, system, seed, parameter) for flow in flows(system, parameter))
+        assert len(own.contacts) >= 4
+        assert own.state == pytest.approx(other.state, abs=1e-13)
+        assert own.sensitivity == pytest.approx(other.sensitivity, rel=1e-11, abs=1e-11)
+        assert own.transition == pytest.approx(other.transition, abs=1e-11 * float(np.abs(other.transition).max()))
+
+
+@pytest.mark.parametrize(("law", "numbers"), CASES)
+def test_they_are_those_of_differences(law: str, numbers: dict[str, float]) -> None:
+    system, step = chain(7, 3, law=law, **numbers), 1e-6
+    flow, coefficients = flow_of(system, transition=True), coefficients_of(system)
+    state = 0.4 * np.random.default_rng(3).normal(size=14)
+    assert flow.is_linear
+    found = flow.integrate(coefficients, state).transition
+    moved = [
+        [flow_of(system).integrate(coefficients, state + side * step * each).state for each in np.eye(14)]
+        for side in (1.0, -1.0)
+    ]
+    assert found == pytest.approx((np.array(moved[0]) - moved[1]).T / (2.0 * step), abs=1e-7)
+
+
+def test_without_contact_they_are_the_exponential() -> None:
+    system = free(np.diag(np.arange(1.0, 7.0)) + 0.1, 0.1 * np.eye(6) + 0.02, 0.7)
+    n, found = 6, flow_of(system, transition=True).integrate(coefficients_of(system), np.full(12, 0.1))
+    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-system.matrix("stiffness"), -system.matrix("damping")]])
+    assert found.transition == pytest.approx(expm(matrix * PERIOD / 0.7), abs=1e-13)
+
+
+def test_a_matrix_without_enough_eigenvectors_has_its_exponential_too() -> None:
+    n = 6
+    system = free(np.eye(n), 2.0 * np.eye(n), 2.0)  # critical damping
+    found = flow_of(system, transition=True).integrate(coefficients_of(system), np.full(2 * n, 0.1)).transition
+    t = PERIOD / 2.0
+    exact = np.exp(-t) * np.block([[(1.0 + t) * np.eye(n), t * np.eye(n)], [-t * np.eye(n), (1.0 - t) * np.eye(n)]])
+    assert found == pytest.approx(exact, abs=1e-14)
+
+
+def test_samples_of_a_motion_have_theirs() -> None:
+    system = chain(8, 2, law="viscous", viscous_damping=0.2)
+    thetas = np.linspace(0.0, PERIOD, 17)
+    state = 0.4 * np.random.default_rng(5).normal(size=16)
+    own, other = (flow.vary(coefficients_of(system), state, thetas) for flow in flows(system))
+    assert own.transitions == pytest.approx(other.transitions, abs=1e-11)
+    assert own.states == pytest.approx(other.states, abs=1e-13)
+
+
+def test_what_is_not_linear_or_changes_the_matrix_keeps_its_series() -> None:
+    crossley = chain(LARGE, impact_damping=0.1)
+    linear = chain(LARGE)
+    assert not flow_of(crossley, transition=True).is_linear
+    assert not flow_of(linear, "stiffness.x1.x1", transition=True).is_linear
+    assert not flow_of(linear, "stop1.stiffness", transition=True).is_linear
+    assert not flow_of(chain(LARGE - 1), transition=True).is_linear
+    assert flow_of(linear, "frequency", transition=True).is_linear
+
+
+def test_a_branch_of_a_long_chain_is_verified() -> None:
+    system = chain(10, 1)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.7)
+    assert flow_of(system, "frequency", transition=True).is_linear
+    assert branch.special_points
+    assert gw.verify(branch).ok
