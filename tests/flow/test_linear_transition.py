@@ -78,7 +78,7 @@ CASES = [("hunt-crossley", {}), ("viscous", {"viscous_damping": 0.3})]
 def test_they_are_those_of_taylor_series(size: int, law: str, numbers: dict[str, float]) -> None:
     for seed in range(4):
         system = chain(size, seed, law=law, **numbers)
-        parameter = ("frequency", "harmonic1.amplitude", "stop1.clearance", "frequency")[seed]
+        parameter = ("frequency", "stop0.stiffness", "stop1.clearance", "damping.x1.x1")[seed]
         own, other = (motion(flow, system, seed, parameter) for flow in flows(system, parameter))
         assert len(own.contacts) >= 4
         assert own.state == pytest.approx(other.state, abs=1e-13)
@@ -125,12 +125,10 @@ def test_samples_of_a_motion_have_theirs() -> None:
     assert own.states == pytest.approx(other.states, abs=1e-13)
 
 
-def test_what_is_not_linear_or_changes_the_matrix_keeps_its_series() -> None:
+def test_what_is_not_linear_keeps_its_series() -> None:
     crossley = chain(LARGE, impact_damping=0.1)
     linear = chain(LARGE)
     assert not flow_of(crossley, transition=True).is_linear
-    assert not flow_of(linear, "stiffness.x1.x1", transition=True).is_linear
-    assert not flow_of(linear, "stop1.stiffness", transition=True).is_linear
     assert not flow_of(chain(LARGE - 1), transition=True).is_linear
     assert flow_of(linear, "frequency", transition=True).is_linear
 

@@ -1,12 +1,12 @@
 """The state transition matrix of motions that are linear between their contact events, from those events alone.
 
 While no contact opens or closes, changes of such a motion follow ``dy/dt = A y`` with a constant matrix. So the
-transition matrix is a product of matrix exponentials, and of the jumps of the general event rule. Its eigenvectors give
-each exponential by products of matrices, n^3 for each event. Taylor series of the variational equations cost as much
-for each of many steps, so large systems gain most. Eigenvectors cost more than all of that; therefore this serves
-branches along which the matrix stays the same, as over frequency, loads and clearances.
+transition matrix is a product of matrix exponentials, and of the jumps of the general event rule: n^3 for each event.
+Taylor series of the variational equations cost as much for each of many steps, so large systems gain most. Where the
+matrix stays the same along a branch, as over frequency, loads and clearances, its eigenvectors give each exponential
+by products of matrices. They cost more than some exponentials; else, and where they hardly differ, SciPy's serves.
 
-Moler and Van Loan (2003), Nineteen dubious ways to compute the exponential of a matrix, SIAM Review 45, way 14.
+Moler and Van Loan (2003), Nineteen dubious ways to compute the exponential of a matrix, SIAM Review 45, ways 3 and 14.
 """
 
 from __future__ import annotations
@@ -92,11 +92,12 @@ class LinearTransition:
         self._terms = [_terms(equations, *switch) or () for switch in equations.switches]
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
         self._slots = _slots(equations)
+        self._is_constant = not any(np.isin(self._slots, slots).any() for slots in equations.varying)
         self._known, self._matrices = b"", dict[tuple[bool, ...], Array | _Spectrum]()
 
     @staticmethod
     def serves(equations: Equations) -> bool:
-        """Return True if motions are linear between events of breakpoints, with matrices that no direction changes."""
+        """Return True if motions are linear between events of breakpoints, and nothing else is an event."""
         layout = equations.layout
         if equations.ramp or equations.dry or equations.stops or equations.modes or layout.cycles:
             return False
@@ -108,7 +109,7 @@ class LinearTransition:
                 return False
             if any(_terms(equations, index, stage) is None for stage in range(len(contact.stages))):
                 return False
-        return not any(np.isin(_slots(equations), slots).any() for slots in equations.varying)
+        return True
 
     def along(
         self, coefficients: Array, inside: Sequence[bool], events: Sequence[ContactEvent], thetas: Array, unit: float
@@ -166,13 +167,13 @@ class LinearTransition:
         known = self._matrix(tuple(closed))
         if isinstance(known, _Spectrum):
             return known.carried(changes, time)
-        from scipy.linalg import expm  # much slower: for matrices without enough eigenvectors
+        from scipy.linalg import expm
 
         grown = np.asarray(expm(known * time), dtype=float)
         return grown if changes is None else grown @ changes
 
     def _matrix(self, closed: tuple[bool, ...]) -> Array | _Spectrum:
-        """Return the spectrum of the matrix while some stages are closed; where it has none, the matrix."""
+        """Return the spectrum of the matrix while some stages are closed, or the matrix itself."""
         found = self._matrices.get(closed)
         if found is not None:
             return found
@@ -183,7 +184,7 @@ class LinearTransition:
             stiffness += spring * along
             damping += damper * along
         matrix = np.block([[np.zeros((n, n)), self._scale * np.eye(n)], [-stiffness / self._scale, -damping]])
-        spectrum = _Spectrum.of(matrix)
+        spectrum = _Spectrum.of(matrix) if self._is_constant else None
         self._matrices[closed] = found = matrix if spectrum is None else spectrum
         return found
 
