@@ -234,7 +234,7 @@ class FreeEquation(OrbitEquation):
             found[np.argmin(np.abs(found))] = 1.0
         else:  # an equilibrium, at which a branch begins
             found = multipliers([transition])
-            found[np.argmin(np.abs(found - 1.0))] = 1.0
+            found[np.argsort(np.abs(found - 1.0))[:2]] = 1.0  # the critical pair
         found = found[np.argsort(-np.abs(found), kind="stable")]
         coordinate = self.system.coordinates[self.coordinate]
         return FreeOrbit(

@@ -123,7 +123,9 @@ class RestEvent:
     frequency
         At a Hopf point, the angular frequency of the motions that begin there; otherwise 0.
     contact
-        Where a contact changes, its name with the stage and side, and whether it closes or opens; otherwise empty.
+        Where a contact changes, its name with the stage and side; otherwise empty.
+    closes
+        True where that contact closes, in the direction of the walk.
     turns
         True where the parameter turns back.
 
@@ -142,6 +144,7 @@ class RestEvent:
         "unstable.after": "after",
         "frequency": "frequency",
         "contact": "contact",
+        "closes": "closes",
         "turns": "turns",
     }
 
@@ -152,6 +155,7 @@ class RestEvent:
     after: int
     frequency: float = 0.0
     contact: str = ""
+    closes: bool = False
     turns: bool = False
 
     @property
@@ -165,7 +169,8 @@ class RestEvent:
         if self.kind is RestEventKind.HOPF:
             return f"{self.kind.value}, frequency {self.frequency:.8g}"
         if self.kind is RestEventKind.BORDER:
-            return f"{self.contact}{', the equilibria turn back' * self.turns}"
+            what = "closes" if self.closes else "opens"
+            return f"{self.contact} {what}{', and the equilibria turn back' * self.turns}"
         return self.kind.value
 
     def __repr__(self) -> str:

@@ -132,14 +132,14 @@ def check_rest(system: System, parameter: str) -> None:
     for form in equations.contacts:
         if form.law.rebounds:
             raise ModelError(
-                f"{form.name} is a rigid stop, against which an equilibrium has a reaction of any size; replace it by a "
-                "stiff one"
+                f"{form.name} is a rigid stop, against which an equilibrium has a reaction of any size; replace it by "
+                "a stiff one"
             )
         if form.law.is_dry and (equations.memories or not plain[f"{form.name}.speed"]):
             raise ModelError(
                 f"{form.name} is dry friction on a base at rest, or in series with a spring: its equilibria are a "
-                f"continuum. Give the base a speed ({form.name}.speed), at which it slips at rest, or write the friction "
-                "as a formula of the rate"
+                f"continuum. Give the base a speed ({form.name}.speed), at which it slips at rest, or write the "
+                "friction as a formula of the rate"
             )
 
 
@@ -176,7 +176,10 @@ def _joined(system: System, parameter: str, walks: Sequence[_RestWalk]) -> Rests
     )
     for each in back:
         points = [*reversed(each.points[1:]), *points]
-        turned = [replace(event, before=event.after, after=event.before) for event in each.events]
+        turned = [
+            replace(event, before=event.after, after=event.before, closes=bool(event.contact) and not event.closes)
+            for event in each.events
+        ]
         events, begins = [*reversed(turned), *events], each.end
     return Rests(system, parameter, tuple(points), tuple(events), (begins, ahead.end))
 
@@ -373,12 +376,13 @@ class _RestWalk:
             self._events_before(before)
         turns = float(before.tangent[-1]) * float(after.tangent[-1]) < 0.0
         name, stage, side = switch_names(self.equation.system)[corner.switch]
-        which = f"{name}{' ' * bool(stage)}{stage}{'+' if side > 0 else '-'}"
-        words = f"{which} {'closes' if corner.closes else 'opens'}"
+        contact = f"{name}{' ' * bool(stage)}{stage}{'+' if side > 0 else '-'}"
         size = max(abs(after.value), self.within.width)
         counts = _rest(before).unstable, _rest(after).unstable
         rest = _rest(after)
-        self.events.append(RestEvent(RestEventKind.BORDER, rest, 10.0 * _ROUNDING * size, *counts, 0.0, words, turns))
+        error = 10.0 * _ROUNDING * size
+        border = RestEvent(RestEventKind.BORDER, rest, error, *counts, 0.0, contact, corner.closes, turns)
+        self.events.append(border)
         self.points.append(rest)
         if sum(each.kind is RestEventKind.BORDER for each in self.events) > _CORNERS:
             return f"more than {_CORNERS} contacts changed"

@@ -6,10 +6,8 @@ Method: docs/numerics/self-excited.md
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
+from typing import cast
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
@@ -20,9 +18,8 @@ from gapwalk.continuation.both_directions import Tracing
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.continuation.walk_scales import Range, check_range
-from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
-from gapwalk.flow.length_unit import smallness
+from gapwalk.continuation.walk_scales import check_range
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.flow.forces import accelerations
 from gapwalk.free.cycle_start import at_hopf
 from gapwalk.free.excitation import without_excitation
@@ -134,9 +131,9 @@ def _has_turned(tracer: BranchTracer, steps: Sequence[tuple[BranchPoint, list[Sp
     last, point = (steps[-2][0] if len(steps) > 1 else tracer.first), steps[-1][0]
     if tracer.beginning.singular and last is tracer.first:
         return False
-    if bend(last.orbit) * bend(point.orbit) >= 0.0:
+    if bend(_cycle(last)) * bend(_cycle(point)) >= 0.0:
         return False
-    sizes = [swing(each.orbit) for each, _ in steps]
+    sizes = [swing(_cycle(each)) for each, _ in steps]
     return sizes[-1] < _SMALL * max(sizes) or len(sizes) < 2
 
 
@@ -145,11 +142,15 @@ def _end_at_rest(tracer: BranchTracer, steps: list[tuple[BranchPoint, list[Speci
     turned, _ = steps.pop()
     last = steps[-1][0] if steps else tracer.first
     # amplitudes with their signs pass 0 linearly, and the parameter has its vertex there
-    sizes = swing(last.orbit), swing(turned.orbit)
-    value = (last.value * sizes[1] ** 2 - turned.value * sizes[0] ** 2) / (sizes[1] ** 2 - sizes[0] ** 2 or 1.0)
-    low, high = sorted((last.value, turned.value))
-    value = value if abs(value - last.value) <= 10.0 * (high - low) else last.value
-    tracer.walk.finish(last, End(EndReason.JOINED, value, "it shrinks to an equilibrium"))
+    sizes = swing(_cycle(last)), swing(_cycle(turned))
+    change = sizes[1] ** 2 - sizes[0] ** 2
+    value = (last.value * sizes[1] ** 2 - turned.value * sizes[0] ** 2) / change if change else last.value
+    name = tracer.beginning.equation.parameter
+    tracer.walk.finish(last, End(EndReason.AT_REST, last.value, f"near {name} = {value:.6g}"))
+
+
+def _cycle(point: BranchPoint) -> FreeOrbit:
+    return cast(FreeOrbit, point.orbit)
 
 
 def bend(orbit: FreeOrbit) -> float:

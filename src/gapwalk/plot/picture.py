@@ -55,6 +55,7 @@ _MODULES = {
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
     "backbone_pictures": ("Backbone", "Backbones"),
+    "self_excited_pictures": ("Rests", "SelfExcited"),
     "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
