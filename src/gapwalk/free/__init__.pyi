@@ -13,6 +13,9 @@ from .cycle_start import find_self_excited as find_self_excited
 from .excitation import without_excitation as without_excitation
 from .free_shooting import FreeOrbit as FreeOrbit
 from .free_shooting import FreeShooting as FreeShooting
+from .island_births import Foretold as Foretold
+from .island_births import IslandBirth as IslandBirth
+from .island_births import foretell as foretell
 from .rest_record import RestEvent as RestEvent
 from .rest_record import RestEventKind as RestEventKind
 from .rest_record import RestPoint as RestPoint
