@@ -7,7 +7,8 @@ Functions: `backbone`, `find_self_excited`, `follow_rest`, `follow_self_excited`
 `without_excitation`, `without_losses`.
 
 Classes: `Backbone`, `BackboneEnd`, `BackboneEvent`, `BackboneEventKind`, `BackboneOptions`, `BackbonePoint`,
-`Backbones`, `Foretold`, `FreeOrbit`, `FreeShooting`, `IslandBirth`, `RestEvent`, `RestEventKind`, `RestPoint`, `Rests`, `SelfExcited`.
+`Backbones`, `Foretold`, `FreeOrbit`, `FreeShooting`, `IslandBirth`, `RestEvent`, `RestEventKind`,
+`RestPoint`, `Rests`, `SelfExcited`.
 """
 
 from gapwalk.lazy_names import lazy_names

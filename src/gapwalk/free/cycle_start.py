@@ -19,10 +19,9 @@ from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import check_state
 from gapwalk.free.excitation import without_excitation
 from gapwalk.free.free_shooting import FreeOrbit, FreeShooting, at_rest
-from gapwalk.free.motion_scale import length_at_rest
-from gapwalk.free.rest_equation import RestEquation, companion
 from gapwalk.free.rest_record import RestEvent
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.free.small_motions import companion, length_at_rest, tangents
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.orbit_equation import Newton, solve
@@ -45,16 +44,14 @@ def at_hopf(system: System, parameter: str, hopf: RestEvent, within: Range) -> B
     values = {parameter: hopf.value, system.structure.pace: 1.0}
     pace = hopf.frequency / system.at(values).frequency
     there = system.at({**values, system.structure.pace: pace})
-    rest = RestEquation(there, parameter, hopf.point.position)
-    matrix = companion(*rest.matrices(hopf.point.position, hopf.value))
-    found, shapes = np.linalg.eig(matrix)
+    found, shapes = _eigen(there, hopf.point.position)
     shape = shapes[:, np.argmin(np.abs(found - 1j * hopf.frequency))]
     coordinate = int(np.argmax(np.abs(shape[: system.size])))
     shape = shape / shape[coordinate]
     equation = FreeShooting(system.coordinates[coordinate]).pose(there, parameter)
     # at the Hopf point itself a formula may bend at no length: its linear part vanishes
     ends = [there.at({parameter: value}) for value in (within.low, within.high)]
-    length = _LENGTHS * max(length_at_rest(each, hopf.frequency) for each in ends)
+    length = _LENGTHS * max(length_at_rest(each, hopf.point.position) for each in ends)
     scales = powers_of_two(np.append(equation.scales(length, hopf.frequency), min(within.width, within.natural)))
     corrector = Corrector(equation, scales)
     start = np.concatenate((hopf.point.position, np.zeros(system.size), [pace, hopf.value]))
@@ -115,8 +112,8 @@ def _fastest(system: System) -> float:
 
 
 def _eigen(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    name = next(each for each in system.structure.names if each != system.structure.pace)
-    found = np.linalg.eig(companion(*RestEquation(system, name, positions).matrices(positions, system[name])))
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    found = np.linalg.eig(companion(*tangents(layout, coefficients, positions, np.zeros(system.size))))
     return found[0].astype(complex), found[1].astype(complex)
 
 
@@ -129,9 +126,8 @@ def _beginning(system: System) -> tuple[NDArray[np.float64], float]:
             frequency = abs(float(values[growing].imag)) or abs(values[growing])
             shape = shapes[:, growing].real
             shape = shape / np.abs(shape[: system.size]).max()
-            return np.append(rest.position, np.zeros(system.size)) + _SMALL * length_at_rest(
-                system, frequency
-            ) * shape, frequency
+            small = _SMALL * length_at_rest(system, rest.position)
+            return np.append(rest.position, np.zeros(system.size)) + small * shape, frequency
     raise ConvergenceError(
         "no equilibrium is unstable, so that no motion grows by itself; give a state from which it does, start = [...]"
     )

@@ -306,7 +306,7 @@ def _turns(column: NDArray[np.float64]) -> list[int]:
 
 
 def _refined(balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArray[np.float64], k: int) -> IslandBirth:
-    """Return the extreme of the amplitude near a point, between free vibrations that are corrected onto the backbone."""
+    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone."""
     from scipy.optimize import minimize_scalar  # imported late: it takes long
 
     joins = bool(column[k] > column[k - 1])

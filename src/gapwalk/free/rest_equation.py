@@ -19,6 +19,7 @@ from gapwalk.errors import FlowError
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.length_unit import smallness
 from gapwalk.free.rest_record import RestPoint
+from gapwalk.free.small_motions import companion, tangents
 from gapwalk.model.coefficients import ParameterLine, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit_equation import Evaluation
@@ -90,13 +91,8 @@ class RestEquation:
 
     def matrices(self, positions: NDArray[np.float64], value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return stiffness and damping for small motions about positions, per unit of mass, each shape (n, n)."""
-        layout, count = layout_of(self.system.structure), len(positions)
         coefficients, _ = self.line.coefficients(value)
-        step, rest = 1j * _STEP * np.eye(count), np.zeros((count, count))
-        with np.errstate(all="ignore"):
-            by_positions = accelerations(layout, coefficients, 0.0, positions + step, rest + 0j)
-            by_rates = accelerations(layout, coefficients, 0.0, positions + rest + 0j, step)
-        return -by_positions.imag.T / _STEP, -by_rates.imag.T / _STEP
+        return tangents(layout_of(self.system.structure), coefficients, positions, np.zeros(len(positions)))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> RestPoint:
         """Return the equilibrium of a solution, with its eigenvalues."""
@@ -115,12 +111,6 @@ class RestEquation:
     def scales(self, length: float) -> NDArray[np.float64]:
         """Return the scales of the positions."""
         return np.full(self.system.size, max(length, smallness(self.system)) * np.sqrt(self.system.size))
-
-
-def companion(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix of small motions in positions and velocities, shape (2n, 2n)."""
-    size = len(stiffness)
-    return np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -damping]])
 
 
 def eigenvalues(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.complex128]:

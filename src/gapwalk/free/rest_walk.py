@@ -24,9 +24,9 @@ from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.motion import switch_names
 from gapwalk.free.excitation import without_excitation
-from gapwalk.free.motion_scale import length_at_rest
 from gapwalk.free.rest_equation import RestEquation
 from gapwalk.free.rest_record import RestEnd, RestEvent, RestEventKind, RestPoint, Rests
+from gapwalk.free.small_motions import length_at_rest
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import shows_progress
@@ -101,7 +101,7 @@ def follow_rest(
         check_rest(free.at({parameter: bound}), parameter)
     positions = _positions(free, start)
     equation = RestEquation(free, parameter, positions)
-    length = max(length_at_rest(free, equation.frequency), float(np.abs(positions).max()))
+    length = max(length_at_rest(free, positions), float(np.abs(positions).max()))
     scales = powers_of_two(np.append(equation.scales(_LENGTHS * length), within.width))
     corrector = Corrector(cast(Equation, cast(object, equation)), scales)
     ways = (1 if to > value else -1,) if isinstance(to, int | float) else (-1, 1)

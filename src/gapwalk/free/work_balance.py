@@ -1,9 +1,9 @@
 """Work of losses and of a load over a free vibration: the load at which the two balance.
 
 A lightly damped motion under a small load stays near a free vibration. Over a period the load puts in what the losses
-take: with the load in phase with the rate (phase resonance) the smallest amplitude suffices (Peter and Leine 2017, Mech.
-Syst. Signal Process. 96, 139-158; Hill, Cammarano, Neild and Barton 2016, Proc. R. Soc. A 473, 20160494; Cenedese and
-Haller 2020, Proc. R. Soc. A 476, 20200078, from Melnikov's method). Where the equations do not show their energy, its
+take: with the load in phase with the rate (phase resonance) the smallest amplitude suffices (Peter and Leine 2017,
+Mech. Syst. Signal Process. 96, 139-158; Hill, Cammarano, Neild and Barton 2016, Proc. R. Soc. A 473, 20160494;
+Cenedese and Haller 2020, Proc. R. Soc. A 476, 20200078, from Melnikov's method). Where the equations do not show their energy, its
 gradient is replaced by the left eigenvector of the monodromy matrix at the multiplier 1, carried along the motion.
 
 Method: docs/numerics/backbones.md
@@ -139,8 +139,12 @@ class WorkBalance:
         sampled = flow.vary(coefficients, start, theta)
         around = flow.integrate(coefficients, start, 0.0, PERIOD).transition
         assert around is not None
+        # the gradient of the energy is at right angles to the motion; in the linear range another vector is not
         unit = system.state_scales()
-        left = np.linalg.svd((around * unit / unit[:, None] - np.eye(2 * n)).T)[2][-1] / unit
+        along = np.append(start[n:], _accelerate(system, start[:n], start[n:])) / unit
+        across = np.linalg.svd(along[None])[2][1:].T
+        defect = (around * unit / unit[:, None] - np.eye(2 * n)).T @ across
+        left = across @ np.linalg.svd(defect)[2][-1] / unit
         weights = np.array([np.linalg.solve(each.T, left)[n:] for each in sampled.transitions])
         way = 1.0 if np.sum(weights * sampled.states[:, n:]) >= 0.0 else -1.0
         return sampled.states, way * weights
