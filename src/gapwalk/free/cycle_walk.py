@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import cast
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.follow import join
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -19,11 +19,11 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.continuation.walk_scales import check_range
-from gapwalk.errors import Interrupted, ModelError
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.flow.forces import accelerations
 from gapwalk.free.cycle_start import at_hopf
 from gapwalk.free.excitation import without_excitation
-from gapwalk.free.free_shooting import FreeOrbit, check_orbit
+from gapwalk.free.free_shooting import FreeOrbit, FreeShooting, check_orbit
 from gapwalk.free.rest_record import RestEvent, RestEventKind
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
@@ -35,7 +35,7 @@ _SMALL = 0.2  # amplitude, as a share of the largest one of a branch, below whic
 
 @shows_progress(lambda count, point, special: f"{count} motions, at {point.value:.6g}")
 def follow_self_excited(
-    start: RestEvent | FreeOrbit,
+    start: RestEvent | FreeOrbit | SpecialPoint,
     system: System,
     parameter: str,
     to: float | tuple[float, float],
@@ -51,7 +51,8 @@ def follow_self_excited(
     Parameters
     ----------
     start
-        A Hopf point of equilibria, from `follow_rest`; or a motion, from `find_self_excited`.
+        A Hopf point of equilibria, from `follow_rest`; a motion, from `find_self_excited`; or a flip or branch point of
+        such motions, for the branch that begins there.
     system
         The system; its excitation is left out.
     parameter
@@ -117,10 +118,17 @@ def _beginnings(start: object, system: System, parameter: str, to: float | tuple
         own = abs(start.value)  # where it is small, it is no unit of the parameter
         within = replace(within, natural=own if own > _OWN * within.width else within.width)
         return [at_hopf(system, parameter, start, within)]
-    check_orbit(start)
-    assert isinstance(start, FreeOrbit)
-    method = start.posed_in(0)
-    return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
+    orbit = start.orbit if isinstance(start, SpecialPoint) else start
+    check_orbit(orbit)
+    assert isinstance(orbit, FreeOrbit)
+    method, value = FreeShooting(orbit.coordinate), orbit.system[parameter]
+    if isinstance(start, SpecialPoint):
+        within = check_range(value, to)
+        beginnings = switch(start, parameter, (within.low, within.high), method)
+        if not beginnings:
+            raise NumericalError("no branch begins at this point between these values; choose a wider range")
+        return beginnings
+    return [start_branch(orbit, parameter, to, way, method) for way in directions(value, to)]
 
 
 def _has_turned(tracer: BranchTracer, steps: Sequence[tuple[BranchPoint, list[SpecialPoint]]]) -> bool:

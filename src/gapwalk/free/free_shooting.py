@@ -14,8 +14,9 @@ Method: docs/numerics/self-excited.md
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,6 +32,7 @@ from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
+from gapwalk.orbit.shooting import assembled, composed
 from gapwalk.orbit.sticking import never_slipping, transition_of
 
 _ON_SECTION = 1e-9  # rate of a coordinate, in units of a motion, that is zero but for rounding
@@ -47,6 +49,8 @@ class FreeShooting(Method):
     ----------
     coordinate
         Name of the coordinate that is at rest at theta = 0; empty for the one that swings most.
+    segments
+        Number of segments into which the period is divided: more help if the motion is strongly unstable.
     tolerance
         Largest residual of an orbit, relative to the size of its state.
 
@@ -59,7 +63,12 @@ class FreeShooting(Method):
     name: ClassVar[str] = "free shooting"
 
     coordinate: str = ""
+    segments: int = 1
     tolerance: float = 1e-10
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:
+            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to 1000")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> FreeEquation:
         """Return the equation of the free motions of a system.
@@ -121,7 +130,7 @@ class FreeOrbit(Orbit):
         Method
             The method.
         """
-        return FreeShooting(self.coordinate)
+        return FreeShooting(self.coordinate, max(1, (count - 1) // self.system.state_size))
 
     @property
     def kept(self) -> int:
@@ -192,27 +201,29 @@ class FreeEquation(OrbitEquation):
         FlowError
             If the motion diverges, or the frequency is not positive.
         """
-        state, pace = unknowns[:-1], float(unknowns[-1])
+        states, pace = unknowns[:-1].reshape(self.options.segments, -1), float(unknowns[-1])
         if not pace > _LOWEST * abs(self.system[self._names[-1]]):
             raise FlowError(f"the frequency of a free motion became {pace:.3g}; it must be positive")
         point = (pace,) if self.parameter is None else (value, pace)
         coefficients, slopes = self._plane.coefficients(*point)
         direction = slopes if len(point) > 1 else slopes[0]
-        arc = self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, direction)
-        if kept := never_slipping([arc]):
+        arcs = [
+            self._flow.integrate(coefficients, state, start, stop, direction)
+            for state, (start, stop) in zip(states, pairwise(self._knots), strict=True)
+        ]
+        if kept := never_slipping(arcs):
             names = ", ".join(self.system.structure.contacts[contact].name for contact in kept)
             raise FlowError(f"{names} never slips along a free motion, so it is one of a continuum")
-        assert arc.sensitivity is not None
-        sensitivity = arc.sensitivity.reshape(len(state), -1)
-        size, row = len(state), self.system.size + self.coordinate
-        unit = coefficients[0]  # the rate counts over theta, as a length
-        by_unknowns = np.zeros((size + 1, size + 1))
-        by_unknowns[:size, :size] = transition_of(arc) - np.eye(size)
-        by_unknowns[:size, size] = sensitivity[:, -1]
-        by_unknowns[size, row] = unit
-        residual = np.append(arc.state - state, unit * state[row])
+        found = assembled(arcs, states)
+        assert found.by_parameter is not None
+        sensitivity = found.by_parameter.reshape(states.size, -1)
+        row, unit = self.system.size + self.coordinate, coefficients[0]  # the rate counts over theta, as a length
+        by_unknowns = np.zeros((states.size + 1, states.size + 1))
+        by_unknowns[:-1, :-1], by_unknowns[:-1, -1] = found.by_unknowns, sensitivity[:, -1]
+        by_unknowns[-1, row] = unit
+        residual = np.append(found.residual, unit * states[0, row])
         by_parameter = None if self.parameter is None else np.append(sensitivity[:, 0], 0.0)
-        return Evaluation(residual, by_unknowns, by_parameter, arc)
+        return Evaluation(residual, by_unknowns, by_parameter, arcs)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> FreeOrbit:
         """Return the orbit of a solution.
@@ -221,13 +232,13 @@ class FreeEquation(OrbitEquation):
         with its part along the motion taken out, and the trivial one. The change by the frequency is a multiple of the
         rate of the state at the end.
         """
-        arc: Arc = evaluation.evidence
-        state, size = unknowns[:-1].copy(), len(unknowns) - 1
-        transition, rate = transition_of(arc), evaluation.by_unknowns[:-1, -1]
-        row = self.system.size + self.coordinate
+        arcs: list[Arc] = evaluation.evidence
+        around = composed(arcs)
+        assert around.sensitivity is not None
+        transition, rate = transition_of(around), around.sensitivity.reshape(len(around.state), -1)[:, -1]
+        row, state = self.system.size + self.coordinate, unknowns[: len(around.state)].copy()
         system = self.system_of(value, float(unknowns[-1]))
-        scale = magnitude(state, system)
-        if abs(rate[row]) > _STILL * scale * system.frequency / float(unknowns[-1]):
+        if abs(rate[row]) > _STILL * magnitude(state, system) * system.frequency / float(unknowns[-1]):
             returned = transition - np.outer(rate, transition[row]) / rate[row]
             returned[row] = 0.0
             found = multipliers([returned])
@@ -236,48 +247,61 @@ class FreeEquation(OrbitEquation):
             found = multipliers([transition])
             found[np.argsort(np.abs(found - 1.0))[:2]] = 1.0  # the critical pair
         found = found[np.argsort(-np.abs(found), kind="stable")]
-        coordinate = self.system.coordinates[self.coordinate]
         return FreeOrbit(
             system,
             self.period,
             state,
             found.astype(complex),
-            tuple(arc.contacts),
-            float(np.abs(evaluation.residual[:size]).max()),
-            arc.steps,
-            slips=tuple(arc.slips),
-            coordinate=coordinate,
+            tuple(event for arc in arcs for event in arc.contacts),
+            float(np.abs(evaluation.residual[:-1]).max()),
+            sum(arc.steps for arc in arcs),
+            slips=tuple(around.slips),
+            coordinate=self.system.coordinates[self.coordinate],
         )
 
+    @cached_property
+    def _knots(self) -> list[float]:
+        """Angles at which the segments begin, and the end."""
+        count = self.options.segments
+        return [PERIOD * self.period * number / count for number in range(count + 1)]
+
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the state of an orbit where the coordinate is at rest at its largest deflection, and its frequency."""
-        row = orbit.system.size + self.coordinate
-        pace = orbit.system[orbit.system.structure.pace]
-        if abs(orbit.state[row]) / orbit.system.frequency <= _ON_SECTION * magnitude(orbit.state, orbit.system):
-            return np.append(orbit.state, pace)
-        motion = orbit.motion()
-        place = int(np.argmax(motion.q[:-1, self.coordinate]))
-        return np.append(at_rest(orbit.system, np.append(motion.q[place], motion.v[place]), self.coordinate), pace)
+        """Return the states of an orbit from where the coordinate is at its largest deflection, and its frequency."""
+        state, row = orbit.state, orbit.system.size + self.coordinate
+        if abs(state[row]) / orbit.system.frequency > _ON_SECTION * magnitude(state, orbit.system):
+            motion = orbit.motion()
+            place = int(np.argmax(motion.q[:-1, self.coordinate]))
+            state = at_rest(orbit.system, np.append(motion.q[place], motion.v[place]), self.coordinate)
+        return self._spread(state, orbit.system)
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the motion from a state, with the frequency of the system as a guess."""
-        return np.append(at_rest(self.system, state, self.coordinate), self.system[self._names[-1]])
+        return self._spread(at_rest(self.system, state, self.coordinate), self.system)
+
+    def _spread(self, state: NDArray[np.float64], system: System) -> NDArray[np.float64]:
+        """Return the states at the start of each segment on the motion of a system from a state, and its frequency."""
+        flow, coefficients, states = flow_of(system), coefficients_of(system), [np.asarray(state, dtype=float)]
+        for start, stop in pairwise(self._knots[:-1]):
+            states.append(flow.integrate(coefficients, states[-1], start, stop).state)
+        return np.append(np.concatenate(states), system[self._names[-1]])
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
-        """Return scales: of the state as for shooting; that of the frequency is the frequency."""
-        state = self.system.state_scales(length, frequency) * np.sqrt(self.system.size)
+        """Return scales: of the states as for shooting; that of the frequency is the frequency."""
+        count = self.options.segments
+        states = np.tile(self.system.state_scales(length, frequency), count) * np.sqrt(self.system.size * count)
         pace = self.system[self._names[-1]]
-        return np.append(state, abs(pace if frequency is None else pace * frequency / self.system.frequency))
+        return np.append(states, abs(pace if frequency is None else pace * frequency / self.system.frequency))
 
     def otherwise(self) -> FreeEquation:
-        """Return the equation with another section, on which other states are the unknowns."""
-        names = self.system.coordinates
-        other = names[(self.coordinate + 1) % len(names)]
-        return FreeEquation(self.system, self.parameter, self.period, FreeShooting(other, self.options.tolerance))
+        """Return the equation with one segment more: its steps and its rounding differ."""
+        return replace(self, options=replace(self.options, segments=self.options.segments + 1))
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """Return a change of the unknowns as it is."""
-        return direction
+        """Return the change of the first state and of the frequency, with zeros for the other states."""
+        size = self.system.state_size
+        found = np.zeros(len(other.scales(1.0)))
+        found[:size], found[-1] = direction[:size], direction[-1]
+        return found
 
 
 def at_rest(system: System, state: NDArray[np.float64], coordinate: int) -> NDArray[np.float64]:

@@ -3,8 +3,8 @@
 A lightly damped motion under a small load stays near a free vibration. Over a period the load puts in what the losses
 take: with the load in phase with the rate (phase resonance) the smallest amplitude suffices (Peter and Leine 2017,
 Mech. Syst. Signal Process. 96, 139-158; Hill, Cammarano, Neild and Barton 2016, Proc. R. Soc. A 473, 20160494;
-Cenedese and Haller 2020, Proc. R. Soc. A 476, 20200078, from Melnikov's method). Where the equations do not show their energy, its
-gradient is replaced by the left eigenvector of the monodromy matrix at the multiplier 1, carried along the motion.
+Cenedese and Haller 2020, Proc. R. Soc. A 476, 20200078, from Melnikov's method). Where the equations do not show their
+energy, its gradient is replaced by the left eigenvector of the monodromy matrix at the multiplier 1, carried along.
 
 Method: docs/numerics/backbones.md
 """
@@ -24,7 +24,7 @@ from gapwalk.free.conservative import shows_energy
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
-_SAMPLES = 2048  # of a period
+_SAMPLES = 512  # of a period
 _NONE = 1e-12  # work of a load, as a share of the largest possible, that is rounding
 
 
@@ -145,7 +145,7 @@ class WorkBalance:
         across = np.linalg.svd(along[None])[2][1:].T
         defect = (around * unit / unit[:, None] - np.eye(2 * n)).T @ across
         left = across @ np.linalg.svd(defect)[2][-1] / unit
-        weights = np.array([np.linalg.solve(each.T, left)[n:] for each in sampled.transitions])
+        weights = np.linalg.solve(sampled.transitions.transpose(0, 2, 1), left[:, None])[:, n:, 0]
         way = 1.0 if np.sum(weights * sampled.states[:, n:]) >= 0.0 else -1.0
         return sampled.states, way * weights
 
