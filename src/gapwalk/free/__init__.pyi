@@ -11,7 +11,6 @@ from .backbones import Backbones as Backbones
 from .conservative import without_losses as without_losses
 from .cycle_start import find_self_excited as find_self_excited
 from .cycle_walk import follow_self_excited as follow_self_excited
-from .excitation import without_excitation as without_excitation
 from .free_shooting import FreeOrbit as FreeOrbit
 from .free_shooting import FreeShooting as FreeShooting
 from .island_births import Foretold as Foretold
@@ -24,3 +23,4 @@ from .rest_record import Rests as Rests
 from .rest_walk import follow_rest as follow_rest
 from .self_excitation import SelfExcited as SelfExcited
 from .self_excitation import self_excited as self_excited
+from .undriven import without_excitation as without_excitation

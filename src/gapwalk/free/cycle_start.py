@@ -17,10 +17,10 @@ from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import check_state
-from gapwalk.free.excitation import without_excitation
 from gapwalk.free.free_shooting import FreeOrbit, FreeShooting, at_rest
 from gapwalk.free.rest_record import RestEvent
 from gapwalk.free.small_motions import companion, length_at_rest, tangents
+from gapwalk.free.undriven import without_excitation
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system

@@ -22,9 +22,9 @@ from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.flow.forces import accelerations
 from gapwalk.free.cycle_start import at_hopf
-from gapwalk.free.excitation import without_excitation
 from gapwalk.free.free_shooting import FreeOrbit, FreeShooting, check_orbit
 from gapwalk.free.rest_record import RestEvent, RestEventKind
+from gapwalk.free.undriven import without_excitation
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress

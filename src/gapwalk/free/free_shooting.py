@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.free.excitation import check_free
+from gapwalk.free.undriven import check_free
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers

@@ -38,7 +38,7 @@ class RestPoint:
     --------
     >>> point = rests.points[0]
     >>> point.value, point.stable, point.position
-    (0.5, False, array([0.]))
+    (-0.5, True, array([0.]))
     """
 
     _row: ClassVar = {
@@ -132,8 +132,8 @@ class RestEvent:
     Examples
     --------
     >>> event = rests.events[0]
-    >>> event.kind.value, round(event.value, 9), round(event.frequency, 9)
-    ('Hopf point', 0.0, 1.0)
+    >>> event.kind.value, abs(event.value) < 1e-9, round(event.frequency, 9)
+    ('Hopf point', True, 1.0)
     """
 
     _row: ClassVar = {

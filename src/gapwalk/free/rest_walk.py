@@ -23,10 +23,10 @@ from gapwalk.continuation.walk_scales import Range, check_range, powers_of_two
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError, NumericalError
 from gapwalk.flow.motion import switch_names
-from gapwalk.free.excitation import without_excitation
 from gapwalk.free.rest_equation import RestEquation
 from gapwalk.free.rest_record import RestEnd, RestEvent, RestEventKind, RestPoint, Rests
 from gapwalk.free.small_motions import length_at_rest
+from gapwalk.free.undriven import without_excitation
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import shows_progress

@@ -15,9 +15,9 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.free.cycle_walk import follow_self_excited
-from gapwalk.free.excitation import without_excitation
 from gapwalk.free.rest_record import RestEvent, Rests
 from gapwalk.free.rest_walk import follow_rest
+from gapwalk.free.undriven import without_excitation
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook import Shown
