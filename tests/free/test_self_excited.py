@@ -1,6 +1,7 @@
 """Self-excited motions against closed forms, tabulated periods, and integration by SciPy."""
 
 import dataclasses
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -141,8 +142,13 @@ def test_a_mass_on_a_belt_grows_until_it_sticks():
     # slip and stick by SciPy, with the belt force in slip and its end where the spring overcomes it
     sticking = [point for point in cycle.points if 0.02 < point.value < stick.value - 1e-3]
     for point in sticking[::10]:
-        assert point.orbit.duration == pytest.approx(_stick_slip_period(point.value), rel=1e-8)
+        assert _duration(point.orbit) == pytest.approx(_stick_slip_period(point.value), rel=1e-8)
     assert gw.verify(cycle).ok
+
+
+def _duration(orbit: gw.Orbit) -> float:
+    assert isinstance(orbit, gw.free.FreeOrbit)
+    return orbit.duration
 
 
 def _stick_slip_period(c: float) -> float:
@@ -156,7 +162,7 @@ def _stick_slip_period(c: float) -> float:
     def sticks(t, y):
         return y[1] - 1.0 if t > 0.5 else -1.0
 
-    sticks.terminal, sticks.direction = True, 1.0
+    sticks.terminal, sticks.direction = True, 1.0  # pyright: ignore[reportFunctionMemberAccess]
     slip = solve_ivp(slips, (0.0, 20.0), [begins, 1.0 - 1e-15], rtol=1e-12, atol=1e-13, events=sticks)
     return float(slip.t[-1] + begins - slip.y[0, -1])
 
@@ -193,7 +199,7 @@ def test_a_doubled_motion_leaves_a_flip():
         pull = k * max(b - 1.0, 0.0)
         return [y[2], y[3], -1.5 * a + 0.5 * b - (a * a - mu) * y[2], 0.5 * a - 1.8 * b - 0.1 * y[3] - pull]
 
-    half = orbit.duration / 2.0
+    half = _duration(orbit) / 2.0
     found = solve_ivp(rates, (0.0, 2.0 * half), orbit.state, rtol=1e-11, atol=1e-12, t_eval=[half, 2.0 * half])
     assert np.abs(found.y[:, 1] - orbit.state).max() < 1e-7
     assert np.abs(found.y[:, 0] - orbit.state).max() > 1e-3
@@ -208,7 +214,7 @@ def test_what_is_no_free_motion_is_refused():
     with pytest.raises(ModelError, match="must be one of x"):
         gw.free.find_self_excited(van_der_pol(1.0), [1.0, 0.0], "y")
     with pytest.raises(ModelError, match="a free motion is needed"):
-        gw.free.follow_self_excited(gw.find_orbit(loaded), van_der_pol(1.0), "damper.mu", 2.0)
+        gw.free.follow_self_excited(cast(Any, gw.find_orbit(loaded)), van_der_pol(1.0), "damper.mu", 2.0)
     rests = gw.free.follow_rest(van_der_pol(-0.5), "damper.mu", 0.5)
     with pytest.raises(ModelError, match="write a range, such as"):
         gw.free.follow_self_excited(rests.hopf_points[0], van_der_pol(1.0), "damper.mu", 2.0)

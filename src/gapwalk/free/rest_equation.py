@@ -79,13 +79,14 @@ class RestEquation:
         rest = np.zeros(len(unknowns))
         moved = accelerations(layout, coefficients + 1j * _STEP * slope, 0.0, unknowns + 0j, rest)
         stiffness, damping = self.matrices(unknowns, value)
+        by_parameter = -np.imag(moved) / _STEP / self._square
         found = Evaluation(
-            -moved.real / self._square,
+            -np.real(moved) / self._square,
             stiffness / self._square,
-            -moved.imag / _STEP / self._square,
+            by_parameter,
             (stiffness, damping),
         )
-        if not all(np.isfinite(each).all() for each in found[:3]):
+        if not all(np.isfinite(each).all() for each in (found.residual, found.by_unknowns, by_parameter)):
             raise FlowError("a force has no finite value or slope at rest")
         return found
 
@@ -116,7 +117,7 @@ class RestEquation:
 def eigenvalues(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the eigenvalues of small motions, largest real part first, shape (2n,)."""
     found = np.linalg.eigvals(companion(stiffness, damping)).astype(complex)
-    return found[np.lexsort((-found.imag, -found.real))]
+    return found[np.lexsort((-np.imag(found), -np.real(found)))]
 
 
 def _pattern(system: System, closed: tuple[bool, ...]) -> str:

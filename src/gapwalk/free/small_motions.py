@@ -26,8 +26,8 @@ def tangents(
     """
     steps = 1j * _STEP * np.eye(q.shape[-1])
     with np.errstate(all="ignore"):
-        by_positions = [accelerations(layout, coefficients, 0.0, q + step, v + 0j).imag for step in steps]
-        by_rates = [accelerations(layout, coefficients, 0.0, q + 0j, v + step).imag for step in steps]
+        by_positions = [np.imag(accelerations(layout, coefficients, 0.0, q + step, v + 0j)) for step in steps]
+        by_rates = [np.imag(accelerations(layout, coefficients, 0.0, q + 0j, v + step)) for step in steps]
     return -np.stack(by_positions, axis=-1) / _STEP, -np.stack(by_rates, axis=-1) / _STEP
 
 

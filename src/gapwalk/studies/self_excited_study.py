@@ -11,7 +11,7 @@ import numpy as np
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.free.rest_record import Rests
+from gapwalk.free.rest_record import RestEvent, Rests
 from gapwalk.free.rest_walk import check_rest, follow_rest
 from gapwalk.free.self_excitation import SelfExcited, is_known, starts, with_cycle
 from gapwalk.free.undriven import without_excitation
@@ -125,7 +125,7 @@ class SelfExcitedWork(Work):
         """Read equilibria and motions of a file; raise a ValueError if they belong to another study."""
         self._rests = known.get(LINE) or ()
         self._cycles = [cycle for _, cycle in known.all(CYCLE)]
-        count = len(self.record.hopf_points) if self._rests else 0
+        count = len(self._hopf_points)
         if [number for number, _, _ in self._cycles] != [*range(len(self._cycles))] or len(self._cycles) > count:
             raise ValueError("the motions do not belong to the study")
 
@@ -141,8 +141,8 @@ class SelfExcitedWork(Work):
                     )
             self._rests = tuple(lines)
             yield Found.part(LINE, self._rests)
-        for number in range(len(self._cycles), len(self.record.hopf_points)):
-            before = self.record
+        for number in range(len(self._cycles), len(self._hopf_points)):
+            before = self._so_far()
             after = with_cycle(before, before.hopf_points[number], asked.walk)
             cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
             self._cycles.append((number, cycle, after.failures[len(before.failures) :]))
@@ -151,7 +151,7 @@ class SelfExcitedWork(Work):
     @property
     def complete(self) -> bool:
         """True if no work is left."""
-        return bool(self._rests) and len(self._cycles) == len(self.record.hopf_points)
+        return bool(self._rests) and len(self._cycles) == len(self._hopf_points)
 
     @property
     def done(self) -> int:
@@ -161,19 +161,23 @@ class SelfExcitedWork(Work):
     @property
     def total(self) -> int:
         """Number of all parts, as far as it is known."""
-        return 1 + (len(self.record.hopf_points) if self._rests else 0)
+        return 1 + len(self._hopf_points)
 
     @property
     def record(self) -> SelfExcited | None:
         """What was found so far; None before the equilibria are."""
-        if not self._rests:
-            return None
+        return self._so_far() if self._rests else None
+
+    @property
+    def _hopf_points(self) -> tuple[RestEvent, ...]:
+        return tuple(event for line in self._rests for event in line.hopf_points)
+
+    def _so_far(self) -> SelfExcited:
         cycles = tuple(cycle for _, cycle, _ in self._cycles if cycle is not None)
         failures = tuple(each for _, _, reasons in self._cycles for each in reasons)
         ends = tuple(each for line in self._rests for each in line.failures)
-        hopf = sum(len(line.hopf_points) for line in self._rests)
-        complete = len(self._cycles) == hopf
-        return SelfExcited(self.asked.parameter, self.asked.ends, self._rests, cycles, (*ends, *failures), complete)
+        asked = self.asked
+        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), self.complete)
 
     def finding(self) -> SelfExcitedFinding:
         """Return what was found so far as the finding of a study."""
