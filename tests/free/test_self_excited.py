@@ -173,10 +173,33 @@ def test_a_motion_is_found_from_a_state():
     assert (orbit.coordinate, orbit.stable) == ("x", True)
     back = gw.free.follow_self_excited(orbit, van_der_pol(1.0), "damper.mu", -0.5)
     assert back.ends[-1].reason is EndReason.AT_REST
+    # gw.follow knows that its frequency is an unknown
+    ahead = gw.follow(orbit, "damper.mu", 2.0)
+    assert isinstance(ahead.points[-1].orbit, gw.free.FreeOrbit)
+    assert ahead.points[-1].value == 2.0
     with pytest.raises(ConvergenceError, match="dies away"):
         gw.free.find_self_excited(van_der_pol(-0.5), [0.3, 0.1])
     with pytest.raises(ConvergenceError, match="no equilibrium is unstable"):
         gw.free.find_self_excited(van_der_pol(-0.5))
+
+
+def test_hysteresis_and_impacts_take_part():
+    """A spring that slips takes energy: over a period its work is that of the self-excitation, by quadrature."""
+    damper = gw.force("damper", {"x": 1.0}, "(x*x - mu)*v", mu=1.0)
+    jenkins = gw.friction("jenkins", {"x": 1.0}, 0.1, stiffness=0.5)
+    orbit = gw.free.find_self_excited(gw.System(["x"], [1.0], contacts=[damper, jenkins]), [1.0, 0.0])
+    assert orbit.stable
+    motion = orbit.motion(4096)
+    q, v = motion.q[:-1, 0], motion.v[:-1, 0]
+    gained = -np.mean((q * q - 1.0) * v * v) * _duration(orbit)
+    swing = np.ptp(q)  # the loop of a spring 0.5 that slips at 0.1: its width is the swing less twice 0.1 / 0.5
+    assert gained == pytest.approx(2.0 * 0.1 * (swing - 2.0 * 0.1 / 0.5), rel=1e-5)
+    wall = gw.rigid_stop("wall", {"x": 1.0}, 1.0, 0.8)
+    system = gw.System(["x"], [1.0], contacts=[damper, wall])
+    rebounding = gw.free.find_self_excited(system, [0.5, 0.0])
+    branch = gw.free.follow_self_excited(rebounding, system, "damper.mu", (0.5, 1.5))
+    assert {point.orbit.pattern for point in branch.points} == {"1+"}
+    assert gw.verify(branch).ok
 
 
 def test_a_doubled_motion_leaves_a_flip():

@@ -37,6 +37,7 @@ from gapwalk.orbit.sticking import never_slipping, transition_of
 
 _ON_SECTION = 1e-9  # rate of a coordinate, in units of a motion, that is zero but for rounding
 _STILL = 1e-9  # change of the state in a radian, in units of a motion, below which it is at rest
+_AROUND = 64  # samples of an orbit, of which that with the largest deflection is near the section
 _TIMES = 400  # samples of a period between which the coordinate turns round
 _LOWEST = 1e-6  # share of the frequency of the start below which a motion is not integrated
 
@@ -131,6 +132,11 @@ class FreeOrbit(Orbit):
             The method.
         """
         return FreeShooting(self.coordinate, max(1, (count - 1) // self.system.state_size))
+
+    @property
+    def own_method(self) -> Method:
+        """The method with its section: to others each phase of the motion is a motion."""
+        return FreeShooting(self.coordinate)
 
     @property
     def kept(self) -> int:
@@ -269,9 +275,9 @@ class FreeEquation(OrbitEquation):
         """Return the states of an orbit from where the coordinate is at its largest deflection, and its frequency."""
         state, row = orbit.state, orbit.system.size + self.coordinate
         if abs(state[row]) / orbit.system.frequency > _ON_SECTION * magnitude(state, orbit.system):
-            motion = orbit.motion()
-            place = int(np.argmax(motion.q[:-1, self.coordinate]))
-            state = at_rest(orbit.system, np.append(motion.q[place], motion.v[place]), self.coordinate)
+            states = orbit.strobes(_AROUND * self.period, PERIOD / _AROUND)
+            highest = int(np.argmax(states[:, self.coordinate]))
+            state = at_rest(orbit.system, states[highest - 1], self.coordinate)
         return self._spread(state, orbit.system)
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:

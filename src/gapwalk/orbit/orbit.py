@@ -123,6 +123,11 @@ class Orbit(Shown):
         return len(self.stuck)
 
     @property
+    def own_method(self) -> Method | None:
+        """The method without which it is not isolated, so that no other one can follow it; None if any method can."""
+        return None
+
+    @property
     def determined(self) -> NDArray[np.float64]:
         """The first unknowns of an exact orbit, which determine its motion: its state, shape (state_size,)."""
         return self.state
