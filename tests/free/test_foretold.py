@@ -153,3 +153,21 @@ def test_what_cannot_be_foretold_is_refused():
     assert found.starts(found.births[0], 0.9 * found.births[0].amplitude)[1] == []
     assert "isolated branches are foretold" in str(found.summary())
     assert len([*found.tables()["amplitudes"]()]) == len(line.points) + 1
+
+
+def test_the_island_of_an_internal_resonance():
+    """The main resonance of two masses: where modes 1 and 2 exchange energy, a closed branch lies beside it."""
+    load = [gw.Harmonic(0.1, {"b": 1.0})]
+    stop = gw.stop("stop", {"a": 1.0}, 1.0, 20.0)
+    damping = [[0.05, 0.0], [0.0, 0.05]]
+    system = gw.System(["a", "b"], [[1.0, -1.0], [-1.0, 2.0]], damping, contacts=[stop], harmonics=load)
+    line = gw.free.backbone(system, 1, options=gw.free.BackboneOptions(largest_amplitude=10.0))
+    joins, birth = gw.free.foretell(system, line, harmonics=[1]).births
+    assert (joins.joins, birth.joins, birth.period) == (True, False, 1)
+    found = gw.free.foretell(system, line, harmonics=[1])
+    there, _ = found.starts(birth, 1.05 * birth.amplitude)
+    main = gw.follow(gw.find_orbit(there, frequency=0.3), "frequency", 1.2)
+    options = gw.SearchOptions(starts=64, newton_starts=64, newton_periods=(1,), box=found.box(birth))
+    new = gw.search(there, "frequency", [birth.frequency], known=[main], options=options).new
+    assert new
+    assert birth.amplitude == pytest.approx(lowest_amplitude(new[0].orbit, birth), rel=0.02)

@@ -32,6 +32,7 @@ from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summariz
 _ROOM = 1.5  # half-widths of a box of starts, in the motion that is foretold
 _SAMPLES = 256  # of that motion
 _SHARP = 1e-4  # accuracy of a place between two points of a backbone
+_POLE = 3.0  # ratio of a maximum to the points around it beyond which the harmonic vanishes there
 _FLAT = 1e-6  # relative change of the amplitude within which a minimum is rounding
 
 
@@ -55,6 +56,8 @@ class IslandBirth:
         True where branches join; False where one is born.
     point
         The free vibration nearest to it.
+    mode
+        Number of the linear mode at which its backbone begins; 0 if it began at a release.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class IslandBirth:
     """
 
     _row: ClassVar = {
+        "mode": "mode",
         "harmonic": "harmonic",
         "period": "period",
         "what": "what",
@@ -80,6 +84,7 @@ class IslandBirth:
     uncertainty: float
     joins: bool
     point: BackbonePoint
+    mode: int = 0
 
     @property
     def what(self) -> str:
@@ -198,20 +203,19 @@ class Foretold(Shown):
         born = sum(not birth.joins for birth in self.births)
         yield f"along {self.line!r}, {born} isolated branches are foretold under {self.load}"
         if self.births:
-            yield Table(
-                ("what", ">period", ">amplitude", ">±", ">frequency", ">half"),
-                [
-                    (
-                        each.what,
-                        str(each.period),
-                        f"{each.amplitude:.6g}",
-                        f"{each.uncertainty:.0e}",
-                        f"{each.frequency:.6g}",
-                        f"{each.point.amplitude:.4g}",
-                    )
-                    for each in self.births
-                ],
-            )
+            yield births_table(self.births)
+
+    def plot(self, **options: Any):
+        """Draw the amplitude of the load over that of the motion; see `gapwalk.plot.foretold_picture`.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of births, and of the amplitudes along the backbone."""
@@ -229,6 +233,25 @@ class Foretold(Shown):
 
     def __repr__(self) -> str:
         return f"Foretold({self.load}, harmonics {', '.join(map(str, self.harmonics))}, {len(self.births)} events)"
+
+
+def births_table(births: Sequence[IslandBirth]) -> Table:
+    """Return a table of births, for the terminal."""
+    return Table(
+        ("what", ">mode", ">period", ">amplitude", ">±", ">frequency", ">half"),
+        [
+            (
+                each.what,
+                str(each.mode),
+                str(each.period),
+                f"{each.amplitude:.6g}",
+                f"{each.uncertainty:.0e}",
+                f"{each.frequency:.6g}",
+                f"{each.point.amplitude:.4g}",
+            )
+            for each in births
+        ],
+    )
 
 
 def foretell(system: System, line: Backbone, load: str = "harmonic1", harmonics: Sequence[int] = (1, 2, 3)) -> Foretold:
@@ -287,9 +310,10 @@ def foretell(system: System, line: Backbone, load: str = "harmonic1", harmonics:
     balance, chosen = WorkBalance(system, line, load), tuple(harmonics)
     amplitudes = np.array([balance.amplitudes(point, chosen) for point in line.points])
     births = [
-        _refined(balance, harmonic, Fraction(harmonic, balance.order), column, k)
+        birth
         for harmonic, column in zip(chosen, amplitudes.T, strict=True)
         for k in _turns(column)
+        if (birth := _refined(balance, harmonic, Fraction(harmonic, balance.order), column, k)) is not None
     ]
     return Foretold(system, line, load, chosen, amplitudes, tuple(births))
 
@@ -305,8 +329,13 @@ def _turns(column: NDArray[np.float64]) -> list[int]:
     return found
 
 
-def _refined(balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArray[np.float64], k: int) -> IslandBirth:
-    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone."""
+def _refined(
+    balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArray[np.float64], k: int
+) -> IslandBirth | None:
+    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone.
+
+    There is none where the harmonic vanishes: the amplitude is infinite there, whatever the load.
+    """
     from scipy.optimize import minimize_scalar  # imported late: it takes long
 
     joins = bool(column[k] > column[k - 1])
@@ -319,10 +348,13 @@ def _refined(balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArr
     )
     point = between.at(float(best.x))
     amplitude = balance.amplitudes(point, (harmonic,))[0]
+    if joins and amplitude > _POLE * max(column[k - 1], column[k + 1]):
+        return None
     error = _SHARP**2 * abs(amplitude)
     if sign * amplitude > sign * column[k]:  # no vibration was found between the points
         point, amplitude, error = balance.line.points[k], float(column[k]), float(np.ptp(column[k - 1 : k + 2]))
-    return IslandBirth(harmonic, ratio.numerator, amplitude, point.value * float(ratio), error, joins, point)
+    frequency, period = point.value * float(ratio), ratio.numerator
+    return IslandBirth(harmonic, period, amplitude, frequency, error, joins, point, balance.line.mode)
 
 
 class _Between:
