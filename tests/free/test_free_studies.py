@@ -56,12 +56,13 @@ def test_pictures_show_equilibria_motions_and_frequency(stored):
 
 def test_a_backbone_study_foretells(tmp_path):
     path = tmp_path / "backbone.gapwalk"
-    result = gw.run(study_of("backbone"), path)
-    found = result.finding.record
-    again = gw.load(path).finding.record
+    finding, stored = gw.run(study_of("backbone"), path).finding, gw.load(path).finding
+    assert finding is not None
+    assert stored is not None
+    found, again = finding.record, stored.record
     assert [birth.amplitude for birth in again.births] == [birth.amplitude for birth in found.births]
     assert all(birth.mode in (1, 2) for birth in found.births)
-    document = result.finding.document(points=False)
+    document = finding.document(points=False)
     assert len(document["births"]) == len(found.births) > 0
     assert "foretold for the damping" in str(found.summary())
 

@@ -183,6 +183,21 @@ def test_a_motion_is_found_from_a_state():
         gw.free.find_self_excited(van_der_pol(-0.5))
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+def test_the_unit_of_length_does_not_matter(unit):
+    damper = gw.force("damper", {"x": 1.0}, "(g*x*x - mu)*v", g=unit**-2, mu=-0.5)
+    system = gw.System(["x"], [1.0], contacts=[damper], mean={"x": 0.3 * unit})
+    found = gw.free.self_excited(system, "damper.mu", 1.0)
+    plain = gw.System(["x"], [1.0], contacts=[gw.force("damper", {"x": 1.0}, "(x*x - mu)*v", mu=-0.5)])
+    expected = gw.free.self_excited(plain.at({"mean.x": 0.3}), "damper.mu", 1.0)
+    one, other = (each.cycles[0].points[-1].orbit for each in (found, expected))
+    assert one.measure("max.x") == pytest.approx(unit * other.measure("max.x"), rel=1e-9)
+    orbit = gw.free.find_self_excited(system.at({"damper.mu": 1.0}))
+    assert orbit.duration == pytest.approx(_duration(other), rel=1e-9)
+    with pytest.raises(ConvergenceError, match="dies away"):
+        gw.free.find_self_excited(system, [0.5 * unit, 0.0])
+
+
 def test_hysteresis_and_impacts_take_part():
     """A spring that slips takes energy: over a period its work is that of the self-excitation, by quadrature."""
     damper = gw.force("damper", {"x": 1.0}, "(x*x - mu)*v", mu=1.0)

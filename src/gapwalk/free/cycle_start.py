@@ -139,23 +139,24 @@ def _settled(system: System, state: NDArray[np.float64], coordinate: str) -> Fre
     thetas = np.linspace(0.0, PERIOD, _SAMPLES + 1)
     place = system.coordinates.index(coordinate) if coordinate else -1
     turns: list[tuple[float, NDArray[np.float64]]] = []
-    error: NumericalError | None = None
+    error, begins = None, 0.0
     for number in range(4 * _TURNS):
         states = flow.sample(coefficients, state, thetas).states
         if place < 0 and number == 4 * _MOST:
             place = int(np.argmax(np.ptp(states[:, :n], axis=0)))
-        state = states[-1]
+        state, swing = states[-1], float(np.ptp(states[:, :n], axis=0).max())
+        begins = begins or swing
+        if swing <= _STILL * max(begins, magnitude(state, system)):
+            raise ConvergenceError("the motion dies away: it settles at an equilibrium")
         if place < 0:
             continue
         rates = states[:, n + place]
-        if np.ptp(states[:, place]) <= _STILL * magnitude(state, system) and np.abs(rates).max() < _STILL:
-            raise ConvergenceError("the motion dies away: it settles at an equilibrium")
         for k in np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0)):
             share = rates[k] / (rates[k] - rates[k + 1])
             turns.append(
                 (thetas[k] + share * thetas[1] + number * PERIOD, states[k] + share * (states[k + 1] - states[k]))
             )
-        repeats = _repeats(turns, system)
+        repeats = _repeats(turns, system, swing)
         if repeats:
             try:
                 return _exact(system, turns[-1][1], (turns[-1][0] - turns[-1 - repeats][0]) / PERIOD, place)
@@ -167,14 +168,14 @@ def _settled(system: System, state: NDArray[np.float64], coordinate: str) -> Fre
     raise ConvergenceError(f"the motion does not repeat: it may be quasi-periodic or chaotic, or settle slowly{what}")
 
 
-def _repeats(turns: Sequence[tuple[float, NDArray[np.float64]]], system: System) -> int:
-    """Return after how many turns the motion repeats; 0 if it does not."""
+def _repeats(turns: Sequence[tuple[float, NDArray[np.float64]]], system: System, swing: float) -> int:
+    """Return after how many turns the motion repeats, within a share of its swing; 0 if it does not."""
     if len(turns) < 2 * _MOST + 2:
         return 0
     last, unit = turns[-1][1], system.state_scales()
     for count in range(1, _MOST + 1):
         off = np.abs((turns[-1 - count][1] - last) / unit).max()
-        if off <= _REPEATS * np.abs(last / unit).max():
+        if off <= _REPEATS * swing:
             return count
     return 0
 
@@ -186,7 +187,6 @@ def _exact(system: System, state: NDArray[np.float64], periods: float, place: in
     guess = np.append(at_rest(there, state, place), there[pace])
     unknowns, evaluation = solve(equation, guess, 0.0, Newton(iterations=20))
     found = equation.orbit(unknowns, 0.0, evaluation)
-    swing = float(np.ptp(found.extremes[:, :2], axis=1).max())
-    if swing <= _STILL * magnitude(found.state, found.system) + _STILL:
+    if float(np.ptp(found.extremes[:, :2], axis=1).max()) <= _STILL * magnitude(found.state, found.system):
         raise ConvergenceError("Newton's method leads to an equilibrium")
     return found
