@@ -62,6 +62,25 @@ def test_equilibria_turn_back_where_a_contact_opens():
     assert sorted([rests.values[0], rests.values[-1]]) == [-2.0, 2.0]
 
 
+@pytest.mark.parametrize("to", [1.0, -1.0])
+def test_it_begins_where_a_contact_without_clearance_just_touches(to):
+    stop = gw.stop("stop", {"x": 1.0}, 0.0, 30.0)
+    rests = gw.free.follow_rest(gw.System(["x"], [1.0], [0.1], contacts=[stop]), "mean.x", to)
+    assert rests.coordinate("x") == pytest.approx(rests.values / (31.0 if to > 0.0 else 1.0), abs=1e-13)
+    assert rests.values[-1] == to
+
+
+def test_the_clearance_itself_is_followed():
+    """Pressed by 2 against a stop at c: ``x + 3 (x - c) = 2`` up to c = 2, where it lets go."""
+    stop = gw.stop("stop", {"x": 1.0}, 1.0, 3.0)
+    system = gw.System(["x"], [1.0], [0.1], contacts=[stop], mean={"x": 2.0})
+    rests = gw.free.follow_rest(system, "stop.clearance", 4.0)
+    (event,) = rests.events
+    assert (event.value, event.closes) == (pytest.approx(2.0, abs=1e-12), False)
+    c = rests.values
+    assert rests.coordinate("x") == pytest.approx(np.where(c < 2.0, (2.0 + 3.0 * c) / 4.0, 2.0), abs=1e-12)
+
+
 def test_two_contacts_close_one_after_the_other():
     """Two masses in a row: each contact adds its stiffness once it is closed, against a solver of each piece."""
     stops = [gw.stop("one", {"a": 1.0}, 0.5, 4.0), gw.stop("two", {"b": 1.0}, 0.4, 9.0)]

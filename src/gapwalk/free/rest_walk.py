@@ -36,6 +36,7 @@ _LENGTHS = 10.0  # change of the positions, in lengths of the system, that weigh
 _ROUNDING = 2e-14  # of a value of the parameter
 _NEAR = 1e-5  # depth, in lengths, at which a walk that cannot go on stands at a corner
 _BESIDE = 1e-7  # distance from a corner, in lengths, at which the derivatives of one side are taken
+_SLIGHT = 2.0**-10  # scaled step of a difference
 _ON = 1e-12  # depth at a corner, in lengths
 _SETTLED = 25  # steps of Newton's method to a corner
 _CERTAIN = 1e-7  # arclength of a step that is not repeated, whatever it leaves unexplained
@@ -315,9 +316,10 @@ class _RestWalk:
                 return None
             near = np.where(self._gapless, np.inf, np.abs(last))
             switch = int(np.argmin(near))
-            if not near[switch] <= _NEAR * self.length or abs(near[switch]) == 0.0:
+            begins = bool(self.events) and self.events[-1].kind is RestEventKind.BORDER and self._walk.count == 0
+            if begins or not near[switch] <= _NEAR * self.length:
                 return None
-            return self._settled(self._last.x, switch, bool(last[switch] < 0.0))
+            return self._settled(self._last.x, switch, bool(last[switch] <= 0.0))
         beyond = self._depths(point.x)
         on = _ON * self.length
         crossed = [
@@ -351,9 +353,9 @@ class _RestWalk:
         return _Corner(x, switch, closes) if np.abs(x - guess).max() < 1.0 else None
 
     def _depth_slope(self, x: NDArray[np.float64], switch: int) -> NDArray[np.float64]:
-        """Return the derivatives of a depth by all scaled variables: it is linear in all of them."""
-        base = self._depths(x)[switch]
-        return np.array([self._depths(x + unit)[switch] - base for unit in np.eye(len(x))])
+        """Return the derivatives of a depth by all scaled variables, in most of which it is linear."""
+        base, steps = self._depths(x)[switch], _SLIGHT * np.eye(len(x))
+        return np.array([self._depths(x + step)[switch] - base for step in steps]) / _SLIGHT
 
     def _pass(self, corner: _Corner) -> str:
         """Begin a new walk beyond a corner; return the reason as a sentence if there is no way on."""
