@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.orbit.sensitivity import sensitivity
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1
 
@@ -90,6 +91,10 @@ def test_a_subcritical_hopf_point_and_the_fold():
     damper = gw.force("damper", {"x": 1.0}, "(x**4 - x**2 - mu)*v", mu=-0.5)
     found = gw.free.self_excited(gw.System(["x"], [1.0], contacts=[damper]), "damper.mu", 0.3)
     (fold,) = found.cycles[0].special("fold")
+    with pytest.raises(ModelError, match="loci of such motions are not followed"):
+        gw.follow_locus(fold, "damper.mu", "stiffness.x.x", ((-0.3, 0.1), (0.8, 1.2)))
+    with pytest.raises(ModelError, match="no gradients here"):
+        sensitivity(fold.orbit, ["damper.mu"])
     assert fold.value == pytest.approx(-0.125, abs=2e-5)
     assert fold.point.measure("half.x") == pytest.approx(1.0, abs=2e-3)
     assert fold.before.total == 1
