@@ -56,7 +56,7 @@ class SelfExcitedStudy(RangeStudy):
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
-        return f"equilibria and self-excited motions over {self.range_words}"
+        return f"self-excited motions and equilibria over {self.range_words}"
 
     def work(self, system: System) -> SelfExcitedWork:
         """Return the work on equilibria and motions."""
