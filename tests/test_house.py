@@ -67,6 +67,8 @@ PERMITTED = {
     ("answers/run_ups.py", "plot", "plot"): "run_ups.plot() is a convenience; running up never draws",
     ("free/backbone_record.py", "plot", "plot"): "line.plot() is a convenience; following it never draws",
     ("free/backbones.py", "plot", "plot"): "backbones.plot() is a convenience; following them never draws",
+    ("free/island_births.py", "plot", "plot"): "foretold.plot() is a convenience; foretelling never draws",
+    ("free/self_excitation.py", "plot", "plot"): "found.plot() is a convenience; following motions never draws",
     ("tori/torus.py", "plot", "plot"): "torus.plot() is a convenience; computing tori never draws",
     ("tori/torus_diagram.py", "plot", "plot"): "plot() of all tori is a convenience; following them never draws",
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",

@@ -94,8 +94,26 @@ BACKBONE = (
 kind = "backbone"
 modes = [1, 2]
 largest_amplitude = 2.0
+load = "harmonic1"
 """
 )
+SELF_EXCITED = """
+title = "Van der Pol's oscillator"
+coordinates = ["x"]
+stiffness = [[1.0]]
+
+[[force]]
+name = "damper"
+deflection = { x = 1.0 }
+law = "(x*x - mu)*v"
+mu = -0.2
+
+[study]
+kind = "self-excited"
+parameter = "damper.mu"
+from = -0.2
+to = 0.4
+"""
 TORI = (
     CLUTCH
     + """
@@ -115,6 +133,7 @@ MODELS = {
     "run-up": RUN_UP,
     "rattle": RATTLE,
     "backbone": BACKBONE,
+    "self-excited": SELF_EXCITED,
     "tori": TORI,
     "threshold": THRESHOLD,
     "tolerance": TOLERANCE,

@@ -199,12 +199,12 @@ class BranchWalk(Iterator[BranchPoint]):
 def _beginnings(
     start: Orbit | SpecialPoint, parameter: str, to: float | tuple[float, float], method: Method | None
 ) -> list[BranchStart]:
-    method = chosen(method)
     if not isinstance(start, Orbit | SpecialPoint):
         raise ModelError(
             f"follow starts from an orbit or a special point, not from {reprlib.repr(start)}; find an orbit first: "
             "gw.find_orbit(system)"
         )
+    method = chosen(method or (start.orbit if isinstance(start, SpecialPoint) else start).own_method)
     if isinstance(start, SpecialPoint):
         value = start.orbit.system[parameter]
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))

@@ -47,6 +47,7 @@ class EndReason(Enum):
     CLOSED = "the branch closed on itself"
     BRANCHED = "the branch begins here, at a special point of another branch"
     JOINED = "the branch joined the branch from which it had branched off"
+    AT_REST = "the motion shrinks to an equilibrium"
     FLOATING = "a part floats freely within its clearance"
     GIVES_WAY = "friction that never slipped slips to one side, so that no motion remains at its position"
     JUMPS = "the motion jumps, so that the branch ends"

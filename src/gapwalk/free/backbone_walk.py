@@ -130,16 +130,17 @@ def backbone(
     unit = max((slope.clearance for spring in springs_of(free) for slope in spring.slopes), default=0.0) or 1.0
     mode = start if isinstance(start, int) and not isinstance(start, bool) else 0
     if mode:
-        positions, frequency = _of_mode(free, mode, unit)
+        positions, away, frequency = _of_mode(free, mode, unit)
     else:
         positions, frequency = _released(free, np.asarray(start, dtype=float))
+        away = positions
     pace = free.structure.pace
     first_value = frequency * free[pace] / free.frequency
     within = check_range(first_value, to or (0.2 * first_value, 5.0 * first_value)).along(pace, free)
     equation = BackboneEquation(free.at({pace: first_value}))
     scales = powers_of_two(np.append(equation.scales(_LENGTHS * unit), within.width))
     corrector = Corrector(cast(Equation, cast(object, equation)), scales)
-    first = _first(corrector, positions, first_value, mode)
+    first = _first(corrector, positions, away, first_value, mode)
     limit = options.largest_amplitude * unit
     walks = [_Walked(first, Walk(first, within, corrector, options.walk, trust=0.0, branched=True), limit)]
     if not mode:  # towards smaller motions too
@@ -164,8 +165,8 @@ def _record(system: System, mode: int, walks: Sequence[_Walked]) -> Backbone:
     return Backbone(system, mode, tuple(points), tuple(events), (begins, ahead.end))
 
 
-def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64], float]:
-    """Return positions and frequency of a small vibration in a linear mode about the stable equilibrium."""
+def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return positions of a small vibration in a linear mode, those from the stable equilibrium, and its frequency."""
     rests = [each for each in find_equilibria(system).equilibria if each.stable]
     if not rests:
         raise ModelError("the system has no stable equilibrium to vibrate about; give positions to release it from")
@@ -189,7 +190,7 @@ def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64
         if abs(swing) > 1e-9
     ]
     amplitude = _SHARE * min([each for each in room if each > 0.0], default=2.0 * _TINY * unit)
-    return rest.position + amplitude * shape, frequency
+    return rest.position + amplitude * shape, amplitude * shape, frequency
 
 
 def _released(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -214,10 +215,12 @@ def _released(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[n
     return positions, float(system.frequency * 0.5 * PERIOD / theta)
 
 
-def _first(corrector: Corrector, positions: NDArray[np.float64], value: float, mode: int) -> BranchPoint:
-    """Return the first point, at positions whose size is kept, with the tangent towards larger motions."""
+def _first(
+    corrector: Corrector, positions: NDArray[np.float64], away: NDArray[np.float64], value: float, mode: int
+) -> BranchPoint:
+    """Return the first point, at positions whose size along a direction is kept, with the tangent along it."""
     x = np.append(positions, value) / corrector.scales
-    normal = np.append(x[:-1], 0.0)
+    normal = np.append(away / corrector.scales[:-1], 0.0)
     normal /= np.linalg.norm(normal)
     found = corrector.correct(x, normal)
     if found is None:

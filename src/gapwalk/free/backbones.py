@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.free.backbone_record import Backbone
+from gapwalk.free.island_births import IslandBirth, births_table
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes
 
@@ -21,6 +22,8 @@ class Backbones(Shown):
         The backbones.
     failures
         Modes without a backbone, with the reasons, in sentences.
+    births
+        What the backbones foretell for a load, if that was asked: where isolated branches are born, or join.
     complete
         True if all were followed.
 
@@ -34,6 +37,7 @@ class Backbones(Shown):
     lines: tuple[Backbone, ...]
     failures: tuple[str, ...] = ()
     complete: bool = True
+    births: tuple[IslandBirth, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -51,6 +55,9 @@ class Backbones(Shown):
         """
         for line in self.lines:
             yield from line.summary()
+        if self.births:
+            yield "foretold for the damping of the system:"
+            yield births_table(self.births)
         if notes:
             yield from remarks(self.notes, self.failures)
 
@@ -59,6 +66,7 @@ class Backbones(Shown):
         return {
             "points": lambda: rows_of(self._rows(lambda line: map(row_of, line.points))),
             "events": lambda: rows_of(self._rows(lambda line: map(row_of, line.events))),
+            "births": lambda: rows_of(map(row_of, self.births)),
         }
 
     def _rows(self, rows: Callable[[Backbone], Any]) -> Iterator[dict[str, Any]]:

@@ -88,7 +88,7 @@ def potential_of(system: System, positions: NDArray[np.float64]) -> float:
     nan if the stiffness matrix is not symmetric or a contact acts along another vector than its deflection: then the
     equations were multiplied by something, and do not show their energy.
     """
-    if not _shows_energy(system):
+    if not shows_energy(system):
         return float("nan")
     mean = np.array([system[f"mean.{name}"] for name in system.coordinates])
     total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(mean @ positions)
@@ -106,7 +106,8 @@ def potential_of(system: System, positions: NDArray[np.float64]) -> float:
     return total
 
 
-def _shows_energy(system: System) -> bool:
+def shows_energy(system: System) -> bool:
+    """Return True if the equations of a system show its energy: they were not multiplied by anything."""
     stiffness = system.matrix("stiffness")
     symmetric = np.allclose(stiffness, stiffness.T, rtol=1e-12, atol=1e-12 * np.abs(stiffness).max(initial=0.0))
     forces = static_forces_of(system)

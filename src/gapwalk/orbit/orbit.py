@@ -115,7 +115,22 @@ class Orbit(Shown):
     @cached_property
     def free_multipliers(self) -> NDArray[np.complex128]:
         """Multipliers with 0 in place of those of what friction keeps that never slips; they decide on stability."""
-        return without_kept(self.multipliers, len(self.stuck))
+        return without_kept(self.multipliers, self.kept)
+
+    @property
+    def kept(self) -> int:
+        """Number of multipliers that are exactly 1, for the orbit is one of a continuum; they say nothing of it."""
+        return len(self.stuck)
+
+    @property
+    def own_method(self) -> Method | None:
+        """The method without which it is not isolated, so that no other one can follow it; None if any method can."""
+        return None
+
+    @property
+    def determined(self) -> NDArray[np.float64]:
+        """The first unknowns of an exact orbit, which determine its motion: its state, shape (state_size,)."""
+        return self.state
 
     @property
     def stable(self) -> bool:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import NumericalError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.motion import Motion, sample
 from gapwalk.flow.signal import Signal
@@ -115,6 +115,8 @@ def sensitivity(orbit: Orbit, names: Sequence[str]) -> Sensitivity:
     """Return the sensitivity of an orbit to named parameters; raise a ModelError for an unknown name."""
     for name in names:
         orbit.system.structure.place(name)
+    if orbit.own_method is not None:
+        raise ModelError("this motion has no excitation, and its frequency is an unknown: it has no gradients here")
     return Sensitivity(orbit, tuple(names))
 
 

@@ -55,6 +55,8 @@ _MODULES = {
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
     "backbone_pictures": ("Backbone", "Backbones"),
+    "foretold_picture": ("Foretold",),
+    "self_excited_pictures": ("Rests", "SelfExcited"),
     "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),

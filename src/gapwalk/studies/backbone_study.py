@@ -14,6 +14,8 @@ from gapwalk.free.backbone_record import Backbone
 from gapwalk.free.backbone_walk import BackboneOptions, backbone
 from gapwalk.free.backbones import Backbones
 from gapwalk.free.conservative import without_losses
+from gapwalk.free.island_births import IslandBirth, foretell
+from gapwalk.free.work_balance import check_load
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
@@ -38,6 +40,11 @@ class BackboneStudy(StudyKind):
         Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
     largest_amplitude
         Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).
+    load
+        Name of a harmonic load, for which it is foretold at which amplitudes isolated branches are born; by default
+        nothing is foretold.
+    harmonics
+        Harmonics of the free vibrations that this load may drive.
     """
 
     kind: ClassVar[str] = "backbone"
@@ -48,6 +55,8 @@ class BackboneStudy(StudyKind):
     begin: Annotated[Speed, Field(alias="from")] = None
     end: Annotated[Speed, Field(alias="to")] = None
     largest_amplitude: Annotated[float, Gt(0)] = 20.0
+    load: str = ""
+    harmonics: tuple[Counted, ...] = (1, 2, 3)
 
     def __post_init__(self) -> None:
         BackboneOptions(self.largest_amplitude)
@@ -61,6 +70,8 @@ class BackboneStudy(StudyKind):
         """Return the study of a table, if the system has free vibrations without losses."""
         asked = cls(**values)
         without_losses(system)
+        if asked.load:
+            check_load(system, asked.load)
         if asked.release and len(asked.release) != system.size:
             raise ModelError(f"release has {len(asked.release)} positions; the system has {system.size} coordinates")
         if not asked.release and max(asked.modes) > system.size:
@@ -85,6 +96,8 @@ class BackboneStudy(StudyKind):
 
 LINE = Part("backbone", tuple[int, Backbone | None, str], numbered=True)
 """Number of a start, its backbone, and the reason if there is none."""
+BIRTHS = Part("births", tuple[IslandBirth, ...], numbered=True)
+"""What the backbone of that number foretells."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +106,9 @@ class BackboneFinding(AnswerFinding[Backbones]):
 
     def document_of(self, found: Backbones, points: bool) -> dict[str, Any]:
         """Return events and ends as JSON values; with all points if wanted."""
-        return {"backbones": [self._line(line, points) for line in found.lines]}
+        document: dict[str, Any] = {"backbones": [self._line(line, points) for line in found.lines]}
+        births = [{name: plain_numbers(value) for name, value in row_of(each).items()} for each in found.births]
+        return {**document, "births": births} if births else document
 
     def _line(self, line: Backbone, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
@@ -115,10 +130,12 @@ class BackboneWork(Work):
     def __init__(self, system: System, asked: BackboneStudy) -> None:
         self.system, self.asked = system, asked
         self._lines: list[tuple[int, Backbone | None, str]] = []
+        self._births: dict[int, tuple[IslandBirth, ...]] = {}
 
     def take(self, known: Parts) -> None:
         """Read the backbones of a file; raise a ValueError if they belong to another study."""
         self._lines = [line for _, line in known.all(LINE)]
+        self._births = dict(known.all(BIRTHS))
         if [number for number, _, _ in self._lines] != [*range(len(self._lines))] or len(self._lines) > self.total:
             raise ValueError("the backbones do not belong to the study")
 
@@ -134,7 +151,15 @@ class BackboneWork(Work):
             except NumericalError as error:
                 line, reason = None, str(error)
             self._lines.append((number, line, reason))
-            yield Found.part(LINE, self._lines[-1], number)
+            self._births[number] = self._foretold(line)
+            births = BIRTHS.entry(self._births[number], number)
+            yield Found((LINE.entry(self._lines[-1], number), births))
+
+    def _foretold(self, line: Backbone | None) -> tuple[IslandBirth, ...]:
+        """Return what a backbone foretells for the load that was named."""
+        if line is None or not self.asked.load:
+            return ()
+        return foretell(self.system, line, self.asked.load, self.asked.harmonics).births
 
     @property
     def complete(self) -> bool:
@@ -156,7 +181,8 @@ class BackboneWork(Work):
         """The backbones so far."""
         lines = tuple(line for _, line, _ in self._lines if line is not None)
         failures = tuple(reason for _, _, reason in self._lines if reason)
-        return Backbones(lines, failures, self.complete)
+        births = tuple(each for number, _, _ in self._lines for each in self._births.get(number, ()))
+        return Backbones(lines, failures, self.complete, births)
 
     def finding(self) -> BackboneFinding:
         """Return the backbones so far as the finding of a study."""

@@ -81,6 +81,7 @@ _KINDS: Registry[type[StudyKind]] = Registry(
         "run-up": "gapwalk.studies.run_up_study.RunUpStudy",
         "design": "gapwalk.studies.design_study.DesignStudy",
         "backbone": "gapwalk.studies.backbone_study.BackboneStudy",
+        "self-excited": "gapwalk.studies.self_excited_study.SelfExcitedStudy",
         "tori": "gapwalk.studies.tori_study.ToriStudy",
     },
 )

@@ -10,6 +10,9 @@ from itertools import chain
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.free.rest_record import Rests
+from gapwalk.free.self_excitation import SelfExcited
+from gapwalk.free.verify_rests import verify_rests
 from gapwalk.results.result_file import lock, seal_fault, write_more
 from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
@@ -34,7 +37,7 @@ from gapwalk.verification import (
 )
 from gapwalk.verification.verification import Advance
 
-Verifiable = Branch | Diagram | Map | Family | TorusDiagram | TorusFamily | Torus | Result
+Verifiable = Branch | Diagram | Map | Family | TorusDiagram | TorusFamily | Torus | Rests | SelfExcited | Result
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
@@ -48,8 +51,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        A branch, a diagram, a map, a family, tori, a result, or the name of a result file. An incomplete result is
-        verified as far as it goes.
+        A branch, a diagram, a map, a family, tori, equilibria with self-excited motions, a result, or the
+        name of a result file. An incomplete result is verified as far as it goes.
     report
         Called with a word for what is verified, the number of pieces that are done, and the number of all.
 
@@ -120,6 +123,13 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
             ledger.note("the joints between the members of a family are not verified, their branches are")
         case Torus():
             verify_torus(ledger, what, Spot("the torus", "its curve", what.system.frequency))
+        case Rests():
+            verify_rests(ledger, "the equilibria", what)
+        case SelfExcited():
+            named = [(f"motions {number}", cycle) for number, cycle in enumerate(what.cycles, start=1)]
+            verify_branches(ledger, named, report, what.within)
+            for number, line in enumerate(what.rests, start=1):
+                verify_rests(ledger, f"equilibria {number}", line)
         case TorusFamily():
             verify_families(ledger, [("the family", what)], report)
         case TorusDiagram():
@@ -150,11 +160,11 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 def _found(result: Result) -> Verifiable:
     """Return the record of a result that can be verified."""
     if result.finding is not None:
-        if isinstance(result.finding.record, Family | TorusDiagram):
+        if isinstance(result.finding.record, Family | TorusDiagram | SelfExcited):
             return result.finding.record
         raise ModelError(
-            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps, families "
-            "and tori have"
+            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps, "
+            "families, tori and self-excited motions have"
         )
     return result.map or result.diagram or result.branches[0]
 

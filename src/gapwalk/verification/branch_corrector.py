@@ -114,7 +114,7 @@ class Track:
 
     def _determined(self, equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
         """Return the first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
-        return orbit.state if self.is_exact else equation.unknowns(orbit)
+        return orbit.determined if self.is_exact else equation.unknowns(orbit)
 
     def _corrector(self, count: int) -> Corrector:
         """Return the corrector for points with a number of scaled variables."""

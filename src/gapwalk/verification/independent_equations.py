@@ -89,7 +89,9 @@ class Equations:
         # what the loads add to a deflection, and by what share they change a number: factors by load
         varied = _varied(structure)
         count = len(structure.harmonics)
-        self._displaced = np.array([varied.get(each, np.zeros(count)) for each in arguments]).reshape(-1, count)
+        self._displaced = np.array([varied.get(each, np.zeros(count)) for each in arguments]).reshape(
+            len(arguments), count
+        )
         self._shares = {name: factors for name, factors in varied.items() if name not in arguments}
         self._prefixes = [prefix for _, _, prefix in stages]
         self._free = -np.trace(self._damping, axis1=1, axis2=2)

@@ -51,6 +51,7 @@ class Check(Enum):
     ENDS = ("ends", "the ends of a branch are where it is stated, and have the stated reasons", 0.0)
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
     INVARIANCE = ("invariance", "another integrator carries the curve of a torus into itself, within its error", 1.0)
+    REST = ("rest", "at an equilibrium the static forces balance, and small motions have its eigenvalues", 1e-8)
     CONDITION = ("condition", "an orbit on a locus is at its bifurcation", 1e-5)
 
     sentence: str

@@ -148,7 +148,7 @@ def _carried(orbit: Orbit, around: DryRound) -> Reshot:
         raise NumericalError("the other integrator cannot follow the orbit over its period")
     units = orbit.system.state_scales()
     growth = float(np.linalg.norm(around.transition * units / units[:, None], 2))
-    free = without_kept(multipliers([around.transition]), len(orbit.stuck))
+    free = without_kept(multipliers([around.transition]), orbit.kept)
     return Reshot(free, math.nan, max(1.0, growth))
 
 
@@ -164,7 +164,8 @@ def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     for arc in arcs:
         around = arc.transition @ around
     growth = float(np.linalg.norm(around * units / units[:, None], 2))
-    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
+    found = without_kept(multipliers([arc.transition for arc in arcs]), orbit.kept)
+    return Reshot(found, total, max(1.0, growth))
 
 
 def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:

@@ -241,6 +241,11 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
     system = special.orbit.system
     if special.kind.no_locus:
         raise ModelError(special.kind.no_locus)
+    if special.orbit.own_method is not None:
+        raise ModelError(
+            "this motion has no excitation, and its frequency is an unknown; loci of such motions are not followed. "
+            "Follow the motions for several values of the second parameter instead"
+        )
     places = [system.structure.place(name) for name in (first, second)]
     if places[0] == places[1]:
         raise ModelError(f"both parameters are {first!r}; a locus is a curve in the plane of two different ones")

@@ -1,0 +1,379 @@
+"""What a backbone foretells: the load at which a response reaches each free vibration, and where islands are born.
+
+Along a backbone, the amplitude of a load at which its work balances the losses says how large the load must be for a
+response to come there. Where it has a minimum, nothing is there below, and a closed branch above: an isolated branch
+is born. Where it has a maximum, two of them, or one and the main branch, join.
+
+Method: docs/numerics/backbones.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.free.backbone_equation import BackboneEquation
+from gapwalk.free.backbone_record import Backbone, BackbonePoint
+from gapwalk.free.work_balance import WorkBalance, check_load
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System, check_system
+from gapwalk.notebook import Shown
+from gapwalk.orbit.orbit_equation import Equation
+from gapwalk.summary import Rows, SummaryParts, Table, row_of, rows_of, summarizes
+
+_ROOM = 1.5  # half-widths of a box of starts, in the motion that is foretold
+_SAMPLES = 256  # of that motion
+_SHARP = 1e-4  # accuracy of a place between two points of a backbone
+_POLE = 3.0  # ratio of a maximum to the points around it beyond which the harmonic vanishes there
+_FLAT = 1e-6  # relative change of the amplitude within which a minimum is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class IslandBirth:
+    """Place at which an isolated branch is born, or joins another one, as a backbone foretells it.
+
+    Attributes
+    ----------
+    harmonic
+        Harmonic of the free vibration that the load drives.
+    period
+        Forcing periods after which the motion repeats.
+    amplitude
+        Amplitude of the load.
+    frequency
+        Frequency of the excitation, in the unit of the model.
+    uncertainty
+        Error of the amplitude by the distance of the points of the backbone; that of the method grows with the damping.
+    joins
+        True where branches join; False where one is born.
+    point
+        The free vibration nearest to it.
+    mode
+        Number of the linear mode at which its backbone begins; 0 if it began at a release.
+
+    Examples
+    --------
+    >>> birth = foretold.births[0]
+    >>> birth.harmonic, birth.period, birth.joins
+    (3, 3, False)
+    """
+
+    _row: ClassVar = {
+        "mode": "mode",
+        "harmonic": "harmonic",
+        "period": "period",
+        "what": "what",
+        "amplitude": "amplitude",
+        "uncertainty": "uncertainty",
+        "frequency": "frequency",
+        "swing": "point.amplitude",
+    }
+
+    harmonic: int
+    period: int
+    amplitude: float
+    frequency: float
+    uncertainty: float
+    joins: bool
+    point: BackbonePoint
+    mode: int = 0
+
+    @property
+    def what(self) -> str:
+        """What happens there, in words."""
+        return "branches join" if self.joins else "an isolated branch is born"
+
+    def __repr__(self) -> str:
+        return (
+            f"IslandBirth({self.what}: period {self.period}, amplitude {self.amplitude:.6g} at {self.frequency:.6g}, "
+            f"half {self.point.amplitude:.4g})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold(Shown):
+    """What a backbone foretells for one load.
+
+    Attributes
+    ----------
+    system
+        The system with its damping.
+    line
+        Its backbone.
+    load
+        Name of the load.
+    harmonics
+        The harmonics of the free vibration that it may drive.
+    amplitudes : shape (points, harmonics)
+        Amplitude of the load at which its work balances the losses at each point; infinite where it does none.
+    births
+        Minima and maxima of it along the backbone, in the order of the harmonics.
+
+    Examples
+    --------
+    >>> foretold.load, foretold.harmonics, foretold.amplitudes.shape[1]
+    ('harmonic1', (1, 3), 2)
+    """
+
+    system: System
+    line: Backbone
+    load: str
+    harmonics: tuple[int, ...]
+    amplitudes: NDArray[np.float64]
+    births: tuple[IslandBirth, ...]
+
+    def needed(self, frequency: float, harmonic: int) -> tuple[float, ...]:
+        """Return the amplitudes of the load at which responses at a frequency reach the backbone.
+
+        Parameters
+        ----------
+        frequency
+            Frequency of the excitation, in the unit of the model.
+        harmonic
+            Harmonic of the free vibration that the load drives.
+
+        Returns
+        -------
+        tuple of float
+            One for each place at which the backbone passes that frequency; empty if it does not.
+        """
+        values = self.line.values * harmonic / self._balance.order
+        column, found = self.amplitudes[:, self.harmonics.index(harmonic)], []
+        for k in range(len(values) - 1):
+            first, last = values[k : k + 2]
+            if first != last and min(first, last) <= frequency < max(first, last):
+                share = (frequency - first) / (last - first)
+                found.append(float(column[k] + share * (column[k + 1] - column[k])))
+        return tuple(found)
+
+    def starts(self, birth: IslandBirth, amplitude: float) -> tuple[System, list[NDArray[np.float64]]]:
+        """Return the system above a birth, and states near two motions of the isolated branch.
+
+        Parameters
+        ----------
+        birth
+            One of its births.
+        amplitude
+            Amplitude of the load, larger than that of the birth.
+
+        Returns
+        -------
+        system : System
+            The system at the frequency of the birth with that amplitude.
+        states : list of array, shape (2n,)
+            Guesses for ``gw.find_orbit(system, birth.period, state)``; none if the amplitude is too small.
+        """
+        there = self.system.at({self._balance.pace: birth.frequency, f"{self.load}.amplitude": amplitude})
+        return there, self._balance.states(birth.point, birth.harmonic, amplitude)
+
+    def box(self, birth: IslandBirth) -> tuple[float, ...]:
+        """Return the half-widths of a box of starts for `gw.search` that holds the motion that is foretold.
+
+        Parameters
+        ----------
+        birth
+            One of its births.
+
+        Returns
+        -------
+        tuple of float
+            2n numbers, for `gw.SearchOptions`.
+        """
+        system = self.line.system.at({self._balance.pace: birth.point.value})
+        start = np.append(birth.point.start, np.zeros(system.size))
+        theta = PERIOD * np.arange(_SAMPLES) / _SAMPLES
+        states = flow_of(system).sample(coefficients_of(system), start, theta).states
+        return tuple((_ROOM * np.abs(states).max(axis=0)).tolist())
+
+    @property
+    def _balance(self) -> WorkBalance:
+        return WorkBalance(self.system, self.line, self.load)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the births in words."""
+        born = sum(not birth.joins for birth in self.births)
+        yield f"along {self.line!r}, {born} isolated branches are foretold under {self.load}"
+        if self.births:
+            yield births_table(self.births)
+
+    def plot(self, **options: Any):
+        """Draw the amplitude of the load over that of the motion; see `gapwalk.plot.foretold_picture`.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the tables of births, and of the amplitudes along the backbone."""
+        return {
+            "births": lambda: rows_of(map(row_of, self.births)),
+            "amplitudes": lambda: rows_of(self._along()),
+        }
+
+    def _along(self) -> list[dict[str, Any]]:
+        names = [f"amplitude.{harmonic}" for harmonic in self.harmonics]
+        return [
+            {**row_of(point), **dict(zip(names, row.tolist(), strict=True))}
+            for point, row in zip(self.line.points, self.amplitudes, strict=True)
+        ]
+
+    def __repr__(self) -> str:
+        return f"Foretold({self.load}, harmonics {', '.join(map(str, self.harmonics))}, {len(self.births)} events)"
+
+
+def births_table(births: Sequence[IslandBirth]) -> Table:
+    """Return a table of births, for the terminal."""
+    return Table(
+        ("what", ">mode", ">period", ">amplitude", ">±", ">frequency", ">half"),
+        [
+            (
+                each.what,
+                str(each.mode),
+                str(each.period),
+                f"{each.amplitude:.6g}",
+                f"{each.uncertainty:.0e}",
+                f"{each.frequency:.6g}",
+                f"{each.point.amplitude:.4g}",
+            )
+            for each in births
+        ],
+    )
+
+
+def foretell(system: System, line: Backbone, load: str = "harmonic1", harmonics: Sequence[int] = (1, 2, 3)) -> Foretold:
+    """Foretell from a backbone at which amplitudes of a load isolated branches are born, for the damping of a system.
+
+    The work of the load in phase resonance balances the losses over a free vibration. This holds for light damping and
+    a small load; its error falls with the square of the damping. Other loads are left out.
+
+    Parameters
+    ----------
+    system
+        The system with its damping and its load.
+    line
+        Its backbone, from `backbone`.
+    load
+        Name of a harmonic load.
+    harmonics
+        Harmonics of the free vibration that the load may drive: 1 for its main resonance, 3 for a motion of which the
+        load has three times the frequency.
+
+    Returns
+    -------
+    Foretold
+        The amplitudes along the backbone, and the births.
+
+    Raises
+    ------
+    ModelError
+        For an unknown load, or one of several orders; or a backbone of another system.
+
+    Notes
+    -----
+    Energy balance: Hill, Cammarano, Neild and Barton (2016), Proceedings of the Royal Society A 473, 20160494; Cenedese
+    and Haller (2020), Proceedings of the Royal Society A 476, 20200078.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> duffing = gw.System(
+    ...     ["x"],
+    ...     [1.0],
+    ...     [0.02],
+    ...     contacts=[gw.force("spring", {"x": 1.0}, "x*x*x")],
+    ...     harmonics=[gw.Harmonic(0.1, {"x": 1.0})],
+    ... )
+    >>> found = gw.free.foretell(duffing, gw.free.backbone(duffing, 1, (0.5, 3.0)), harmonics=[3])
+    >>> round(found.births[0].amplitude, 2)  # the subharmonic resonance of order 1/3
+    0.46
+    """
+    check_system(system, "foretell")
+    check_load(system, load)
+    if line.system.structure != system.equations.structure:
+        raise ModelError("the backbone belongs to another system; follow it with gw.free.backbone(system)")
+    if not harmonics or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in harmonics):
+        raise ModelError(f"harmonics is {harmonics!r}; it must hold integers from 1 on, such as (1, 2, 3)")
+    balance, chosen = WorkBalance(system, line, load), tuple(harmonics)
+    amplitudes = np.array([balance.amplitudes(point, chosen) for point in line.points])
+    births = [
+        birth
+        for harmonic, column in zip(chosen, amplitudes.T, strict=True)
+        for k in _turns(column)
+        if (birth := _refined(balance, harmonic, Fraction(harmonic, balance.order), column, k)) is not None
+    ]
+    return Foretold(system, line, load, chosen, amplitudes, tuple(births))
+
+
+def _turns(column: NDArray[np.float64]) -> list[int]:
+    """Return the numbers of the points at which the amplitude has a minimum or a maximum along a backbone."""
+    found = []
+    for k in range(1, len(column) - 1):
+        before, here, after = column[k - 1 : k + 2]
+        is_known = bool(np.isfinite([before, here, after]).all()) and min(before, here, after) > 0.0
+        if is_known and (here - before) * (after - here) < 0.0 and np.ptp(column[k - 1 : k + 2]) > _FLAT * here:
+            found.append(k)
+    return found
+
+
+def _refined(
+    balance: WorkBalance, harmonic: int, ratio: Fraction, column: NDArray[np.float64], k: int
+) -> IslandBirth | None:
+    """Return the extreme of the amplitude near a point, among free vibrations corrected onto the backbone.
+
+    There is none where the harmonic vanishes: the amplitude is infinite there, whatever the load.
+    """
+    from scipy.optimize import minimize_scalar  # imported late: it takes long
+
+    joins = bool(column[k] > column[k - 1])
+    between, sign = _Between(balance.line, k), -1.0 if joins else 1.0
+    best = minimize_scalar(
+        lambda place: sign * balance.amplitudes(between.at(float(place)), (harmonic,))[0],
+        bounds=(-1.0, 1.0),
+        method="bounded",
+        options={"xatol": _SHARP},
+    )
+    point = between.at(float(best.x))
+    amplitude = balance.amplitudes(point, (harmonic,))[0]
+    if joins and amplitude > _POLE * max(column[k - 1], column[k + 1]):
+        return None
+    error = _SHARP**2 * abs(amplitude)
+    if sign * amplitude > sign * column[k]:  # no vibration was found between the points
+        point, amplitude, error = balance.line.points[k], float(column[k]), float(np.ptp(column[k - 1 : k + 2]))
+    frequency, period = point.value * float(ratio), ratio.numerator
+    return IslandBirth(harmonic, period, amplitude, frequency, error, joins, point, balance.line.mode)
+
+
+class _Between:
+    """Free vibrations between a point of a backbone and its two neighbours."""
+
+    def __init__(self, line: Backbone, k: int) -> None:
+        self._points = line.points[k - 1 : k + 2]
+        equation = BackboneEquation(line.system)
+        size = max(float(np.abs(point.start).max()) for point in self._points)
+        scales = np.append(np.full(line.system.size, size or 1.0), line.points[k].value)
+        self._corrector = Corrector(cast(Equation, cast(object, equation)), scales)
+        self._x = [np.append(point.start, point.value) / scales for point in self._points]
+
+    def at(self, place: float) -> BackbonePoint:
+        """Return the vibration at a place, -1 to 1, on the parabola through the three; the nearest if that fails."""
+        before, here, after = self._x
+        guess = here + 0.5 * place * (after - before) + 0.5 * place**2 * (before - 2.0 * here + after)
+        normal = (after - before) / float(np.linalg.norm(after - before))
+        found = self._corrector.correct(guess, normal)
+        if found is None:
+            return self._points[1 + round(place)]
+        return cast(BackbonePoint, cast(object, self._corrector.point(found, normal, 0.0).orbit))
