@@ -169,8 +169,8 @@ class BranchTracer(Iterator[Step]):
                 self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
             try:
-                if self._is_doubled(first) and has_merged(point):
-                    raise NumericalError("the step went onto the parent branch")
+                if has_merged(point):
+                    raise NumericalError("the step went onto a branch of motions of a shorter period")
                 if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
@@ -285,9 +285,7 @@ class BranchTracer(Iterator[Step]):
         if first is self.first and self.beginning.singular:
             return None  # two branches begin there, and the depth does not distinguish them
         passage = pass_graze(self.beginning.corrector, first)
-        if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
-            return None
-        if self._is_astray(first, passage.point):
+        if passage is None or has_merged(passage.point) or self._is_astray(first, passage.point):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)  # test functions may have jumped
@@ -299,9 +297,7 @@ class BranchTracer(Iterator[Step]):
         if first is self.first and self.beginning.singular:
             return None
         passage = pass_start(corrector, first, self.beginning.within, self.walk.options, self._kinds, _change)
-        if passage is None or self._is_astray(first, passage.point):
-            return None
-        if self._is_doubled(first) and has_merged(passage.point):
+        if passage is None or self._is_astray(first, passage.point) or has_merged(passage.point):
             return None
         self.walk.go_on(state, passage.point, passage.step)
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
@@ -317,7 +313,7 @@ class BranchTracer(Iterator[Step]):
         passage = pass_corner(self.beginning.corrector, state.point)
         if passage is None or self._is_astray(state.point, passage.point):
             return None
-        if self._is_doubled(state.point) and has_merged(passage.point):  # it ends at the corner of its parent
+        if has_merged(passage.point):  # it ends at the corner of its parent
             return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)

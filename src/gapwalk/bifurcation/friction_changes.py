@@ -109,11 +109,25 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
 
 
 class Located(NamedTuple):
-    """A located change: the point of the branch, the change, and the arclength of its bracket."""
+    """A located change.
+
+    Attributes
+    ----------
+    point
+        The point of the branch.
+    change
+        The change.
+    spread
+        Arclength of its bracket.
+    before
+        If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
+        where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
+    """
 
     point: BranchPoint
     change: Change
     spread: float
+    before: BranchPoint | None = None
 
 
 def find_changes(
@@ -138,7 +152,7 @@ def find_changes(
         if len(located) == len(found) or (all(onsets) and located):  # the force may be at its other bound already
             return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
-        return [Located(last, change, length) for change in changes or []]
+        return [Located(last, change, length, first) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
 
