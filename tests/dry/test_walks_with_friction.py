@@ -142,6 +142,17 @@ def test_a_walk_passes_the_graze_of_a_rigid_stop_in_both_directions(amplitude: f
     assert max(grazes) == pytest.approx(math.sqrt(b + math.sqrt(b**2 - 1.0 + amplitude**2)), abs=1e-9)
 
 
+def test_a_graze_beside_which_motions_grow_fast_is_verified() -> None:
+    """At 3e-9 beside it, where the motion has an impact, a change of the state grows by the inverse of its velocity."""
+    wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)
+    load = Harmonic(0.3, {"x": 1.0})
+    system = System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[load], frequency=0.6)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.0)
+    assert places(branch, "grazing")
+    verified = gw.verify(branch)
+    assert verified.breaches == ()
+
+
 def test_the_velocity_after_an_impact_is_that_of_another_program() -> None:
     (event,) = gw.find_orbit(impacts(1.0)).events
     assert -0.8 * event.velocity == pytest.approx(-1.3565863500759, abs=1e-12)
