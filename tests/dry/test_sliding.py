@@ -256,3 +256,18 @@ def test_a_change_at_which_its_margin_jumps_is_located_to_its_bracket() -> None:
     assert min(abs(a - b) for a in reversals for b in closings) < 1e-8
     verified = gw.verify(branch)  # which locates it with another integrator
     assert verified.breaches == ()
+
+
+def test_slip_that_ends_in_both_directions_at_once_ends_where_the_stroke_is_that_of_the_limit() -> None:
+    """The position at which friction comes to rest must be that where its slip ends, not one within its freedom."""
+    system = random_system(72).at(frequency=0.87)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.85)
+    found = branch.special("slip-onset")
+    assert {each.contact for each in found} == {"jenkins2 +", "jenkins2 -"}
+    first = max(found, key=lambda each: each.value)
+    axes = np.array([system[f"jenkins2.deflection.{each}"] for each in system.coordinates])
+    motion = first.orbit.motion(2001)
+    stroke = np.ptp(sum(axis * motion.signal(name) for axis, name in zip(axes, system.coordinates, strict=True)))
+    free = 2.0 * system["jenkins2.limit"] / system["jenkins2.stiffness"]
+    assert stroke == pytest.approx(free, rel=1e-5)
+    assert max(each.value for each in found) - min(each.value for each in found) < 1e-4

@@ -19,7 +19,7 @@ from gapwalk.bifurcation.branch_start import (
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
-from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.friction_changes import changes_between, directions_left
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
@@ -253,6 +253,10 @@ class BranchTracer(Iterator[Step]):
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
+            for contact in point.orbit.friction:
+                ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
+                if len(directions_left(first.orbit, point.orbit, contact)) > ends:
+                    raise NumericalError("friction comes to rest at another position than where its slip ends")
         return special
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:

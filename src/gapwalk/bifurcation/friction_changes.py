@@ -259,6 +259,16 @@ def never_slips(orbit: Orbit, contact: int) -> bool:
     return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
 
 
+def directions_left(first: Orbit, last: Orbit, contact: int) -> set[int]:
+    """Return the directions in which friction slips in the first of two orbits, if it never slips in the last one.
+
+    It ceases to slip in all of them at once, with its force at both bounds: only then is there a position to keep.
+    """
+    if never_slips(first, contact) or not never_slips(last, contact):
+        return set()
+    return {phase.mode for phase in first.friction.get(contact, [])} - {0}
+
+
 def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, change: Change) -> Located:
     """Locate the onset of slip from the side on which friction never slips.
 

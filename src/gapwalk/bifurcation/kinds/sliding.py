@@ -18,6 +18,7 @@ from gapwalk.bifurcation.friction_changes import (
     Change,
     Located,
     changes_between,
+    directions_left,
     find_changes,
     located_again,
     never_slips,
@@ -209,7 +210,17 @@ class SlipOnset(Sliding):
         return not change.reverses and change.before == 0 and change.alone
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root."""
+        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root.
+
+        If it ceases to slip in both directions, but is found to reach only one of its bounds, its position is none that
+        it has where slip ends, and that place is only known to the step.
+        """
+        doubt = 0.0
+        changes = [each.change for each in search.memo.get(Sliding, []) if each.point is zero.point]
+        for contact in {each.contact for each in changes}:
+            found = {each.change.side for each in search.memo[Sliding] if each.change.contact == contact}
+            if len(directions_left(search.first.orbit, search.last.orbit, contact)) > len(found):
+                doubt = abs(search.last.value - search.first.value)
         away = [
             point
             for point in search.interval.points
@@ -217,7 +228,7 @@ class SlipOnset(Sliding):
             and {*zero.point.orbit.stuck} <= {*point.orbit.stuck}
         ]
         near = min(away, key=lambda point: abs(point.arclength - zero.point.arclength), default=None)
-        return float("inf") if near is None else location_error(zero, second, [near])
+        return math.inf if near is None else max(doubt, location_error(zero, second, [near]))
 
 
 def describe_friction(orbit: Orbit, change: Change) -> str:
