@@ -119,7 +119,7 @@ def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
 class _Motion(DryInstant, Follower):
     """The motion of an orbit and of its neighbours, one for each direction of the state space."""
 
-    def __init__(self, orbit: Orbit, exact: float) -> None:
+    def __init__(self, orbit: Orbit, exact: float = EXACT) -> None:
         super().__init__(orbit)
         self._exact = exact
         equations, n = self.equations, self.equations.size
