@@ -18,6 +18,7 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import friction
 from gapwalk.orbit.friction_phases import FrictionPhase, friction_phases, text_of
 from gapwalk.verification.dry_dop853 import carry
+from tests.dry.trials.random_systems import random_system
 from tests.flow.dry_systems import clutch
 
 K, C, SPRING, LIMIT, W = 1.0, 0.1, 0.5, 0.3, 0.8
@@ -241,3 +242,32 @@ def test_next_to_a_graze_of_a_jenkins_element_no_stick_is_endless():
         end = flow.integrate(coefficients, state).state
         assert end == pytest.approx(orbit.state, abs=1e-11 + 10.0 * size)
         assert carry([replace(orbit, state=state)])[0].closure < 1e-9 + 10.0 * size
+
+
+def test_a_change_at_which_its_margin_jumps_is_located_to_its_bracket() -> None:
+    """A spring closes where the slip rate reverses, and its damping changes the force at once."""
+    system = random_system(9)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.3 * system.frequency)
+    (found,) = [each for each in branch.special("switching-sliding") if abs(each.value - 1.14) < 1e-2]
+    assert found.uncertainty < 1e-9
+    orbit = found.orbit  # both events are at one instant
+    reversals = [each.theta for each in orbit.slips if system.structure.contacts[each.contact].name == "coulomb1"]
+    closings = [each.theta for each in orbit.events]
+    assert min(abs(a - b) for a in reversals for b in closings) < 1e-8
+    verified = gw.verify(branch)  # which locates it with another integrator
+    assert verified.breaches == ()
+
+
+def test_slip_that_ends_in_both_directions_at_once_ends_where_the_stroke_is_that_of_the_limit() -> None:
+    """The position at which friction comes to rest must be that where its slip ends, not one within its freedom."""
+    system = random_system(72).at(frequency=0.87)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.85)
+    found = branch.special("slip-onset")
+    assert {each.contact for each in found} == {"jenkins2 +", "jenkins2 -"}
+    first = max(found, key=lambda each: each.value)
+    axes = np.array([system[f"jenkins2.deflection.{each}"] for each in system.coordinates])
+    motion = first.orbit.motion(2001)
+    stroke = np.ptp(sum(axis * motion.signal(name) for axis, name in zip(axes, system.coordinates, strict=True)))
+    free = 2.0 * system["jenkins2.limit"] / system["jenkins2.stiffness"]
+    assert stroke == pytest.approx(free, rel=1e-5)
+    assert max(each.value for each in found) - min(each.value for each in found) < 1e-4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -11,6 +12,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.bifurcation.kinds.sliding import Sliding
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.flow import Flow, flow_of
@@ -144,6 +146,34 @@ def test_a_walk_passes_the_graze_of_a_rigid_stop(amplitudes: tuple[float, float]
     assert branch.points[-1].value == pytest.approx(last)
     assert places(branch, "grazing") == pytest.approx([0.1], abs=1e-11)
     assert places(branch, "fold") == pytest.approx([closed_forms.one_impact_fold()], abs=1e-11)
+
+
+@pytest.mark.parametrize(("amplitude", "damping"), [(1.0, 0.2), (0.2, 0.02)])
+def test_a_walk_passes_the_graze_of_a_rigid_stop_in_both_directions(amplitude: float, damping: float) -> None:
+    """Towards the graze the impacts become ever softer; the motion beyond is the linear one, whose amplitude is 1."""
+    wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)
+    load = Harmonic(amplitude, {"x": 1.0})
+    system = System(["x"], [[1.0]], [[damping]], contacts=[wall], harmonics=[load], frequency=0.6)
+    up = gw.follow(gw.find_orbit(system), "frequency", 1.9)
+    down = gw.follow(gw.find_orbit(system, frequency=1.9), "frequency", 0.6)
+    assert up.ends[-1].reason is down.ends[-1].reason is EndReason.RANGE
+    found, again = ([(each.kind, each.value) for each in branch.special_points] for branch in (up, down))
+    assert [kind for kind, _ in found] == [kind for kind, _ in reversed(again)]
+    assert [value for _, value in found] == pytest.approx([value for _, value in reversed(again)], abs=1e-9)
+    grazes = {value for kind, value in found if kind is Kind.GRAZING}
+    b = 1.0 - 0.5 * damping**2  # the larger root of (1 - W^2)^2 + (damping W)^2 = amplitude^2
+    assert max(grazes) == pytest.approx(math.sqrt(b + math.sqrt(b**2 - 1.0 + amplitude**2)), abs=1e-9)
+
+
+def test_a_graze_beside_which_motions_grow_fast_is_verified() -> None:
+    """At 3e-9 beside it, where the motion has an impact, a change of the state grows by the inverse of its velocity."""
+    wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.8)
+    load = Harmonic(0.3, {"x": 1.0})
+    system = System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[load], frequency=0.6)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.0)
+    assert places(branch, "grazing")
+    verified = gw.verify(branch)
+    assert verified.breaches == ()
 
 
 def test_the_velocity_after_an_impact_is_that_of_another_program() -> None:

@@ -25,7 +25,7 @@ from gapwalk.orbit.orbit_equation import OrbitEquation, solve
 if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
-_MERGED = 1e-7  # relative difference between the halves of an orbit below which it has half the period
+_MERGED = 1e-7  # relative difference between the parts of an orbit below which its period is that of a part
 _CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period
 
 
@@ -207,17 +207,32 @@ def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
     It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
     through its parent.
     """
-    known = point.memo.get("halves apart")
+    return _apart(point)[point.orbit.period // 2]
+
+
+def _apart(point: BranchPoint) -> NDArray[np.float64]:
+    """Return the states up to half the period minus the initial state, relative to its size, one row per period."""
+    known = point.memo.get(_apart)
     if known is None:
         orbit = point.orbit
-        half = orbit.strobes(orbit.period // 2 + 1)[-1]
-        known = point.memo["halves apart"] = (half - orbit.state) / magnitude(orbit.state, orbit.system)
+        states = orbit.strobes(orbit.period // 2 + 1)
+        known = point.memo[_apart] = (states - orbit.state) / magnitude(orbit.state, orbit.system)
     return known
 
 
+def period_of(point: BranchPoint) -> int:
+    """Return the number of forcing periods after which the motion of a point repeats, which divides its period."""
+    period = point.orbit.period
+    parts = [k for k in range(1, period // 2 + 1) if period % k == 0]
+    return next((k for k in parts if float(np.abs(_apart(point)[k]).max()) < _MERGED), period)
+
+
 def has_merged(point: BranchPoint) -> bool:
-    """Return True if the orbit of a point has half its period, so that it lies on the parent branch."""
-    return float(np.abs(halves_apart(point)).max()) < _MERGED
+    """Return True if the motion of a point is one of a shorter period: it lies on another branch.
+
+    Of a branch that has begun at a flip that is its parent, or the parent of that.
+    """
+    return period_of(point) < point.orbit.period
 
 
 def is_close(point: BranchPoint) -> bool:

@@ -19,7 +19,7 @@ from gapwalk.bifurcation.branch_start import (
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
-from gapwalk.bifurcation.friction_changes import changes_between
+from gapwalk.bifurcation.friction_changes import changes_between, directions_left
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.sliding_corner import pass_corner
@@ -169,8 +169,8 @@ class BranchTracer(Iterator[Step]):
                 self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
             try:
-                if self._is_doubled(first) and has_merged(point):
-                    raise NumericalError("the step went onto the parent branch")
+                if has_merged(point):
+                    raise NumericalError("the step went onto a branch of motions of a shorter period")
                 if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
@@ -253,6 +253,10 @@ class BranchTracer(Iterator[Step]):
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
+            for contact in point.orbit.friction:
+                ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
+                if len(directions_left(first.orbit, point.orbit, contact)) > ends:
+                    raise NumericalError("friction comes to rest at another position than where its slip ends")
         return special
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
@@ -285,9 +289,7 @@ class BranchTracer(Iterator[Step]):
         if first is self.first and self.beginning.singular:
             return None  # two branches begin there, and the depth does not distinguish them
         passage = pass_graze(self.beginning.corrector, first)
-        if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
-            return None
-        if self._is_astray(first, passage.point):
+        if passage is None or has_merged(passage.point) or self._is_astray(first, passage.point):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)  # test functions may have jumped
@@ -299,9 +301,7 @@ class BranchTracer(Iterator[Step]):
         if first is self.first and self.beginning.singular:
             return None
         passage = pass_start(corrector, first, self.beginning.within, self.walk.options, self._kinds, _change)
-        if passage is None or self._is_astray(first, passage.point):
-            return None
-        if self._is_doubled(first) and has_merged(passage.point):
+        if passage is None or self._is_astray(first, passage.point) or has_merged(passage.point):
             return None
         self.walk.go_on(state, passage.point, passage.step)
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
@@ -317,7 +317,7 @@ class BranchTracer(Iterator[Step]):
         passage = pass_corner(self.beginning.corrector, state.point)
         if passage is None or self._is_astray(state.point, passage.point):
             return None
-        if self._is_doubled(state.point) and has_merged(passage.point):  # it ends at the corner of its parent
+        if has_merged(passage.point):  # it ends at the corner of its parent
             return (state.point, []) if self._ends_at_parent(state.previous, state.point) else None
         self.walk.go_on(state, passage.point, passage.distance)
         self.detector = Detector(self.beginning.corrector, self._kinds)

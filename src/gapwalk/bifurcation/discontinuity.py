@@ -99,6 +99,8 @@ def _difference(first: Orbit, last: Orbit) -> str:
     more = max(ours[len(theirs) :], theirs[len(ours) :], key=len)
     if more and PERIOD * first.period - more[0].theta < _MOVED:
         return f"beyond it, {_name(first, more[0])} behaves otherwise at {_ELSEWHERE}"
+    if more:
+        return f"beyond it, {_name(first, more[0])} behaves otherwise at theta = {more[0].theta:.6g}"
     return "beyond it, its last events are others"
 
 

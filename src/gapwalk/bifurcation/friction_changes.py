@@ -109,11 +109,25 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
 
 
 class Located(NamedTuple):
-    """A located change: the point of the branch, the change, and the arclength of its bracket."""
+    """A located change.
+
+    Attributes
+    ----------
+    point
+        The point of the branch.
+    change
+        The change.
+    spread
+        Arclength of its bracket.
+    before
+        If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
+        where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
+    """
 
     point: BranchPoint
     change: Change
     spread: float
+    before: BranchPoint | None = None
 
 
 def find_changes(
@@ -138,7 +152,7 @@ def find_changes(
         if len(located) == len(found) or (all(onsets) and located):  # the force may be at its other bound already
             return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
-        return [Located(last, change, length) for change in changes or []]
+        return [Located(last, change, length, first) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
 
@@ -250,6 +264,16 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
 def never_slips(orbit: Orbit, contact: int) -> bool:
     """Return True if friction sticks in all of an orbit."""
     return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
+
+
+def directions_left(first: Orbit, last: Orbit, contact: int) -> set[int]:
+    """Return the directions in which friction slips in the first of two orbits, if it never slips in the last one.
+
+    It ceases to slip in all of them at once, with its force at both bounds: only then is there a position to keep.
+    """
+    if never_slips(first, contact) or not never_slips(last, contact):
+        return set()
+    return {phase.mode for phase in first.friction.get(contact, [])} - {0}
 
 
 def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, change: Change) -> Located:

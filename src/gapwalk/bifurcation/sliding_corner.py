@@ -4,6 +4,10 @@ Where a phase of stick begins within slip, neighbouring motions become one from 
 orbit's equation jump, and the branch has a corner: on the other side its direction is that of the derivatives there. It
 may even turn back. Steps along the old direction shrink, or fail, before such a corner. The step over it evaluates the
 derivatives a little beyond it, follows their direction, and is accepted if the orbit there has the other sequence.
+
+Where the motion jumps there is no corner: friction whose static coefficient is larger than the kinetic one sticks for a
+while as soon as its slip rate touches zero. The branch ends there. A branch on the other side, if there is one, is
+another one: a step of the size of the jump would reach it.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.discontinuity import discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.sliding import Sliding, describe_friction
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -42,6 +47,8 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     """Return the step over a corner from a point just before it; None if there is none near."""
     here = sequence(point.orbit)
     if not point.orbit.slips or not any(_differs(corrector, point, probe) for probe in _PROBES):
+        return None
+    if discontinuity_ahead(corrector, point) is not None:
         return None
     corner = _corner(corrector, point)
     for guess, tangent, length in _guesses(corrector, corner):

@@ -196,6 +196,9 @@ class TouchEquation:
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if self._rigid and start.depth * self.free > 0.0 > depth * self.free:
             return self._solve(self._struck(start, depth), depth)
+        if self._rigid and start.depth * self.free <= 0.0 < depth * self.free:
+            # the derivatives with the impact grow as the inverse of its velocity; where it is missed they are smooth
+            return self._solve(self._at_depth(unknowns, depth), depth)
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth

@@ -38,9 +38,11 @@ Array = NDArray[np.float64]
 Found = TypeVar("Found")
 Finding = Generator[Request, Any, Found]
 
+EXACT, FINE = 2e-11, 2e-14
+"""Error of a step, relative to the motion; and where changes of the motion grow much, as beside a graze."""
+
 _PERIOD = 2.0 * math.pi
 _STEP = 1e-150  # of the complex step
-_EXACT = 2e-11  # error of a step, relative to the motion
 _BARELY = 1e-8  # excess of a force over its bound where friction would slip for no time, as at switching-sliding
 _HOP = 1e-3  # angle of a flight that is located from its parabola, and of a step while slip pauses
 _SLOW = 1e-4  # share of the velocities below which an event may be too slow to be found
@@ -67,10 +69,13 @@ class DryRound(Round):
     changes: tuple[Change, ...] = ()
 
 
-def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> Sequence[Round]:
+def carry(
+    orbits: Sequence[Orbit], report: Callable[[int], object] | None = None, exact: float = EXACT
+) -> Sequence[Round]:
     """Integrate orbits of one structure over one period, each by the integrator for its system.
 
-    See `gapwalk.verification.dop853.carry`; those with friction or rigid stops give a `DryRound`.
+    See `gapwalk.verification.dop853.carry`; those with friction or rigid stops give a `DryRound`, and their steps have
+    an error of `exact` at most, relative to the motion.
     """
     if not orbits or not collapses(orbits[0].system):
         return carry_together(orbits, report)
@@ -83,7 +88,7 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
         if report is not None:
             report(len(rounds))
 
-    follow_together([orbit.system for orbit in orbits], lambda number: _Motion(orbits[number]), end)
+    follow_together([orbit.system for orbit in orbits], lambda number: _Motion(orbits[number], exact), end)
     return [rounds[number] for number in range(len(orbits))]
 
 
@@ -114,8 +119,9 @@ def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
 class _Motion(DryInstant, Follower):
     """The motion of an orbit and of its neighbours, one for each direction of the state space."""
 
-    def __init__(self, orbit: Orbit) -> None:
+    def __init__(self, orbit: Orbit, exact: float = EXACT) -> None:
         super().__init__(orbit)
+        self._exact = exact
         equations, n = self.equations, self.equations.size
         self.error, self._step, self._steps, self._to = 0.0, 1e-3, _STEPS * orbit.period, _PERIOD * orbit.period
         self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
@@ -199,8 +205,8 @@ class _Motion(DryInstant, Follower):
             error = float((stepped.error / self.scales).max())
             if not math.isfinite(error):
                 raise NumericalError("the motion diverges")
-            ratio = 0.9 * (error / _EXACT + 1e-12) ** -0.125
-            if error <= _EXACT or h < _SHORTEST:
+            ratio = 0.9 * (error / self._exact + 1e-12) ** -0.125
+            if error <= self._exact or h < _SHORTEST:
                 break
             h *= max(0.2, ratio)
         longer = max(self._step, h) if h == most else h

@@ -18,7 +18,7 @@ import numpy as np
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import smallness
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.verification.dry_equations import DryEquations, Loading, Modes, Sizes, Values
+from gapwalk.verification.dry_equations import DryEquations, Key, Loading, Modes, Sizes, Values
 from gapwalk.verification.guard_samples import FIRES
 
 SMALL = 1e-25
@@ -66,7 +66,7 @@ class DryInstant:
         self.length, self.speed, self._slack = length, speed, EQUAL
         self.sizes = Sizes(np.array([length]), np.array([speed]))
         self.levels = equations.levels(np.array([1e-9]))
-        self._stopped = dict[int, float]()
+        self._stopped, self._began = dict[int, float](), dict[int, float]()
         self.modes = self._start()
 
     def _now(self) -> Loading:
@@ -197,6 +197,7 @@ class DryInstant:
         """Set the modes after an event."""
         equations, modes, (kind, index) = self.equations, self.modes, key
         released: tuple[int, ...] = ()
+        kept = self._kept()
         if kind == "contact" and index in equations.rigid:
             if index in modes.held:
                 modes.held.discard(index)
@@ -212,13 +213,31 @@ class DryInstant:
             if modes.slip[index]:
                 modes.slip[index], self._stopped[index] = 0, self.theta
             else:
-                modes.slip[index] = round(math.copysign(1.0, z))
+                modes.slip[index], self._began[index] = round(math.copysign(1.0, z)), self.theta
                 if self.theta == self._stopped.get(index):
                     modes.pausing.add(index)
         elif not modes.slip[index]:
             modes.slip[index] = round(math.copysign(1.0, float(self._now().forces[0, index])))
             released = (index,)
         self._decide(released)
+        if self._kept() - kept:
+            self._stop_sliders()
+
+    def _kept(self) -> set[Key]:
+        """Return the rigid friction that sticks and the stops that are held: what keeps a rate at zero."""
+        equations, modes = self.equations, self.modes
+        stuck = {index for index in equations.dry if index not in equations.memories and not modes.slip[index]}
+        return {("slip", index) for index in stuck} | {("contact", switch) for switch in modes.held}
+
+    def _stop_sliders(self) -> None:
+        """End the slip of Jenkins elements that stop with what has just come to rest.
+
+        Their guards would stay within rounding of zero as long as that keeps them there.
+        """
+        for index in self.equations.memories:
+            slips = self.modes.slip[index] and self._began.get(index) != self.theta
+            if slips and abs(self._sliding(index)) <= _STILL * self.speed:
+                self.modes.slip[index], self._stopped[index] = 0, self.theta
 
     def _end_pauses(self) -> None:
         """End the pauses of elements whose slip rate has its direction again."""

@@ -42,7 +42,11 @@ class Check(Enum):
     # a walk knows the multipliers of a point about 1e-7 away; near a grazing point they vary like a square root
     MULTIPLIERS = ("multipliers", "another number of segments gives the same multipliers", 3e-3)
     STABILITY = ("stability", "another number of segments gives the same number of unstable multipliers", 0.0)
-    ORDER = ("order", "points and special points are in order along the branch, and none occurs twice", 0.0)
+    ORDER = (
+        "order",
+        "points and special points are in order, none occurs twice, and all have the period of the branch",
+        0.0,
+    )
     GAPS = ("gaps", "between two neighbouring points lie orbits of the same branch", 1.0)
     COUNTS = ("counts", "changes of stability, direction and contacts are explained by special points between", 0.0)
     SIDES = ("sides", "the motions on both sides of a special point confirm its kind", 0.0)

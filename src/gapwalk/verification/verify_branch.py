@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.branch_start import halves_apart, lift
+from gapwalk.bifurcation.branch_start import halves_apart, lift, period_of
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
 from gapwalk.bifurcation.discontinuity import REACH
 from gapwalk.bifurcation.start_of_period import smooth_between
@@ -73,6 +73,7 @@ def verify_branches(
         if not track.is_exact:
             verify_truncated(ledger, track)
         _verify_order(ledger, track)
+        _verify_periods(ledger, track)
         _verify_ends(ledger, track, within)
         _verify_gaps(ledger, track)
         verify_special_points(ledger, track)
@@ -101,6 +102,22 @@ def _verify_order(ledger: Ledger, track: Track) -> None:
         if (a.kind, a.contact, a.point.arclength) == (b.kind, b.contact, b.point.arclength):
             faults.append(f"the {a.kind.value} occurs twice")
         ledger.judge(Check.ORDER, Spot(name, f"special points {number} and {number + 1}", b.value), faults)
+
+
+def _verify_periods(ledger: Ledger, track: Track) -> None:
+    """Check that no motion has a shorter period than the branch; where it joins its parent, the period is half."""
+    points = track.branch.points
+    for number, point in enumerate(points if track.branch.period > 1 else ()):
+        try:
+            found = period_of(point)
+        except NumericalError:
+            continue  # its orbit cannot be followed, which is entered elsewhere
+        # a branch that joins its parent may repeat its last point
+        ends = [each for each in (points[0], points[-1]) if each.orbit is point.orbit]
+        least = track.branch.period // 2 if ends and not track.branch.period % 2 else track.branch.period
+        faults = [f"its motion repeats after {found} periods, where the branch is of period {track.branch.period}"]
+        spot = Spot(track.name, f"point {number}", point.value)
+        ledger.judge(Check.ORDER, spot, faults if found < least else [])
 
 
 def _verify_ends(ledger: Ledger, track: Track, within: tuple[float, float] | None) -> None:

@@ -181,13 +181,23 @@ class Examination:
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
     def _beside(self, shift: float) -> BranchPoint:
-        """Return the point of the second computation at a distance, or not quite so far where the branch turns."""
+        """Return the point of the second computation at a distance, or not quite so far where the branch turns.
+
+        Beside a graze of a rigid stop, motions grow so fast that none is found from a guess along the tangent. The
+        points of the walk on that side are better guesses.
+        """
         here = self.special.point
         if not self._turn:
-            return self.second.at(here, shift)
+            try:
+                return self.second.at(here, shift)
+            except NumericalError:
+                if self.straight or self.special.kind is not Kind.GRAZING:
+                    raise
         side = [each for each in self.track.branch.points if (each.arclength - here.arclength) * shift > 0.0]
         side.sort(key=lambda each: abs(each.arclength - here.arclength))
         within = [each for each in side if abs(each.arclength - here.arclength) <= abs(shift)]
+        if not side:
+            raise NumericalError(f"the branch has no points on one side of {self.special.value:.12g}")
         return self.second.at((within or side[:1])[-1])
 
     @cached_property

@@ -6,17 +6,19 @@ who call stick sliding.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
+from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import (
     Change,
     Located,
     changes_between,
+    directions_left,
     find_changes,
     located_again,
     never_slips,
@@ -24,7 +26,7 @@ from gapwalk.bifurcation.friction_changes import (
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
-from gapwalk.orbit.friction_phases import stick_words
+from gapwalk.orbit.friction_phases import stick_words, text_of
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
 _EPS = float(np.finfo(float).eps)
 _BESIDE = 1e-6  # arclength over which rates of the margin would be dominated by rounding
+_FARTHEST = 1e-6  # largest arclength within which two computations may place a change
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -70,6 +73,9 @@ class Sliding(Kind):
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from both sides: the branch may have a corner there."""
+        halved = [each for each in search.memo.get(Sliding, []) if each.point is zero.point and each.before is not None]
+        if halved:
+            return _error_of_bracket(halved[0], second)
         sides = search.known_sides(zero.point)
         near = {point.arclength: point for point in (search.near(zero.point), *sides)}
         return location_error(zero, second, [*near.values()], () if len(sides) == 2 else (search.first, search.last))
@@ -107,6 +113,25 @@ class Sliding(Kind):
     def no_locus(self) -> str:
         """Empty string, since it has a locus: the margin is zero along it."""
         return ""
+
+
+def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
+    """Estimate the error of a change that was located by the sequences of phases on both sides, not by its margin.
+
+    It is the distance within which the second computation has the same sequences on both sides.
+    """
+    before, after, contact = located.before, located.point, located.change.contact
+    assert before is not None
+    sides = [text_of(each.orbit.friction.get(contact, [])) for each in (before, after)]
+    reach, blur = max(located.spread, _EPS), second.blur(after)
+    while reach <= _FARTHEST:
+        there = second.at(before, -reach), second.at(after, reach)
+        if [text_of(each.orbit.friction.get(contact, [])) for each in there] == sides:
+            width = abs(after.x[-1] and after.value / after.x[-1])
+            along = width * (abs(float(after.tangent[-1])) * reach + blur.off)
+            return SAFETY * (along + abs(second.at(after).value - after.value)) + ROUNDING * (abs(after.value) + width)
+        reach *= 2.0
+    return math.inf
 
 
 def _new(search: Search, found: list[Located]) -> list[Located]:
@@ -185,7 +210,17 @@ class SlipOnset(Sliding):
         return not change.reverses and change.before == 0 and change.alone
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
-        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root."""
+        """Estimate the error on the side on which friction never slips: beyond, slip depends on the root.
+
+        If it ceases to slip in both directions, but is found to reach only one of its bounds, its position is none that
+        it has where slip ends, and that place is only known to the step.
+        """
+        doubt = 0.0
+        changes = [each.change for each in search.memo.get(Sliding, []) if each.point is zero.point]
+        for contact in {each.contact for each in changes}:
+            found = {each.change.side for each in search.memo[Sliding] if each.change.contact == contact}
+            if len(directions_left(search.first.orbit, search.last.orbit, contact)) > len(found):
+                doubt = abs(search.last.value - search.first.value)
         away = [
             point
             for point in search.interval.points
@@ -193,7 +228,7 @@ class SlipOnset(Sliding):
             and {*zero.point.orbit.stuck} <= {*point.orbit.stuck}
         ]
         near = min(away, key=lambda point: abs(point.arclength - zero.point.arclength), default=None)
-        return float("inf") if near is None else location_error(zero, second, [near])
+        return math.inf if near is None else max(doubt, location_error(zero, second, [near]))
 
 
 def describe_friction(orbit: Orbit, change: Change) -> str:
