@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from gapwalk.bifurcation.loci.gradient import Gradients
     from gapwalk.model.measured.curve_contact import MeasuredCurve
+    from gapwalk.model.system import System
     from gapwalk.plot.style import SizeName
     from gapwalk.studies.result import Result
-    from gapwalk.studies.study_file import Study
 
 _PICTURES = ("png", "svg", "pdf")
 
@@ -35,18 +35,28 @@ def new_file(file: Path, table: Path | None) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
-    from gapwalk.model.model_file import curves_of
+    from gapwalk.model.model_file import check_model, curves_of, has_pace
     from gapwalk.model.model_source import read_source
     from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
-    from gapwalk.studies.set_values import change_source, parse_changes
-    from gapwalk.studies.study_file import read_studies
+    from gapwalk.studies.runner import check_work
+    from gapwalk.studies.set_values import change_source, change_system, parse_changes
+    from gapwalk.studies.study_file import check_studies
 
-    asked = parse_changes(changes)
-    studies = read_studies(file, asked)
-    curves = curves_of(change_source(read_source(file), asked)[0])
+    asked, source = parse_changes(changes), read_source(file)
+    studies = check_studies(source, asked)
+    check_work(studies)
+    source, rest, _ = change_source(source, asked)
+    model, curves = check_model(source)[0], curves_of(source)
+    assert model is not None  # its studies were checked
+    heading = model.title or studies[0].title if len(studies) == 1 else model.title or str(file)
     if picture is not None:
-        draw_model(studies[0], curves, picture)
+        system = change_system(model.system, source, {}, rest)[0]
+        if studies[0].reduced:
+            system = studies[0].system
+        elif not has_pace(source):  # loads may grow with the frequency, which only studies give
+            system = system.at({(pace := system.structure.pace): studies[0].system[pace]})
+        draw_model(system, curves, picture, heading)
     if json:
         documents = [
             {
@@ -66,7 +76,7 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     system = studies[0].system
     doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
     lines = [
-        (len(studies) == 1 and studies[0].title) or str(file),
+        heading,
         *train_lines(system),
         *(f"  {text}" for text in system.contents),
         *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
@@ -82,17 +92,16 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     return DONE
 
 
-def draw_model(study: Study, curves: Sequence[MeasuredCurve], picture: Path) -> None:
-    """Draw the system of a study, with the measured points of its curves in the units of the system."""
+def draw_model(system: System, curves: Sequence[MeasuredCurve], picture: Path, title: str) -> None:
+    """Draw the system of a model file, with the measured points of its curves in the units of the system."""
     from gapwalk.plot import save
 
-    system = study.system
     unit = system.units.angle if system.units else 1.0
     points = {
         each.name: (each.deflection * ((each.angle.factor if each.angle else 1.0) / unit), each.force)
         for each in curves
     }
-    save(system, picture, points=points, title=study.title)
+    save(system, picture, points=points, title=title)
 
 
 def show_result(path: Path, *, points: bool, gradients: bool, json: bool) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -29,13 +28,12 @@ from gapwalk.cli.progress import progress_of
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.modes import dissipation_doubts
-from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.result import Result
-from gapwalk.studies.runner import run
+from gapwalk.studies.runner import check_work, run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies
 from gapwalk.studies.study_kind import found_by
@@ -58,7 +56,8 @@ def run_file(
     With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
     The keywords `how` are resume, force, json and quiet.
     """
-    studies = chosen(read_studies(file, parse_changes(changes)), names, file)
+    studies = list(read_studies(file, parse_changes(changes), names))
+    check_work(studies)
     if plain:
         from gapwalk.studies.without_units import without_units  # imported late: it needs the options of all kinds
 
@@ -94,16 +93,6 @@ def run_file(
     if how["json"]:
         print_json(documents[0] if alone else documents)
     return max(codes)
-
-
-def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[Study]:
-    """Select the studies of these names, or all if no name is given."""
-    known = [study.name for study in studies if study.name]
-    for name in names:
-        if name not in known:
-            hint = did_you_mean(name, known) if known else "its study has no name"
-            raise ModelError(f"{file} has no study {name!r}; {hint}")
-    return [study for study in studies if not names or study.name in names]
 
 
 def _run_study(

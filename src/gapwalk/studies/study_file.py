@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
@@ -18,7 +18,7 @@ from gapwalk.files import why_no_file
 from gapwalk.model.contact import RIGID, Side
 from gapwalk.model.contact_parts import OF_FRICTION
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
-from gapwalk.model.laws import FRICTION, law_parameters
+from gapwalk.model.laws import FRICTION, LAWS, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, parse_source, read_source
@@ -98,24 +98,42 @@ def _load(kind: type[Load], table: Mapping[str, Any], direction: Mapping[str, fl
 def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
     """Return a placeholder for a contact, with the same parameters."""
     found = _taken(table, ("name",))
-    found |= _taken(table, ("law",)) | dict.fromkeys((key for key in law_parameters("parameters") if key in table), 0.0)
+    numbers = [key for key in law_parameters("parameters") if key in table]
+    found |= _law(table, numbers) | dict.fromkeys(numbers, 0.0)
     found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
     found |= dict.fromkeys((key for key in OF_FRICTION if key in table), 1.0)
     stages = table.get("stage")
     if stages is None or not _is_list_of_tables(stages):
-        return {**found, **_taken(table, ("side",), Side), "clearance": 0.0, **_spring(table)}
+        whole = {**table, **found}
+        return {**found, **_taken(table, ("side",), Side), "clearance": _clearance(whole), **_spring(whole)}
     found["stage"] = [
         {
             **_taken(stage, ("name",)),
             **_taken(stage, ("side",), Side),
             **dict.fromkeys((key for key in OF_FRICTION[:1] if key in stage), 1.0),
             **({"restitution": 0.0} if RIGID in stage.values() else {}),
-            "clearance": float(place),
+            "clearance": place + _clearance(stage),
             **_spring(stage),
         }
         for place, stage in enumerate(stages)
     ]
     return found
+
+
+def _law(table: Mapping[str, Any], numbers: Sequence[str]) -> dict[str, Any]:
+    """Return the law of a contact; if there is none of this name, the first that has the same parameters."""
+    given_law = table.get("law")
+    if not isinstance(given_law, str) or given_law in (*LAWS, RIGID):
+        return _taken(table, ("law",))
+    if "restitution" in table:
+        return {"law": RIGID}
+    fitting = [name for name, law in LAWS.items() if {each.name for each in law.parameters}.issuperset(numbers)]
+    return {"law": fitting[0]} if fitting else {}
+
+
+def _clearance(table: Mapping[str, Any]) -> float:
+    """Return a placeholder for a clearance: a gap, for a rigid stop without one would lock its deflection."""
+    return 0.0 if table.get("clearance", 1.0) == 0.0 and RIGID not in table.values() else 1.0
 
 
 def _spring(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -214,7 +232,7 @@ def read_study(
     Raises
     ------
     ModelFileError
-        With all problems of the file, each with its line.
+        With all problems of the file, each with its line; those of other studies are left out if a name is given.
     ModelError
         If there is no study of that name, or the file has several and no name is given.
 
@@ -225,11 +243,13 @@ def read_study(
     >>> study.options.end
     1.3
     """
-    return _one_of(read_studies(path, changes), name, "the text" if isinstance(path, io.StringIO) else os.fspath(path))
+    return check_study(read_source(path), changes, name)
 
 
 def read_studies(
-    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None
+    path: str | os.PathLike[str] | io.StringIO,
+    changes: Mapping[str, object] | None = None,
+    names: Sequence[str] = (),
 ) -> tuple[Study, ...]:
     """Read a model file with all of its studies, in their order; parameters and errors as `read_study`.
 
@@ -237,6 +257,8 @@ def read_studies(
     ----------
     path, changes
         As in `read_study`.
+    names
+        Names of the studies to read, by default all. Those that are left out may have errors.
 
     Returns
     -------
@@ -249,7 +271,7 @@ def read_studies(
     >>> [each.title for each in gw.studies.read_studies(io.StringIO(file))]
     ['A sprung mass with a stop']
     """
-    return check_studies(read_source(path), changes)
+    return check_studies(read_source(path), changes, names)
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
@@ -273,11 +295,18 @@ def check_study(source: Source, changes: Mapping[str, object] | None = None, nam
     >>> gw.studies.check_study(parse_source(file)).title
     'A sprung mass with a stop'
     """
-    return _one_of(check_studies(source, changes), name, source.name)
+    studies = check_studies(source, changes, (name,) if name else ())
+    if len(studies) == 1:
+        return studies[0]
+    names = ", ".join(study.name for study in studies)
+    raise ModelError(f"{source.name or 'the text'} has {len(studies)} studies, so give the name of one: {names}")
 
 
-def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
-    """Return the studies that a source describes; see `read_studies`."""
+def check_studies(
+    source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
+) -> tuple[Study, ...]:
+    """Return the studies that a source describes, or those of some names; see `read_studies`."""
+    _check_names(source, names)
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
     model, found = check_model(source)
@@ -295,9 +324,11 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
         example = 'add [study] with kind = "response", parameter, from and to'
         problems.append(source.problem(f"is missing; {example}", ("study",)))
         problems += _changed(sketch, source, {}, rest)[1]
-    studies = []
-    for at in tables:
-        study, found = _check_table(source, at, None if problems else model, sketch, rest, asked, reduction)
+    studies, sound = [], None if problems else model
+    for at, table in tables.items():
+        if names and table.get("name") not in names:
+            continue
+        study, found = _check_table(source, at, sound, sketch, rest, asked, reduction)
         studies.append(study)
         problems += found
     if model is None or problems:
@@ -402,17 +433,15 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
         yield source.problem(message, ("frequency",))
 
 
-def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
-    """Return the study with a name, or the only one."""
-    named = [study for study in studies if study.name == name] if name else list(studies)
-    if len(named) == 1:
-        return named[0]
-    known = [study.name for study in studies if study.name]
-    if name and not known:
-        raise ModelError(f"{file} has one study, which has no name; leave the name {name!r} out")
-    if name:
-        raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
-    raise ModelError(f"{file} has {len(studies)} studies, so give the name of one: {', '.join(known)}")
+def _check_names(source: Source, names: Iterable[str]) -> None:
+    """Raise a ModelError for the first name that no study of a source has."""
+    known = [name for table in study_tables(source).values() if isinstance(name := table.get("name"), str) and name]
+    file = source.name or "the text"
+    for name in names:
+        if not known:
+            raise ModelError(f"{file} has one study, which has no name; leave the name {name!r} out")
+        if name not in known:
+            raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
 
 
 def template() -> str:

@@ -1,0 +1,116 @@
+"""``gapwalk check``: the model of a file apart from its studies, all errors at once, and what a run can still do."""
+
+from pathlib import Path
+
+import pytest
+
+from gapwalk.cli import main
+
+MODEL = """
+title = "Two masses"
+coordinates = ["a", "b"]
+stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+damping = [[0.1, 0.0], [0.0, 0.1]]
+frequency = 0.8
+[[contact]]
+name = "stop"
+deflection = { a = 1.0, b = -1.0 }
+clearance = 1.0
+stiffness = 20.0
+[[contact]]
+name = "wall"
+deflection = { b = 1.0 }
+clearance = 2.0
+law = "rigid"
+restitution = 0.7
+side = "positive"
+[[harmonic]]
+amplitude = 0.5
+acts_on = { a = -1.0 }
+"""
+WIDE = """
+[[study]]
+name = "wide"
+kind = "response"
+parameter = "stop.clearance"
+from = 2.5
+to = 2.4
+"""
+OTHER = """
+[[study]]
+name = "other"
+kind = "rattle"
+parameter = "frequency"
+from = 0.5
+to = 1.5
+gaps = ["stop"]
+"""
+
+
+@pytest.fixture
+def said(tmp_path, monkeypatch, capsys):
+    """Return a function that writes a model file, runs a command on it, and returns its exit code and its lines."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(text: str, *words: str) -> tuple[int, list[str]]:
+        Path("m.toml").write_text(text, encoding="utf-8")
+        code = main([words[0], "m.toml", *words[1:]])
+        out, err = capsys.readouterr()
+        return code, (out + err).splitlines()
+
+    return call
+
+
+def test_the_picture_is_of_the_model_and_not_of_its_first_study(said, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr("gapwalk.cli.file_commands.draw_model", lambda *given: drawn.append(given))
+    assert said(MODEL + WIDE + OTHER, "check", "--picture", "m.png")[0] == 0
+    assert said(MODEL + WIDE + OTHER, "check", "--picture", "m.png", "--set", "wall.clearance=3")[0] == 0
+    for (system, _, _, title), wall in zip(drawn, (2.0, 3.0), strict=True):
+        assert (system["stop.clearance"], system["wall.clearance"], title) == (1.0, wall, "Two masses")
+
+
+def test_the_first_line_is_the_title_with_several_studies_too(said) -> None:
+    code, lines = said(MODEL + WIDE + OTHER, "check")
+    assert (code, lines[0]) == (0, "Two masses")
+    code, lines = said((MODEL + WIDE + OTHER).replace('title = "Two masses"', ""), "check")
+    assert (code, lines[0]) == (0, "m.toml")
+
+
+def test_all_errors_are_said_at_once(said) -> None:
+    """Errors of the model, unknown names in each study, and what a study refuses, in one pass."""
+    text = (MODEL + WIDE + OTHER).replace("clearance = 1.0", "clearance = -1.0").replace('"positive"', '"positve"')
+    text = text.replace('"stop.clearance"', '"stop.clearence"').replace('gaps = ["stop"]', 'gaps = ["stp"]')
+    code, lines = said(text.replace('law = "rigid"', 'law = "rigit"'), "check")
+    wrong = (".clearance is -1", 'side is "positve"', "'stop.clearence'", "'stp', which is no contact", '"rigit"')
+    assert (code, len(lines)) == (2, len(wrong))
+    assert all(any(part in line for line in lines) for part in wrong)
+
+
+def test_an_error_of_one_study_hides_none_of_the_next(said) -> None:
+    later = OTHER.replace('"frequency"', '"frequncy"').replace("other", "later")
+    wide, other = WIDE.replace("to = 2.4", "to = 2.5"), OTHER.replace('"stop"]', '"stp"]')
+    code, lines = said(MODEL + wide + other + later, "check")
+    assert (code, len(lines)) == (2, 3)
+
+
+def test_a_study_without_errors_runs_beside_one_that_has_some(said) -> None:
+    text = MODEL + WIDE + OTHER.replace('["stop"]', '["stp"]')
+    code, lines = said(text, "run")
+    assert code == 2
+    assert "'stp'" in lines[0]
+    assert not list(Path().glob("*.gapwalk"))
+    code, _ = said(text, "run", "--study", "wide", "--quiet")
+    assert code == 0
+    assert [path.name for path in Path().glob("*.gapwalk")] == ["m-wide.gapwalk"]
+    code, lines = said(text, "run", "--study", "wid")
+    assert (code, lines) == (2, ["gapwalk: m.toml has no study 'wid'; did you mean wide?"])
+
+
+def test_what_the_work_of_a_study_refuses_is_said_before_any_is_done(said) -> None:
+    tori = OTHER.replace("rattle", "tori").replace('gaps = ["stop"]', "")
+    for command in ("check", "run"):
+        code, lines = said(MODEL + WIDE + tori, command)
+        assert code == 2
+        assert lines[0].startswith("gapwalk: study other: ")
+    assert not list(Path().glob("*.gapwalk"))
