@@ -316,7 +316,7 @@ def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
     Parameters
     ----------
     result
-        The result file of a response, a diagram, a map or a family.
+        The result file of a response, a diagram, a map, a family, tori or a threshold.
     """
     from gapwalk.cli.file_commands import verify_file
 

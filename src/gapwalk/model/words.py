@@ -59,6 +59,12 @@ def value_words(value: float, name: str, units: Units | None = None, digits: int
     return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.{digits}g}", units and units.parameter(name))))
 
 
+def range_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
+    """Write a range in a sentence: ``Ω from 0.7 to 1.3``, ``speed from 700 to 1100 rpm``."""
+    unit = units.parameter(name) if units else ""
+    return " ".join(filter(None, (f"{_symbol(name, units)} from {ends[0]:.6g} to {ends[1]:.6g}", unit)))
+
+
 def between_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
     """Write a range in a sentence: ``between Ω = 0.6 and 0.66``, ``between speed = 750 and 1050 rpm``."""
     unit = units.parameter(name) if units else ""
