@@ -1,5 +1,6 @@
 """``gapwalk check``: the model of a file apart from its studies, all errors at once, and what a run can still do."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -114,3 +115,26 @@ def test_what_the_work_of_a_study_refuses_is_said_before_any_is_done(said) -> No
         assert code == 2
         assert lines[0].startswith("gapwalk: study other: ")
     assert not list(Path().glob("*.gapwalk"))
+
+
+@pytest.mark.parametrize(
+    ("side", "measure", "says"),
+    [
+        ('side = "positive"', "max.b", 'max.b is the clearance of wall wherever it is struck, .* "half.b"'),
+        ('side = "negative"', "min.b", 'min.b is the clearance of wall wherever it is struck, .* "half.b"'),
+        ('side = "both"', "half.b", 'half.b is the clearance of wall wherever it is struck, .* "rms.b"'),
+        ('side = "positive"', "half.b", ""),
+        ('side = "positive"', "min.b", ""),
+        ('side = "positive"', "max.a", ""),
+    ],
+)
+def test_a_measure_that_a_rigid_stop_holds_is_told(said, side, measure, says) -> None:
+    text = MODEL.replace('side = "positive"', side) + WIDE + f'measure = "{measure}"\n'
+    code, lines = said(text, "check")
+    assert code == 0
+    warnings = [line for line in lines if line.startswith("warning: ")]
+    assert len(warnings) == bool(says)
+    assert all(re.search(says, line) for line in warnings)
+    if says:
+        code, lines = said(text, "run")
+        assert any(re.search(says, line) for line in [" ".join(lines)])

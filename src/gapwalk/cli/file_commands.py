@@ -37,7 +37,6 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     from gapwalk.cli.modes_command import train_lines
     from gapwalk.model.model_file import check_model, curves_of, has_pace
     from gapwalk.model.model_source import read_source
-    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
     from gapwalk.studies.runner import check_work
     from gapwalk.studies.set_values import change_source, change_system, parse_changes
@@ -67,14 +66,14 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
                 "study": plain(study.options),
                 **({"reduction": plain(study.reduced)} if study.reduced else {}),
                 "unused": list(study.unused),
-                "warnings": dissipation_doubts(study.system),
+                "warnings": study.doubts,
             }
             for study in studies
         ]
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
     system = studies[0].system
-    doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
+    doubts = dict.fromkeys(doubt for study in studies for doubt in study.doubts)
     lines = [
         heading,
         *train_lines(system),

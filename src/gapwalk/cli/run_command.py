@@ -27,7 +27,6 @@ from gapwalk.cli.output import (
 from gapwalk.cli.progress import progress_of
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.export import save_tables
@@ -148,9 +147,9 @@ def exit_code(result: Result) -> int:
 
 
 def show_heading(study: Study, screen: Console) -> None:
-    """Print the title of a study, the unused parts of its file, and doubts about its damping."""
+    """Print the title of a study, the unused parts of its file, and doubts about its damping and its measure."""
     show_title(study.title, screen)
-    show([*study.unused_words, *(f"warning: {doubt}" for doubt in dissipation_doubts(study.system))], screen)
+    show([*study.unused_words, *(f"warning: {doubt}" for doubt in study.doubts)], screen)
 
 
 def _stored_words(result: Result) -> str:

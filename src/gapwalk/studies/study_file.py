@@ -22,6 +22,7 @@ from gapwalk.model.laws import FRICTION, LAWS, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, parse_source, read_source
+from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.named_file import read_named
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
@@ -29,6 +30,7 @@ from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
 from gapwalk.studies.measure import check_measurement
+from gapwalk.studies.measure_doubts import measure_doubts
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.set_values import (
@@ -202,6 +204,11 @@ class Study:
         """The options of a study of branches."""
         assert isinstance(self.options, BranchOptions)
         return self.options
+
+    @property
+    def doubts(self) -> list[str]:
+        """Doubts about the damping of the system and about the measure that is shown, in sentences."""
+        return [*dissipation_doubts(self.system), *measure_doubts(self.system, self.options)]
 
     @property
     def unused_words(self) -> list[str]:
