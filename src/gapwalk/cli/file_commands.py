@@ -139,51 +139,71 @@ def _gradients(result: Result) -> Gradients:
 def export_result(
     path: Path,
     form: str | None,
-    output: Path | None,
+    outputs: Sequence[Path],
     measure: str | None,
     size: SizeName | None = None,
     signal: str | None = None,
     full_scale: float | None = None,
 ) -> int:
-    """Write the tables, the picture or the sound of a result, or a page with its motions."""
-    from gapwalk.studies.export import export_data
-    from gapwalk.studies.formats.data_format import canonical, format_names, format_of
+    """Write the tables, the picture or the sound of a result, or a page with its motions; or several of these."""
+    from gapwalk.studies.formats.data_format import format_names
     from gapwalk.studies.read_result import load_result
+
+    if form is not None and len(outputs) > 1:
+        raise ModelError("--format is that of one output; leave it out, and give each output its ending")
+    forms = [_form_of(form, output, path) for output in outputs or [None]]
+    if size is not None and not set(forms) & set(_PICTURES):
+        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {forms[0]}, or omit it")
+    if (signal is not None or full_scale is not None) and "wav" not in forms:
+        raise ModelError("--signal and --full-scale concern sounds; write --format wav")
+    if measure is not None and not set(forms) - {*format_names()}:
+        raise ModelError("--measure concerns pictures; the tables hold all measures")
+    result = load_result(path)
+    if result.finding is not None and result.finding.record is None:
+        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
+    for each, output in zip(forms, outputs or [None], strict=True):
+        if each == "wav":
+            from gapwalk.cli.sound_command import save_sound
+
+            save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
+        else:
+            show_files(_exported(result, path, each, output, measure, size))
+    return DONE
+
+
+def _form_of(form: str | None, output: Path | None, path: Path) -> str:
+    """Return the format of an output, by its ending if none is given; raise a ModelError if there is none such."""
+    from gapwalk.studies.formats.data_format import canonical, format_names
 
     form = canonical(form or (output.suffix.lstrip(".") if output and output.suffix else "csv"))
     if form not in (*format_names(), "html", "wav", *_PICTURES):
         known = ", ".join((*format_names(), *_PICTURES, "wav"))
         raise ModelError(f"nothing can be exported as {form!r}; write --format {known} or html")
-    if size is not None and form not in _PICTURES:
-        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
-    if form != "wav" and (signal is not None or full_scale is not None):
-        raise ModelError("--signal and --full-scale concern sounds; write --format wav")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
-    result = load_result(path)
-    if result.finding is not None and result.finding.record is None:
-        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
-    if form == "wav":
-        from gapwalk.cli.sound_command import save_sound
+    return form
 
-        return save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
+
+def _exported(
+    result: Result, path: Path, form: str, output: Path | None, measure: str | None, size: SizeName | None
+) -> list[Path]:
+    """Write tables, a picture or a page of a result; return the files."""
+    from gapwalk.studies.export import export_data
+    from gapwalk.studies.formats.data_format import format_names, format_of
+
     if form in format_names():
-        if measure is not None:
-            raise ModelError("--measure concerns pictures; the tables hold all measures")
         target = output or path.with_suffix(format_of(form).ending)
-        written = list(export_data(result, target, form, named=output is None))
+        return list(export_data(result, target, form, named=output is None))
+    written = output or path.with_suffix(f".{form}")
+    if form == "html":
+        from gapwalk.explorer.saved_page import save_html
+
+        save_html(result, written, measure=measure)
     else:
-        written = [output or path.with_suffix(f".{form}")]
-        if form == "html":
-            from gapwalk.explorer.saved_page import save_html
+        from gapwalk.plot import save
 
-            save_html(result, written[0], measure=measure)
-        else:
-            from gapwalk.plot import save
-
-            save(result, written[0], form=form, measure=measure, size=size)
-    show_files(written)
-    return DONE
+        save(result, written, form=form, measure=measure, size=size)
+    return [written]
 
 
 def verify_file(path: Path, *, json: bool) -> int:

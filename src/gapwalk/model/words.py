@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from fractions import Fraction
 
 from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
 from gapwalk.model.system import System
@@ -77,9 +76,11 @@ def pace_words(system: System) -> str:
     return value_words(system[structure.pace], structure.pace, structure.units)
 
 
-def order_words(turns: int | Fraction | None) -> str:
-    """Return the label of an axis for orders; see `System.turns`."""
-    return "multiples of the excitation frequency Ω" if turns is None else "order (per turn of the reference shaft)"
+def order_words(units: Units | None) -> str:
+    """Return the label of an axis for orders, with the name of the inertia by whose turns they count."""
+    if units is None or units.turns is None:
+        return "multiples of the excitation frequency Ω"
+    return f"order (per turn of {units.shaft or 'the reference shaft'})"
 
 
 def line_words(name: str) -> str:

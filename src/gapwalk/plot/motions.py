@@ -216,7 +216,7 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
     ax.set_xlim(0.0, top)
     ax.set_ylim(floor, 4.0 * (largest or 1.0))
     ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
-    ax.set_xlabel(order_words(found.system.turns))
+    ax.set_xlabel(order_words(found.system.units))
     ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
     named = [
         Label(line_words(peak.name), peak.order, peak.amplitude)
@@ -383,7 +383,7 @@ def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) 
     time = "time" + " [s]" * bool(found.units)
     words = time if found.parameter == "time" else parameter_words(found.parameter, found.units)
     ax.set_xlabel(words + (", along the branch" if len(turns) else ""))
-    ax.set_ylabel(order_words(found.turns))
+    ax.set_ylabel(order_words(found.units))
     return mesh
 
 
