@@ -72,13 +72,16 @@ def run_file(
     documents: list[Any] = []
     with nullcontext() if scheduler is None else on_cluster(scheduler):
         for study, path in zip(studies, outputs, strict=True):
+            earlier = None if how["resume"] else _file_number(path)
             try:
                 code, document = _run_study(study, path, **how)
             except (GapwalkError, KeyboardInterrupt) as error:
-                if isinstance(error, KeyboardInterrupt) and not error.args and not path.exists():
-                    error.args = ("no part was complete, so nothing is stored",)
+                is_stored = path.exists() and _file_number(path) != earlier
+                if isinstance(error, KeyboardInterrupt) and not error.args and not is_stored:
+                    kept = f"; {path} is what it was" * path.exists()
+                    error.args = (f"no part was complete, so nothing is stored{kept}",)
                 if alone:
-                    if isinstance(error, KeyboardInterrupt) and path.exists():
+                    if isinstance(error, KeyboardInterrupt) and is_stored:
                         _say_how_to_resume(resume_words, path)
                     raise
                 code, text = failure_code(error), failure_text(error)
@@ -92,6 +95,14 @@ def run_file(
     if how["json"]:
         print_json(documents[0] if alone else documents)
     return max(codes)
+
+
+def _file_number(path: Path) -> int | None:
+    """Return the number of a file in its file system, which a run changes when it begins the file anew."""
+    try:
+        return path.stat().st_ino
+    except OSError:
+        return None
 
 
 def _run_study(
