@@ -138,3 +138,12 @@ def test_a_measure_that_a_rigid_stop_holds_is_told(said, side, measure, says) ->
     if says:
         code, lines = said(text, "run")
         assert any(re.search(says, line) for line in [" ".join(lines)])
+
+
+def test_a_missing_frequency_says_which_study_needs_it_and_what_to_write(said) -> None:
+    code, lines = said((MODEL + WIDE).replace("frequency = 0.8", ""), "check")
+    assert (code, len(lines)) == (2, 1)
+    assert 'frequency is missing; study "wide" walks stop.clearance: write it at the top' in lines[0]
+    assert "set = { frequency = 1.0 }" in lines[0]
+    code, _ = said((MODEL + WIDE).replace("frequency = 0.8", "") + "set = { frequency = 1.0 }\n", "check")
+    assert code == 0

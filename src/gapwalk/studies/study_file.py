@@ -17,6 +17,7 @@ from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
 from gapwalk.model.contact import RIGID, Side
 from gapwalk.model.contact_parts import OF_FRICTION
+from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
 from gapwalk.model.laws import FRICTION, LAWS, law_parameters
 from gapwalk.model.loads import LOADS, Load
@@ -428,15 +429,17 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
     """Report a missing frequency if the study does not give one; a misspelt parameter may be meant for it."""
     table = study_tables(source)[at]
     walked = walked_parameters(table)
-    kind = table.get("kind")
+    kind, pace = table.get("kind"), 'speed = "1500 rpm"' if describes_train(source.data) else "frequency = 1.0"
+    named = f"study {given(table['name'])}" if isinstance(table.get("name"), str) else "the study"
+    write = f"write it at the top of the file, as in {pace}, or in the study, as in set = {{ {pace} }}"
     known_kind = kind_of(kind) if isinstance(kind, str) and kind in kinds() else None
     if known_kind is not None and known_kind.gives_frequency:
         return
     if known_kind is not None and "parameter" not in study_schema(known_kind).model_fields:
-        yield source.problem("is missing; the study walks nothing, so give the frequency of the study", ("frequency",))
+        yield source.problem(f"is missing; {named} walks nothing: {write}", ("frequency",))
     known = [name for name in walked if system is None or name in system.structure.names]
     if known == walked and walked and not any(name in walked for name in PACES):
-        message = f"is missing; the study walks {' and '.join(walked)}, so give the frequency of the study"
+        message = f"is missing; {named} walks {' and '.join(walked)}: {write}"
         yield source.problem(message, ("frequency",))
 
 
