@@ -147,3 +147,9 @@ def test_a_missing_frequency_says_which_study_needs_it_and_what_to_write(said) -
     assert "set = { frequency = 1.0 }" in lines[0]
     code, _ = said((MODEL + WIDE).replace("frequency = 0.8", "") + "set = { frequency = 1.0 }\n", "check")
     assert code == 0
+
+
+def test_a_mistyped_frequency_is_not_missing_too(said) -> None:
+    code, lines = said((MODEL + WIDE).replace("frequency = 0.8", "frequncy = 0.8"), "check")
+    assert (code, len(lines)) == (2, 1)
+    assert "frequncy is not a key here; did you mean frequency?" in lines[0]
