@@ -98,7 +98,7 @@ def run_file(
 
 
 def _file_number(path: Path) -> int | None:
-    """Return the number of a file in its file system, which a run changes when it begins the file anew."""
+    """Return the number of a file in its file system, which is another one once a run has begun its file."""
     try:
         return path.stat().st_ino
     except OSError:
