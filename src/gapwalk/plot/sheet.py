@@ -198,7 +198,7 @@ def shorten_label(ax: Axes) -> None:
     box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
     is_high = len(figure.axes) > 1 and box.height > _OVER * ax.get_window_extent().height
     if box.y0 < 0.0 or box.y1 > figure.bbox.height or is_high:
-        ax.set_ylabel(re.sub(r"\s*\([^)]*\)", "", ax.get_ylabel()))
+        ax.set_ylabel(re.sub(r"\s+\([^)]*\)", "", ax.get_ylabel()))
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:
