@@ -14,7 +14,7 @@ CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 
 TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper docs screenshots explore browser quick test tests kernels check lint types bench campaign slow \
+.PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types bench campaign slow \
   dense ranges trials fuzz lock clean
 
 help:  ## show this list
@@ -73,6 +73,9 @@ docs: $(STAMP)  ## build the documentation into out/docs; check spelling, links,
 	$(PY) docs/_ext/texts.py docs out/docs
 	$(PY) docs/_ext/offline.py out/docs src/gapwalk/offline_docs.zip
 	@echo "open out/docs/index.html"
+
+keys: $(STAMP)  ## write lists of all keys of model and study files, as Markdown, into docs/reference/generated
+	$(PY) -m docs._ext.file_reference
 
 screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again
 	$(PY) -m docs._ext.screenshots

@@ -31,7 +31,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def _sweep(system: System, values: int, workers: Workers) -> object:
-    options = gw.SweepOptions(steps=values, ways="afresh", starts=8)
+    options = gw.SweepOptions(steps=values, ways="again", starts=8)
     return gw.sweep(system, "frequency", (0.3, 1.2), options=options, workers=workers)
 
 

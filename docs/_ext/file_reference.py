@@ -395,3 +395,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Write the pages before Sphinx looks for them."""
     app.connect("builder-inited", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+if __name__ == "__main__":
+    write()
+    print(*sorted(str(path.relative_to(ROOT)) for path in FOLDER.glob("*.md")), sep="\n")

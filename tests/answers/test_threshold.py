@@ -1,6 +1,8 @@
 """Thresholds of rattle: against the closed form of a preloaded oscillator, at an edge, and where there are none."""
 
+import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import gapwalk as gw
 from gapwalk.answers.threshold import ThresholdOptions
 
 DAMPING, STIFFNESS, LOAD, GAP = 0.4, 1.3, 0.2, 0.5
+EXAMPLES = Path(__file__).parents[2] / "examples"
 FEW = ThresholdOptions(values=8, starts=4, periods=60)
 
 
@@ -76,7 +79,7 @@ def test_a_limit_at_the_end_of_the_range_is_told(gear: gw.System) -> None:
     [
         ((0.8, 1.2), "nothing rattles"),
         ((0.05, 0.2), "still rattles"),
-        ((1.2, 0.2), "0.2; widen the range, or reverse it"),
+        ((1.2, 0.2), "0.2; widen the range, or, if its first value is the quiet end, write from = 0.2 and to = 1.2"),
     ],
 )
 def test_no_threshold_is_an_answer_too(gear: gw.System, to: tuple[float, float], says: str) -> None:
@@ -107,3 +110,42 @@ def test_bad_requests_teach(gear: gw.System) -> None:
         gw.ask.threshold(gear, "mean.x", (0.1, 1.0), "frequency", (0.7, 1.6), gaps="tooth")
     with pytest.raises(gw.errors.ModelError, match="starts is 0"):
         ThresholdOptions(starts=0)
+
+
+def test_a_picture_without_a_threshold_says_why(gear: gw.System) -> None:
+    found = gw.ask.threshold(gear, "mean.x", (1.2, 0.2), "frequency", (0.7, 1.6), options=FEW)
+    figure = found.plot()
+    assert any("widen the range" in " ".join(text.get_text().split()) for text in figure.axes[0].texts)
+
+
+def test_the_loci_of_a_threshold_are_verified(gear: gw.System) -> None:
+    found = gw.ask.threshold(gear, "mean.x", (0.1, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    assert gw.verify(found).ok
+    first, *rest = found.loci[0].points
+    moved = dataclasses.replace(first.orbit, state=first.orbit.state * 1.001)
+    wrong = dataclasses.replace(found.loci[0], points=(dataclasses.replace(first, orbit=moved), *rest))
+    assert not gw.verify(dataclasses.replace(found, loci=(wrong,))).ok
+    with pytest.raises(gw.errors.ModelError, match="no locus to verify"):
+        gw.verify(dataclasses.replace(found, limit=None, loci=()))
+
+
+def test_texts_of_a_threshold_have_units() -> None:
+    """The figures are those of a threshold, the units those of a train."""
+    system = gw.read_study(EXAMPLES / "idle.toml", name="drag").system
+    tried = gw.records.Confirmation(-3.0, 40, 2, 0, 0, 0, 60, 0, 0.0)
+    ends = ("mean.gear", -1.0, -6.0, "speed", 700.0, 1100.0)
+    none = gw.ask.Threshold(system, ("mesh",), *ends, None, math.nan, math.inf, False, (), tried)
+    assert none.sentence == "mesh: no threshold of mean.gear from -1 to -6 N m over speed from 700 to 1100 rpm"
+    assert "confirmed at mean.gear = -3 N m: none of 40" in str(none.summary())
+
+
+def test_what_moves_it_names_no_factor_that_repeats_an_amplitude(gear: gw.System) -> None:
+    system = gear.at(frequency=0.9)
+    found = gw.ask.threshold(system, "mean.x", (0.05, 1.2), "frequency", (1.4, 2.0), options=FEW)
+    gradient = found.gradient()
+    load = system.structure.harmonics[0].name
+    assert gradient[f"{load}.acts_on.x"] * system[f"{load}.acts_on.x"] == pytest.approx(
+        gradient[f"{load}.amplitude"] * system[f"{load}.amplitude"], rel=1e-9
+    )
+    assert f"{load}.amplitude" in gradient.words(99)
+    assert "acts_on" not in gradient.words(99)

@@ -59,7 +59,7 @@ def test_measures_and_waterfalls_count_in_the_same_way(orbit) -> None:
     assert found.orders.tolist() == [0.0, 2.0, 4.0, 6.0]
     np.testing.assert_allclose(found.amplitudes[0, 1:], [torque(order) for order in TORQUES], rtol=1e-4)
     ax = draw(found, ax=Figure().add_subplot())
-    assert ax.get_ylabel() == "order (per turn of the reference shaft)"
+    assert ax.get_ylabel() == "order (per turn of disc)"
 
 
 def test_two_motions_are_compared_line_by_line_at_the_same_orders(system, orbit) -> None:
@@ -69,7 +69,7 @@ def test_two_motions_are_compared_line_by_line_at_the_same_orders(system, orbit)
     assert pair.agreement.lines[0].first == pytest.approx(torque(2), rel=1e-6)
     figure = gw.analysis.contrast(orbit, other, ["shaft.torque"], names=("soft", "hard")).plot(figure=Figure())
     assert figure.get_suptitle() == "soft and hard at speed = 902 rpm"
-    assert figure.axes[1].get_xlabel() == "order (per turn of the reference shaft)"
+    assert figure.axes[1].get_xlabel() == "order (per turn of disc)"
 
 
 def test_orders_of_an_agreement_are_counted_not_the_angles() -> None:
@@ -92,7 +92,7 @@ def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) 
     figure = draw(settled, figure=Figure(layout="constrained"))
     assert "speed = 902 rpm" in figure.get_suptitle()
     ax = draw(gw.analysis.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())
-    assert ax.get_xlabel() == "order (per turn of the reference shaft)"
+    assert ax.get_xlabel() == "order (per turn of disc)"
     assert {text.get_text() for text in ax.texts} >= {"2", "4"}
 
 

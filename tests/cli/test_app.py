@@ -150,6 +150,8 @@ def test_export_writes_tables_and_pictures(result, tmp_path, capsys) -> None:
     assert main(["export", result, "--output", "high.svg", "--measure", "max.x"]) == 0
     assert b"maximum" in (tmp_path / "high.svg").read_bytes()
     assert main(["export", result, "--format", "png"]) == 0
+    assert main(["export", result, "--output", "two.json", "--output", "two.pdf", "--size", "column"]) == 0
+    assert [Path(name).stat().st_size > 1000 for name in ("two.json", "two.pdf")] == [True, True]
     assert (tmp_path / "stop.png").is_file()
     capsys.readouterr()
     for words in (["--output", "x.gif"], ["--measure", "max.x"], ["--output", result], ["--output", "nowhere/x.png"]):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from gapwalk.cli import main, run_command
+from tests import models
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "idle.toml"
 
@@ -22,3 +23,36 @@ def test_a_run_that_ends_before_its_first_part_says_that_nothing_is_stored(words
     error = capsys.readouterr().err
     assert f"{told}interrupted: no part was complete, so nothing is stored" in error
     assert list(tmp_path.iterdir()) == [model]
+
+
+def test_an_earlier_result_that_stays_is_not_to_be_resumed(tmp_path, monkeypatch, capsys):
+    """With --force, a file is begun anew with the first part; until then it holds the earlier result."""
+    model, file = tmp_path / "stop.toml", tmp_path / "stop.gapwalk"
+    model.write_text(models.STOP + models.response(0.9))
+    assert main(["run", str(model), "--quiet"]) == 0
+    content = file.read_bytes()
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_command, "_run_study", interrupted)
+    assert main(["run", str(model), "--force"]) == 130
+    error = capsys.readouterr().err
+    assert f"no part was complete, so nothing is stored; {file} is what it was" in error
+    assert "--resume" not in error
+    assert file.read_bytes() == content
+
+
+def test_what_is_stored_is_to_be_resumed(tmp_path, monkeypatch, capsys):
+    model, file = tmp_path / "stop.toml", tmp_path / "stop.gapwalk"
+    model.write_text(models.STOP + models.response(0.9))
+    assert main(["run", str(model), "--quiet"]) == 0
+    whole = run_command._run_study
+
+    def interrupted(*given: object, **how: object) -> None:
+        whole(*given, **how)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_command, "_run_study", interrupted)
+    assert main(["run", str(model), "--force"]) == 130
+    assert f"--output {file} --resume" in capsys.readouterr().err

@@ -156,7 +156,7 @@ def test_everything_has_its_unit_and_what_the_study_measures_is_first(page) -> N
         "history": ["forcing periods (one lasts 20 ms)", "mesh [deg]"],
         "phase": ["mesh [deg]", "mesh' [deg/s]"],
         "loop": ["deflection of mesh [deg]", "force [N m]"],
-        "spectrum": ["order (per turn of the reference shaft)", "mesh [deg]"],
+        "spectrum": ["order (per turn of flywheel)", "mesh [deg]"],
         "section": ["mesh [deg], each period", "mesh' [deg/s]"],
     }
     page.evaluate("document.getElementById('values-part').open = true")

@@ -94,7 +94,7 @@ def test_all_of_a_train_has_its_unit(page) -> None:
         r"one lasts [\d.]+ ms", titles(page, "history")[0]
     )
     assert [title for panel in ("phase", "loop") for title in titles(page, panel) if not re.search(unit, title)] == []
-    assert titles(page, "spectrum")[0] == "order (per turn of the reference shaft)"
+    assert titles(page, "spectrum")[0] == "order (per turn of engine)"
     assert page.inner_text("#log th:last-child") == "rate [deg/s]"
     assert page.inner_text("#energy th:nth-child(3)") == "energy [J]"
     assert page.inner_text("#results .name") == "speed 2000 to 1300 rpm"

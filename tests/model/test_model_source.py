@@ -28,7 +28,8 @@ def test_a_file_is_read(tmp_path: Path) -> None:
 def test_a_missing_file_offers_its_neighbours(tmp_path: Path) -> None:
     assert "`gapwalk new FILE` writes" in one_problem(tmp_path / "clutch.toml").message
     (tmp_path / "clutch.toml").write_text("a = 1")
-    assert one_problem(tmp_path / "cluch.toml").message == "there is no such file; did you mean clutch.toml?"
+    for name in ("cluch.toml", "clutch.tml", "clutch"):
+        assert one_problem(tmp_path / name).message == "there is no such file; did you mean clutch.toml?"
     assert "there is no folder" in one_problem(tmp_path / "none" / "clutch.toml").message
 
 
@@ -67,6 +68,7 @@ def test_a_large_file_is_refused(tmp_path: Path) -> None:
         ("a = [1, -.5]\n", 1, ["as in 0.5"]),
         ("a = True\n", 1, ["true or false"]),
         ("side = both\n", 1, ["write a text in quotes"]),
+        ("coordinates = [mast, load]\n", 1, ["write each name in quotes, as in"]),
         ("a =\n", 1, ["a value must follow"]),
         ("a: 1\n", 1, ["write key = value"]),
         ("a = 1\na = 2\n", 2, ["overwrite"]),

@@ -134,3 +134,31 @@ def test_svg_says_what_there_is() -> None:
     assert "mesh: spring with a gap of ±0.1 deg" in text
     assert text.count("<svg") == text.count("</svg>") == 1
     assert text.count("<g>") == text.count("</g>")
+
+
+@pytest.mark.parametrize("name", ["train", "idle", "clutch", *range(4)])
+def test_the_arrow_of_a_load_points_where_it_alone_would_accelerate_its_body(name) -> None:
+    system = random_tree(name).system() if isinstance(name, int) else system_of(name)
+    machine, plain, drawn = machine_of(system), system.equations, 0
+    for load in plain.structure.driving:
+        pushed = [(k, push) for k, body in enumerate(machine.bodies) for push in body.pushes if push.name == load.name]
+        acceleration = np.linalg.solve(plain.matrix("mass"), plain.vector(load.shape))
+        for number, push in pushed if len(pushed) == 1 else ():
+            assert np.sign(row(machine, number, system.size) @ acceleration) == push.way
+            drawn += 1
+    assert drawn or isinstance(name, int)
+
+
+def test_loads_on_coordinates_point_along_them_and_say_their_order_if_they_have_no_name() -> None:
+    loads = [
+        gw.Harmonic(1.0, {"a": -1.0}),
+        gw.Harmonic(1.0, {"a": -1.0, "b": 2.0}, order=3),
+        gw.Harmonic(0.1, {"b": -1.0}, order=2, name="mesh"),
+    ]
+    machine = machine_of(gw.System(["a", "b"], [[2.0, -1.0], [-1.0, 1.0]], harmonics=loads))
+    a, b = ([(push.label, push.way) for push in body.pushes] for body in machine.bodies)
+    assert a == [("order 1", -1), ("order 3", -1)]
+    assert b == [("order 3", 1), ("mesh", -1)]
+    scene = scene_of(gw.System(["a", "b"], [[2.0, -1.0], [-1.0, 1.0]], harmonics=loads))
+    heads = [[point.x for point in each.points] for each in scene.shapes if each.look == "load-head"]
+    assert [tip < min(rest) for tip, *rest in heads] == [True, True, False]  # a: left; b: both

@@ -60,10 +60,10 @@ def test_a_hundred_thousand_points_are_few_things_to_draw() -> None:
 
 
 def test_long_periods_share_a_colour_and_many_starts_the_strips() -> None:
-    found = sweep_of([["period 9"] * 20, ["period 12"] * 20] * 8, ways=(Way.UP, Way.AFRESH))
+    found = sweep_of([["period 9"] * 20, ["period 12"] * 20] * 8, ways=(Way.UP, Way.AGAIN))
     strips = picture_of(found).axes[0]
     assert [tick.get_text() for tick in strips.get_yticklabels()] == [
-        f"{way} {start} of 8" for start in range(1, 7) for way in ("up", "afresh")
+        f"{way} {start} of 8" for start in range(1, 7) for way in ("up", "again")
     ]
     few = picture_of(sweep_of([["period 1"] * 20] * 4)).axes[0]
     assert [tick.get_text() for tick in few.get_yticklabels()] == ["up 1", "down 1", "up 2", "down 2"]

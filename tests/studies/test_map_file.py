@@ -173,4 +173,4 @@ def test_a_frequency_that_no_parameter_gives_is_asked_for() -> None:
     text = MAP.replace('"frequency", from = 0.9, to = 0.4', '"stage2.clearance", from = 0.9, to = 0.4')
     ((path, message),) = problems_of(text)
     assert path == "frequency"
-    assert "the study walks mean.q1 and stage2.clearance, so give the frequency of the study" in message
+    assert "the study walks mean.q1 and stage2.clearance: write it at the top of the file, as in frequency" in message

@@ -105,15 +105,15 @@ def test_a_torus_is_named() -> None:
 
 
 def test_many_starts_find_what_one_does_not() -> None:
-    few = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="afresh"))
-    many = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="afresh", starts=8))
+    few = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again"))
+    many = gw.sweep(clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again", starts=8))
     assert len(many.lanes) == 8
     np.testing.assert_array_equal(many.sections[0], few.sections[0])
     found = np.round(many.sections[:, :, 0, 0], 2)
     assert [len(set(column)) for column in found.T[:2]] == [2, 2]  # both stable motions between the folds
     given = tuple(tuple(lane.state) for lane in many.lanes[2:4])
     again = gw.sweep(
-        clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="afresh", starts=given, kick=0)
+        clutch(), "frequency", (0.622, 0.636), options=options(steps=3, ways="again", starts=given, kick=0)
     )
     np.testing.assert_allclose(again.sections, many.sections[2:4], atol=1e-4)
 
@@ -222,8 +222,8 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
 
 def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     system = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.3, {"x": 1.0})])
-    found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), options=options(ways="up and down and afresh"))
-    up, down, afresh = found.regimes
+    found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), options=options(ways="up and down and again"))
+    up, down, again = found.regimes
     assert found.complete  # there is nothing left to do
     assert up[0] == "diverges"
     assert set(up[1:]) == {""}
@@ -231,7 +231,7 @@ def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     assert set(down[:edge]) == {""}
     assert set(down[edge + 1 :]) == {"period 1"}
     assert found.values[edge] < 0.0 < found.values[edge + 3]
-    assert set(afresh[:20]) == {"diverges"}
+    assert set(again[:20]) == {"diverges"}
     assert np.isnan(found.sections[1, edge]).all()
     assert len(found.notes) == 4  # two segments of the last lane
     assert found.notes[0].startswith("start 1, up: the motion could not be followed and was not carried on: stiffness")
@@ -336,3 +336,8 @@ def test_section_points_are_in_memory_once() -> None:
     assert found.complete
     assert found.sections[0, -1, 0, 0] == 400 // BLOCK - 1
     assert peak < 1.3 * found.sections.nbytes
+
+
+def test_the_earlier_name_of_a_way_is_read() -> None:
+    assert Way("afresh") is Way.AGAIN
+    assert gw.SweepOptions(ways="up and afresh").each_way() == (Way.UP, Way.AGAIN)

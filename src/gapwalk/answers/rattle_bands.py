@@ -211,13 +211,14 @@ class RattleBands(Shown):
         severity, units = worst.severity, self.system.units
         parts = []
         if not math.isnan(severity.peak):
-            parts.append(f"{severity.peak:.4g}{' N m' if units else ''}")
+            parts.append(f"{severity.peak:.4g} N m" if units else f"peak force {severity.peak:.4g}")
         else:
             parts.append(f"impacts at {severity.approach:.4g}{' ' + units.state(chr(39)) if units else ''}")
         if units:
             parts.append(f"{severity.per_second:.4g} impacts per second")
         else:
-            parts.append(f"{severity.impacts:.4g} impacts per forcing period")
+            many = f"{severity.impacts:.4g}"
+            parts.append(f"{many} impact{'s' * (many != '1')} per forcing period")
         text += f"; worst at {self._value(severity.value)}: {', '.join(parts)}"
         if worst.starts:
             text += f" ({100 * worst.share:.3g} % of {worst.starts} starts lead there)"

@@ -17,7 +17,7 @@ from gapwalk.bifurcation.loci.locus import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol, value_words
+from gapwalk.model.words import range_words, value_words
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Tables, remarks, summarizes
 
@@ -221,15 +221,13 @@ class Threshold(Shown):
     def sentence(self) -> str:
         """The answer in one sentence."""
         units = self.system.units
-        gaps, whole = " and ".join(self.gaps), f"{self.low:.6g} to {self.high:.6g}"
-        over, symbol = parameter_symbol(self.over, units), parameter_symbol(self.parameter, units)
+        gaps, over = " and ".join(self.gaps), range_words((self.low, self.high), self.over, units)
         verb = "does" if len(self.gaps) == 1 else "do"
         if self.limit is None:
-            return f"{gaps}: no threshold of {symbol} from {self.begin:.6g} to {self.end:.6g} over {over} from {whole}"
-        name, unit = over.partition(" [")[0], units and units.parameter(self.over)
+            return f"{gaps}: no threshold of {range_words((self.begin, self.end), self.parameter, units)} over {over}"
         way = "and above" if self.end > self.begin else "and below"
         return (
-            f"{gaps} {verb} not rattle over {name} from {whole}{f' {unit}' if unit else ''} at "
+            f"{gaps} {verb} not rattle over {over} at "
             f"{value_words(self.value, self.parameter, units, 7)} {way} "
             f"(limit: {self.limit.kind.value} at {value_words(self.at, self.over, units, 7)})"
         )
@@ -244,14 +242,16 @@ class Threshold(Shown):
             True to include the notes.
         """
         yield self.sentence
+        units = self.system.units
+        unit = units.parameter(self.parameter) if units else ""
         if self.limit is not None:
             place = ", at the end of the range: beyond it the limit is farther" if self.is_edge else ""
-            yield f"error of the limit {self.uncertainty:.0e}{place}"
+            yield f"error of the limit {self.uncertainty:.0e}{f' {unit}' if unit else ''}{place}"
         if (found := self.confirmation) is not None and not found.rattling:
             share = 300.0 / max(found.motions - found.lost, 1)
             yield (
-                f"confirmed at {found.value:.7g}: none of {found.motions:,} settled motions rattles there, "
-                f"so with 95 % confidence fewer than {share:.2g} % of such starts do"
+                f"confirmed at {value_words(found.value, self.parameter, units, 7)}: none of {found.motions:,} settled "
+                f"motions rattles there, so with 95 % confidence fewer than {share:.2g} % of such starts do"
             )
             yield f"({found.words})"
         if self.limit is not None and self.uncertainty > _SMOOTH * abs(self.end - self.begin):

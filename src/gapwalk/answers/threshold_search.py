@@ -32,6 +32,7 @@ from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.model.words import value_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
 
@@ -160,8 +161,8 @@ class ThresholdSearch:
             notes = ["nothing rattles in the whole range"]
         elif best is None and hit is not None and hit.value == asked.to[1]:
             notes = [
-                f"something still rattles at {asked.parameter} = {asked.to[1]:.6g}; widen the range, "
-                "or reverse it if its first value is the quiet end"
+                f"something still rattles at {self._words(asked.to[1])}; widen the range, or, if its first value is "
+                f"the quiet end, write from = {self._key(asked.to[1])} and to = {self._key(asked.to[0])}"
             ]
         elif hit is not None and len(self.rounds) < options.rounds:
             extrema, notes = self._follow(hit)
@@ -169,7 +170,7 @@ class ThresholdSearch:
                 notes.append(f"something rattles at {self._place(hit)}, but its border could not be followed")
         if best is not None and hit is None and not self._rattles_inside:
             notes = [
-                f"just inside the limit, at {asked.parameter} = {self._inside(best):.7g}, the motion that leaves it "
+                f"just inside the limit, at {self._words(self._inside(best), 7)}, the motion that leaves it "
                 "settles without rattle: the limit is safe, but the motions that rattle may cease before it"
             ]
         self.rounds.append(Round(tried, hit, tuple(extrema), tuple(notes)))
@@ -205,7 +206,18 @@ class ThresholdSearch:
         return last.tried if len(self.rounds) > 1 or is_inside else None
 
     def _place(self, hit: Hit) -> str:
-        return f"{self.request.parameter} = {hit.value:.6g}, {self.request.over} = {hit.other:.6g}"
+        other = value_words(hit.other, self.request.over, self.request.system.units, 6)
+        return f"{self._words(hit.value)}, {other}"
+
+    def _words(self, value: float, digits: int = 6) -> str:
+        """Write a value of the parameter."""
+        return value_words(value, self.request.parameter, self.request.system.units, digits)
+
+    def _key(self, value: float) -> str:
+        """Write a value of the parameter as in a model file."""
+        units = self.request.system.units
+        unit = units.parameter(self.request.parameter) if units else ""
+        return f'"{value:.6g} {unit}"' if unit else f"{value:.6g}"
 
     @property
     def _extrema(self) -> list[Extremum]:
@@ -277,7 +289,7 @@ class ThresholdSearch:
             try:
                 extremum = locus_extremum(special, asked.parameter, asked.over, ranges, asked.way)
             except (NumericalError, ModelError) as error:
-                notes.append(f"a {special.kind} at {special.value:.6g} was not followed: {error}")
+                notes.append(f"a {special.kind} at {self._words(special.value)} was not followed: {error}")
                 continue
             if all(abs(extremum.value - each.value) > size for each in (*self._extrema, *extrema)):
                 extrema.append(extremum)

@@ -215,6 +215,7 @@ def show(
     6,
     "gapwalk export rattle.gapwalk --format csv",
     "gapwalk export rattle.gapwalk --output rattle.nc  # for xarray; .mat, .parquet and .xlsx likewise",
+    "gapwalk export rattle.gapwalk --output rattle.pdf --output rattle.html",
     "gapwalk export rattle.gapwalk --format html  # for a colleague without gapwalk",
     "gapwalk export rattle.gapwalk --size column --output rattle.pdf",
     "gapwalk export start.gapwalk --format wav --signal mesh.force  # the sound of a run-up",
@@ -225,7 +226,7 @@ def export(
     *,
     format: Literal["csv", "json", "netcdf", "mat", "parquet", "xlsx", "png", "svg", "pdf", "html", "wav"]
     | None = None,
-    output: Path | None = None,
+    output: Annotated[list[Path] | None, Parameter(negative=())] = None,
     measure: str | None = None,
     size: Literal["screen", "column", "page", "slide"] | None = None,
     signal: str | None = None,
@@ -246,8 +247,8 @@ def export(
     format
         The format; by default that of the file extension of the output, otherwise csv.
     output
-        The file to write, replacing an earlier one; by default named after the result. For csv and parquet, the special
-        points and further tables are written to other files next to it.
+        The file to write, replacing an earlier one; by default named after the result; may be repeated, for several
+        formats. For csv and parquet, the special points and further tables are written to other files next to it.
     measure
         The quantity on the vertical axis, as in max.q1; by default that of the study. Only for branches.
     size
@@ -260,7 +261,7 @@ def export(
     """
     from gapwalk.cli.file_commands import export_result
 
-    return export_result(result, format, output, measure, size, signal, full_scale)
+    return export_result(result, format, output or [], measure, size, signal, full_scale)
 
 
 @command(
@@ -316,7 +317,7 @@ def verify(result: Path, /, *, json: Json = False, debug: Debug = False) -> int:
     Parameters
     ----------
     result
-        The result file of a response, a diagram, a map or a family.
+        The result file of a response, a diagram, a map, a family, tori or a threshold.
     """
     from gapwalk.cli.file_commands import verify_file
 

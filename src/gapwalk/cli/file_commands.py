@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from gapwalk.bifurcation.loci.gradient import Gradients
     from gapwalk.model.measured.curve_contact import MeasuredCurve
+    from gapwalk.model.system import System
     from gapwalk.plot.style import SizeName
     from gapwalk.studies.result import Result
-    from gapwalk.studies.study_file import Study
 
 _PICTURES = ("png", "svg", "pdf")
 
@@ -35,18 +35,27 @@ def new_file(file: Path, table: Path | None) -> int:
 def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
     """Print a summary of a model file; draw what is in it."""
     from gapwalk.cli.modes_command import train_lines
-    from gapwalk.model.model_file import curves_of
+    from gapwalk.model.model_file import check_model, curves_of, has_pace
     from gapwalk.model.model_source import read_source
-    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
-    from gapwalk.studies.set_values import change_source, parse_changes
-    from gapwalk.studies.study_file import read_studies
+    from gapwalk.studies.runner import check_work
+    from gapwalk.studies.set_values import change_source, change_system, parse_changes
+    from gapwalk.studies.study_file import check_studies
 
-    asked = parse_changes(changes)
-    studies = read_studies(file, asked)
-    curves = curves_of(change_source(read_source(file), asked)[0])
+    asked, source = parse_changes(changes), read_source(file)
+    studies = check_studies(source, asked)
+    check_work(studies)
+    source, rest, _ = change_source(source, asked)
+    model, curves = check_model(source)[0], curves_of(source)
+    assert model is not None  # its studies were checked
+    heading = model.title or studies[0].title if len(studies) == 1 else model.title or str(file)
     if picture is not None:
-        draw_model(studies[0], curves, picture)
+        system = change_system(model.system, source, {}, rest)[0]
+        if studies[0].reduced:
+            system = studies[0].system
+        elif not has_pace(source):  # loads may grow with the frequency, which only studies give
+            system = system.at({(pace := system.structure.pace): studies[0].system[pace]})
+        draw_model(system, curves, picture, heading)
     if json:
         documents = [
             {
@@ -57,16 +66,16 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
                 "study": plain(study.options),
                 **({"reduction": plain(study.reduced)} if study.reduced else {}),
                 "unused": list(study.unused),
-                "warnings": dissipation_doubts(study.system),
+                "warnings": study.doubts,
             }
             for study in studies
         ]
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
     system = studies[0].system
-    doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
+    doubts = dict.fromkeys(doubt for study in studies for doubt in study.doubts)
     lines = [
-        (len(studies) == 1 and studies[0].title) or str(file),
+        heading,
         *train_lines(system),
         *(f"  {text}" for text in system.contents),
         *(f"  curve of {each.name}: {each.curve.words}" for each in curves),
@@ -82,17 +91,16 @@ def check_file(file: Path, changes: list[str], picture: Path | None, *, json: bo
     return DONE
 
 
-def draw_model(study: Study, curves: Sequence[MeasuredCurve], picture: Path) -> None:
-    """Draw the system of a study, with the measured points of its curves in the units of the system."""
+def draw_model(system: System, curves: Sequence[MeasuredCurve], picture: Path, title: str) -> None:
+    """Draw the system of a model file, with the measured points of its curves in the units of the system."""
     from gapwalk.plot import save
 
-    system = study.system
     unit = system.units.angle if system.units else 1.0
     points = {
         each.name: (each.deflection * ((each.angle.factor if each.angle else 1.0) / unit), each.force)
         for each in curves
     }
-    save(system, picture, points=points, title=study.title)
+    save(system, picture, points=points, title=title)
 
 
 def show_result(path: Path, *, points: bool, gradients: bool, json: bool) -> int:
@@ -131,51 +139,71 @@ def _gradients(result: Result) -> Gradients:
 def export_result(
     path: Path,
     form: str | None,
-    output: Path | None,
+    outputs: Sequence[Path],
     measure: str | None,
     size: SizeName | None = None,
     signal: str | None = None,
     full_scale: float | None = None,
 ) -> int:
-    """Write the tables, the picture or the sound of a result, or a page with its motions."""
-    from gapwalk.studies.export import export_data
-    from gapwalk.studies.formats.data_format import canonical, format_names, format_of
+    """Write the tables, the picture or the sound of a result, or a page with its motions; or several of these."""
+    from gapwalk.studies.formats.data_format import format_names
     from gapwalk.studies.read_result import load_result
+
+    if form is not None and len(outputs) > 1:
+        raise ModelError("--format is that of one output; leave it out, and give each output its ending")
+    forms = [_form_of(form, output, path) for output in outputs or [None]]
+    if size is not None and not set(forms) & set(_PICTURES):
+        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {forms[0]}, or omit it")
+    if (signal is not None or full_scale is not None) and "wav" not in forms:
+        raise ModelError("--signal and --full-scale concern sounds; write --format wav")
+    if measure is not None and not set(forms) - {*format_names()}:
+        raise ModelError("--measure concerns pictures; the tables hold all measures")
+    result = load_result(path)
+    if result.finding is not None and result.finding.record is None:
+        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
+    for each, output in zip(forms, outputs or [None], strict=True):
+        if each == "wav":
+            from gapwalk.cli.sound_command import save_sound
+
+            save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
+        else:
+            show_files(_exported(result, path, each, output, measure, size))
+    return DONE
+
+
+def _form_of(form: str | None, output: Path | None, path: Path) -> str:
+    """Return the format of an output, by its ending if none is given; raise a ModelError if there is none such."""
+    from gapwalk.studies.formats.data_format import canonical, format_names
 
     form = canonical(form or (output.suffix.lstrip(".") if output and output.suffix else "csv"))
     if form not in (*format_names(), "html", "wav", *_PICTURES):
         known = ", ".join((*format_names(), *_PICTURES, "wav"))
         raise ModelError(f"nothing can be exported as {form!r}; write --format {known} or html")
-    if size is not None and form not in _PICTURES:
-        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
-    if form != "wav" and (signal is not None or full_scale is not None):
-        raise ModelError("--signal and --full-scale concern sounds; write --format wav")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
-    result = load_result(path)
-    if result.finding is not None and result.finding.record is None:
-        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
-    if form == "wav":
-        from gapwalk.cli.sound_command import save_sound
+    return form
 
-        return save_sound(result, output or path.with_suffix(".wav"), signal, full_scale)
+
+def _exported(
+    result: Result, path: Path, form: str, output: Path | None, measure: str | None, size: SizeName | None
+) -> list[Path]:
+    """Write tables, a picture or a page of a result; return the files."""
+    from gapwalk.studies.export import export_data
+    from gapwalk.studies.formats.data_format import format_names, format_of
+
     if form in format_names():
-        if measure is not None:
-            raise ModelError("--measure concerns pictures; the tables hold all measures")
         target = output or path.with_suffix(format_of(form).ending)
-        written = list(export_data(result, target, form, named=output is None))
+        return list(export_data(result, target, form, named=output is None))
+    written = output or path.with_suffix(f".{form}")
+    if form == "html":
+        from gapwalk.explorer.saved_page import save_html
+
+        save_html(result, written, measure=measure)
     else:
-        written = [output or path.with_suffix(f".{form}")]
-        if form == "html":
-            from gapwalk.explorer.saved_page import save_html
+        from gapwalk.plot import save
 
-            save_html(result, written[0], measure=measure)
-        else:
-            from gapwalk.plot import save
-
-            save(result, written[0], form=form, measure=measure, size=size)
-    show_files(written)
-    return DONE
+        save(result, written, form=form, measure=measure, size=size)
+    return [written]
 
 
 def verify_file(path: Path, *, json: bool) -> int:

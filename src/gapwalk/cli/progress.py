@@ -151,7 +151,22 @@ def _job_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
     return ProgressLine(title or options.kind, words, show=show)
 
 
-_LINES = {"points": _branch_line, "branches": _diagram_line, "sections and loci": _map_line, "parts": _job_line}
+def _family_line(options: StudyKind, title: str, show: bool) -> ProgressLine:
+    """Return a line without an end: how many branches and families there are is known only at the end."""
+
+    def words(part: object, pace: Pace) -> tuple[str, str]:
+        return title or options.kind, f"{pace.done} branches and families of tori"
+
+    return ProgressLine(f"{title} first branch".strip(), words, bar=False, show=show)
+
+
+_LINES = {
+    "points": _branch_line,
+    "branches": _diagram_line,
+    "sections and loci": _map_line,
+    "branches and families": _family_line,
+    "parts": _job_line,
+}
 """Lines of progress, by what a study reports."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -28,14 +27,12 @@ from gapwalk.cli.output import (
 from gapwalk.cli.progress import progress_of
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.model.modes import dissipation_doubts
-from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
 from gapwalk.studies.export import save_tables
 from gapwalk.studies.read_result import check_claim
 from gapwalk.studies.result import Result
-from gapwalk.studies.runner import run
+from gapwalk.studies.runner import check_work, run
 from gapwalk.studies.set_values import parse_changes
 from gapwalk.studies.study_file import Study, read_studies
 from gapwalk.studies.study_kind import found_by
@@ -58,7 +55,8 @@ def run_file(
     With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
     The keywords `how` are resume, force, json and quiet.
     """
-    studies = chosen(read_studies(file, parse_changes(changes)), names, file)
+    studies = list(read_studies(file, parse_changes(changes), names))
+    check_work(studies)
     if plain:
         from gapwalk.studies.without_units import without_units  # imported late: it needs the options of all kinds
 
@@ -74,13 +72,16 @@ def run_file(
     documents: list[Any] = []
     with nullcontext() if scheduler is None else on_cluster(scheduler):
         for study, path in zip(studies, outputs, strict=True):
+            earlier = None if how["resume"] else _file_number(path)
             try:
                 code, document = _run_study(study, path, **how)
             except (GapwalkError, KeyboardInterrupt) as error:
-                if isinstance(error, KeyboardInterrupt) and not error.args and not path.exists():
-                    error.args = ("no part was complete, so nothing is stored",)
+                is_stored = path.exists() and _file_number(path) != earlier
+                if isinstance(error, KeyboardInterrupt) and not error.args and not is_stored:
+                    kept = f"; {path} is what it was" * path.exists()
+                    error.args = (f"no part was complete, so nothing is stored{kept}",)
                 if alone:
-                    if isinstance(error, KeyboardInterrupt) and path.exists():
+                    if isinstance(error, KeyboardInterrupt) and is_stored:
                         _say_how_to_resume(resume_words, path)
                     raise
                 code, text = failure_code(error), failure_text(error)
@@ -96,14 +97,12 @@ def run_file(
     return max(codes)
 
 
-def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[Study]:
-    """Select the studies of these names, or all if no name is given."""
-    known = [study.name for study in studies if study.name]
-    for name in names:
-        if name not in known:
-            hint = did_you_mean(name, known) if known else "its study has no name"
-            raise ModelError(f"{file} has no study {name!r}; {hint}")
-    return [study for study in studies if not names or study.name in names]
+def _file_number(path: Path) -> int | None:
+    """Return the number of a file in its file system, which is another one once a run has begun its file."""
+    try:
+        return path.stat().st_ino
+    except OSError:
+        return None
 
 
 def _run_study(
@@ -159,9 +158,9 @@ def exit_code(result: Result) -> int:
 
 
 def show_heading(study: Study, screen: Console) -> None:
-    """Print the title of a study, the unused parts of its file, and doubts about its damping."""
+    """Print the title of a study, the unused parts of its file, and doubts about its damping and its measure."""
     show_title(study.title, screen)
-    show([*study.unused_words, *(f"warning: {doubt}" for doubt in dissipation_doubts(study.system))], screen)
+    show([*study.unused_words, *(f"warning: {doubt}" for doubt in study.doubts)], screen)
 
 
 def _stored_words(result: Result) -> str:

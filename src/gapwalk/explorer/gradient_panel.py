@@ -93,7 +93,7 @@ def gradient_content(found: Gradient) -> dict[str, Any]:
                 "share": _plain(shares[k] if abs(shares[k]) > _NOTHING * largest else 0.0),
                 "doubtful": bool(doubts[k] > _FAINT * largest),
             }
-            for k in found.order[:_MOST]
+            for k in found.distinct[:_MOST]
         ],
     }
 

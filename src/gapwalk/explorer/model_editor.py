@@ -74,6 +74,8 @@ def checked_text(text: str, name: str, root: str) -> dict[str, Any]:
     except ModelFileError as error:
         return {**found, "problems": _told(error.problems)}
     found["plans"] = [": ".join(filter(None, (each.name, each.options.plan))) for each in studies]
+    doubts = (doubt for each in studies for doubt in each.doubts)
+    found["warnings"] = list(dict.fromkeys((*found["warnings"], *doubts)))
     return found
 
 

@@ -104,7 +104,7 @@ def lines_and_section(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     shown = lines.orders <= _ORDERS * float(motion.system.turns or 1)
     return {
         "signal": signal,
-        "across": order_words(motion.system.turns),
+        "across": order_words(motion.system.units),
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
         "section": {

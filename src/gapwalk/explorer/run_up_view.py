@@ -141,7 +141,7 @@ class RunUpView(AnswerView):
             "top": top,
             "depth": _DEPTH,
             "unit": unit_of(system, signal),
-            "across": order_words(system.turns),
+            "across": order_words(system.units),
             "turns": float(system.turns or 1),
             "tracks": [self._track(order, kept, signal) for order in _orders(kept)],
             "layers": [each.plain for each in layers],

@@ -15,7 +15,7 @@ _MOST = 6000  # points of one order of values that a page draws without waiting
 _LOOKS = {
     Way.UP: ("rising", "rising parameter"),
     Way.DOWN: ("falling", "falling parameter"),
-    Way.AFRESH: ("main", "each value from the start"),
+    Way.AGAIN: ("main", "each value from the start"),
 }
 
 

@@ -73,8 +73,8 @@ def do(task: Task, report: Callable[[Progress], object]) -> bool:
 
 
 def _run(task: Task, news: News) -> bool:
-    reports = {"points": news.point, "branches": news.member, "sections and loci": news.chart, "parts": news.part}
-    report = reports[task.study.options.reports]
+    reports = {"points": news.point, "branches": news.member, "sections and loci": news.chart}
+    report = reports.get(task.study.options.reports, news.part)
     resume = task.resume and task.output.exists()
     return found_by(run, task.study, task.output, resume=resume, report=report).complete
 

@@ -44,9 +44,12 @@ _SLIPS = (
     (r"\b(True|TRUE|False|FALSE)\b", "write true or false in small letters"),
     (r"[=\[]\s*[-+]?\d+,\d", "a number has a point, not a comma, as in 0.5"),
     (r"=\s*[A-Za-z]", "write a text in quotes"),
+    (r"[\[,]\s*[A-Za-z]\w*\s*[\],]", 'write each name in quotes, as in ["x", "y"]'),
     (r"=\s*$", "a value must follow on the same line"),
     (r"^\s*[\w.-]+\s*:", "write key = value"),
 )
+
+_ENDING = re.compile(r"\.t\w{0,4}$")  # .toml, or what was meant to be it
 
 _STRING = re.compile(
     r'''"""(?:\\.|[^\\])*?"""(?:"{0,2})|\'\'\'.*?\'\'\'(?:'{0,2})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*\'''', re.DOTALL
@@ -176,7 +179,9 @@ def _reason(name: str, error: Exception) -> str:
         except OSError:
             return f"there is no folder {str(folder)!r}"
         stems = {file.removesuffix(".toml").casefold(): file for file in there}  # the ending is common to all
-        near = difflib.get_close_matches(FilePath(name).name.removesuffix(".toml").casefold(), stems, n=3)
+        asked = FilePath(name).name.casefold()
+        asked = FilePath(asked).stem if _ENDING.search(asked) else asked
+        near = difflib.get_close_matches(asked, stems, n=3)
         hint = f"did you mean {' or '.join(stems[stem] for stem in near)}?" if near else _BEGIN
         return f"there is no such file; {hint}"
     if isinstance(error, IsADirectoryError):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -325,6 +325,8 @@ class Units:
     turns
         If the first parameter is the speed of a shaft: periods of the excitation in one turn of it, which may be a
         fraction. None if it is the frequency of the excitation.
+    shaft
+        Name of that shaft's inertia; empty if there is none.
     own
         Parameters whose kind does not follow from their names, each with its kind: the fraction by which a load varies
         a stiffness, a displacement, the parameters of a formula. Those without a kind have the unit that follows.
@@ -339,6 +341,7 @@ class Units:
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
     turns: int | Fraction | None = None
     own: tuple[tuple[str, QuantityKind | None, Unit], ...] = ()
+    shaft: str = field(default="", compare=False)
 
     def _check_read(self) -> None:
         """Raise a ValueError if its parts are inconsistent."""

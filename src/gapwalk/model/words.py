@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from fractions import Fraction
 
 from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
 from gapwalk.model.system import System
@@ -59,6 +58,12 @@ def value_words(value: float, name: str, units: Units | None = None, digits: int
     return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.{digits}g}", units and units.parameter(name))))
 
 
+def range_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
+    """Write a range in a sentence: ``Ω from 0.7 to 1.3``, ``speed from 700 to 1100 rpm``."""
+    unit = units.parameter(name) if units else ""
+    return " ".join(filter(None, (f"{_symbol(name, units)} from {ends[0]:.6g} to {ends[1]:.6g}", unit)))
+
+
 def between_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
     """Write a range in a sentence: ``between Ω = 0.6 and 0.66``, ``between speed = 750 and 1050 rpm``."""
     unit = units.parameter(name) if units else ""
@@ -71,9 +76,11 @@ def pace_words(system: System) -> str:
     return value_words(system[structure.pace], structure.pace, structure.units)
 
 
-def order_words(turns: int | Fraction | None) -> str:
-    """Return the label of an axis for orders; see `System.turns`."""
-    return "multiples of the excitation frequency Ω" if turns is None else "order (per turn of the reference shaft)"
+def order_words(units: Units | None) -> str:
+    """Return the label of an axis for orders, with the name of the inertia by whose turns they count."""
+    if units is None or units.turns is None:
+        return "multiples of the excitation frequency Ω"
+    return f"order (per turn of {units.shaft or 'the reference shaft'})"
 
 
 def line_words(name: str) -> str:

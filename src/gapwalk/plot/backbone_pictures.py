@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.free.backbone_record import Backbone, BackboneEventKind
 from gapwalk.free.backbones import Backbones
-from gapwalk.model.words import measure_words, parameter_words
-from gapwalk.plot.branches import draw_branches, line_entries
+from gapwalk.model.system import System
+from gapwalk.model.words import parameter_words, signal_words
+from gapwalk.plot.branches import draw_branches, line_entries, smooth_line
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, write_heading, write_legend, write_letters
 from gapwalk.plot.style import BLUE, GREEN, PURPLE, VERMILLION, stroke, symbols
@@ -83,14 +85,15 @@ def draw_backbones(
     if branches:
         finish = draw_branches(branches, panels[0], f"half.{coordinate}", legend=False, labels=False)
         panels[0].set_autoscale_on(True)
-    pace = parameter_words(system.structure.pace, system.units)
+    pace = _pace_words(system, shared=bool(branches))
     entries: list[tuple[str, Any]] = []
     for number, line in enumerate(found.lines):
         look = stroke(_COLOURS[number % len(_COLOURS)], 1.8, "-", zorder=5)
         entries.append((f"backbone of mode {line.mode}" if line.mode else "backbone", look))
-        panels[0].plot(line.values, line.half(coordinate), **look)
+        panels[0].plot(*_curve(line, line.values, line.half(coordinate)), **look)
         if has_energy:
-            panels[1].plot(line.energies, line.values, **look)
+            logarithms, values = _curve(line, np.log(line.energies), line.values)
+            panels[1].plot(np.exp(logarithms), values, **look)
         place = system.coordinates.index(coordinate)
         for event in line.events:
             panels[0].plot([event.value], [event.point.half[place]], zorder=6, **_MARKS[event.kind])
@@ -103,11 +106,34 @@ def draw_backbones(
         # the response follows a backbone up to its peak, far below the largest free vibrations
         peak = max(point.measure(f"half.{coordinate}") for branch in branches for point in branch.points)
         panels[0].set_ylim(0.0, _ROOM * peak)
-    panels[0].set_ylabel(measure_words(f"half.{coordinate}", system.units))
+    panels[0].set_ylabel(f"amplitude of {signal_words(coordinate, system.units)}")
     if has_energy:
         panels[1].set_xscale("log")
         panels[1].set_xlabel("energy")
-        panels[1].set_ylabel(pace)
+        panels[1].set_ylabel(_pace_words(system, shared=True))
         write_letters(panels.tolist())
     write_legend(figure, [*line_entries(branches), *entries])
     return finish
+
+
+def _pace_words(system: System, *, shared: bool) -> str:
+    """Return the label of the axis of frequencies: a free vibration has its own; short if the axis is shared."""
+    pace = system.structure.pace
+    words = parameter_words(pace, system.units)
+    if pace != "frequency":
+        return words
+    _, bracket, unit = words.partition(" [")
+    return f"frequency{'' if shared else ' of the free vibration'}{bracket}{unit}"
+
+
+def _curve(
+    line: Backbone, x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return two quantities along a backbone, smooth where the contacts stay the same: in between there are corners."""
+    points = np.column_stack((x, y))
+    steps = np.diff(points, axis=0) / (np.ptp(points, axis=0) + np.finfo(float).tiny)
+    along = np.append(0.0, np.cumsum(np.hypot(*steps.T)))
+    touches = np.array([point.touches for point in line.points])
+    parts = np.split(np.arange(len(points)), np.flatnonzero(np.diff(touches)) + 1)
+    curve = np.concatenate([smooth_line(along[part], points[part]) for part in parts])
+    return curve[:, 0], curve[:, 1]

@@ -88,12 +88,12 @@ def cut(branch: Branch, curves: Curves) -> list[Piece]:
         if end > start or len(nodes) == 1:
             special = [i for i in range(start, end + 1) if nodes[i][3] or i in (start, end)]
             special = special if len(special) > 1 else [start, end]
-            line = np.concatenate([_smooth(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
+            line = np.concatenate([smooth_line(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
             pieces.append(Piece(nodes[start][2], line[:, 0], line[:, 1:]))
     return pieces
 
 
-def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def smooth_line(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Interpolate points between two special points smoothly; at a special point the curve may have a corner."""
     distinct = (s - s[0] > _SAME) & (s[-1] - s > _SAME) & np.append(True, np.diff(s) > _SAME)
     distinct[[0, -1]] = True

@@ -51,7 +51,7 @@ _IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a s
 _FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
 
 _SWEEP: Inches = (8.0, 5.4)
-_WAYS = {Way.UP: ("up", style.BLUE), Way.DOWN: ("down", style.VERMILLION), Way.AFRESH: ("afresh", style.BLACK)}
+_WAYS = {Way.UP: ("up", style.BLUE), Way.DOWN: ("down", style.VERMILLION), Way.AGAIN: ("again", style.BLACK)}
 _STRIP = 0.16  # height of a strip, in inches
 _MOST_STRIPS = 12
 _SPARSE = 6e4  # number of points up to which they are opaque and large; more are fainter and smaller, so that the shape

@@ -6,7 +6,6 @@ The first is black, the second red or blue.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
+from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, measure_words, order_words, pace_words, parameter_words
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot import style
@@ -47,8 +47,8 @@ _RING = style.SymbolStyle("only in one result", "", "o", "none", 12.0, style.VER
 _ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
 
-def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | Fraction | None) -> None:
-    """Draw the amplitudes of two line spectra in pairs over their orders; `turns` is that of `System.turns`."""
+def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, units: Units | None) -> None:
+    """Draw the amplitudes of two line spectra in pairs over their orders, which the units count."""
     orders, first, second, _ = np.array(lines).T
     amplitudes = np.array([first, second], dtype=float)
     largest = float(amplitudes.max(initial=0.0)) or 1.0
@@ -65,15 +65,13 @@ def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | F
         tops = np.maximum(heights, floor)
         ax.vlines(orders[shown] + shift, floor, tops, color=color, linewidth=style.points(1.1))
         ax.plot(orders[shown] + shift, tops, **marker)
-    _set_spectrum(ax, top, (floor, 2.5 * largest), signal, turns)
+    _set_spectrum(ax, top, (floor, 2.5 * largest), signal, units)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _set_spectrum(
-    ax: Axes, top: float, heights: tuple[float, float], signal: str, turns: int | Fraction | None
-) -> None:
+def _set_spectrum(ax: Axes, top: float, heights: tuple[float, float], signal: str, units: Units | None) -> None:
     ax.set_yscale("log")
-    ax.set(xlim=(0.0, top), ylim=heights, xlabel=order_words(turns), ylabel=f"amplitude of {signal}")
+    ax.set(xlim=(0.0, top), ylim=heights, xlabel=order_words(units), ylabel=f"amplitude of {signal}")
 
 
 # ------------------------------------------------------------------------------------------------------ two motions
@@ -109,14 +107,15 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
 
 
 def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
-    turns = pair.spectra[0].system.turns
+    units = pair.spectra[0].system.units
     if pair.agreement is not None:
-        _draw_lines(ax, pair.agreement.lines, pair.signal, turns)
+        _draw_lines(ax, pair.agreement.lines, pair.signal, units)
         return
     largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
     for found, look in zip(pair.spectra, (_FIRST, _SECOND), strict=True):
         ax.plot(found.orders[1:], found.amplitudes[1:], **look.options(0.7))
-    _set_spectrum(ax, 8.0 * float(turns or 1), (1e-4 * largest, 3.0 * largest), pair.signal, turns)
+    top = 8.0 * float(pair.spectra[0].system.turns or 1)
+    _set_spectrum(ax, top, (1e-4 * largest, 3.0 * largest), pair.signal, units)
 
 
 def _contrast_title(found: Contrast) -> str:
@@ -164,7 +163,7 @@ def draw_alignment(
         height_ratios=[1.15, 1.0],  # type: ignore[arg-type]
     )
     _draw_record(axes["history"], found)
-    _draw_lines(axes["lines"], found.agreement.lines, found.signal.name, found.orbit.system.turns)
+    _draw_lines(axes["lines"], found.agreement.lines, found.signal.name, found.orbit.system.units)
     _draw_rest(axes["rest"], found)
     agreed = found.agreement
     words = f"rms error {agreed.rms:.4g} ({agreed.relative:.2%} of the record's), correlation {agreed.correlation:.5f}"

@@ -33,6 +33,7 @@ _ONE = 6.0  # distance, in points, below which two symbols of one kind share a n
 # without its light end, which is invisible on white; perceptually uniform for any colour vision
 _COLOURS = LinearSegmentedColormap.from_list("members", mpl.colormaps["viridis"](np.linspace(0.0, 0.88, 128)))
 _SMALL = 0.62  # factor on the symbols of special points, of which a family has many
+_ROOM = 0.15  # beside loci, as a share of the range that they reach
 _THIN = 0.75  # factor on the line width of members, of which there are several
 _MOST_TICKS = 12
 
@@ -63,7 +64,8 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     legend
         True for a legend.
     """
-    ax.set(xlim=chart.within[0], ylim=chart.within[1])
+    xlim, ylim = _shown(chart)
+    ax.set(xlim=xlim, ylim=ylim)
     units = chart.sections[0].branches[0].system.units if chart.branches else None
     ax.set_xlabel(parameter_words(chart.first, units))
     ax.set_ylabel(parameter_words(chart.second, units))
@@ -81,6 +83,19 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     if legend:
         write_legend(ax, list(_map_entries(chart, found)))
     return partial(_name, ax, chart, found) if labels else None
+
+
+def _shown(chart: Map) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ranges to be shown: the whole plane; of loci that began on one section, the part that they reach."""
+    if len(chart.sections) != 1 or not chart.loci:
+        return chart.within
+    reached = np.vstack([locus.values for locus in chart.loci])
+    reached = np.vstack((reached, [reached[0, 0], chart.sections[0].value]))
+    ranges = []
+    for (low, high), values in zip(chart.within, reached.T, strict=True):
+        room = _ROOM * float(np.ptp(values)) or high - low
+        ranges.append((max(low, float(values.min()) - room), min(high, float(values.max()) + room)))
+    return ranges[0], ranges[1]
 
 
 def _periods(chart: Map) -> list[int]:

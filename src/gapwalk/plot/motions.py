@@ -33,8 +33,21 @@ from gapwalk.model.words import line_words, order_words, pace_words, parameter_w
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GREY, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
+from gapwalk.plot.sheet import NARROW, WIDE, AnyFigure, Inches, is_narrow, write_heading, write_legend
+from gapwalk.plot.style import (
+    AXIS,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    GUIDE,
+    PURPLE,
+    VERMILLION,
+    dots,
+    sheet_size,
+    stroke,
+    symbols,
+)
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
@@ -115,7 +128,8 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
         ax.axvline(level, **GUIDE.options(zorder=1))
     arguments = system.structure.contacts[index].law.arguments
     first = f"deflection {arguments[0]} of" if arguments[1:] else "deflection of"
-    ax.set_xlabel(f"{first} {signal_words(contact, system.units)}")
+    words = f"{first} {signal_words(contact, system.units)}"
+    ax.set_xlabel(words.replace(f" of {contact}", "") if is_narrow(ax.figure) else words)
     ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
 
 
@@ -169,7 +183,8 @@ def draw_section(
     ax.set_xlabel(signal_words(first, found.system.units))
     ax.set_ylabel(signal_words(second, found.system.units))
     if heading:
-        ax.set_title(f"section at {found.text}", fontsize="small")
+        broken = "\n" if is_narrow(ax.figure) else " "
+        ax.set_title(f"section at{broken}{found.text}", fontsize="small")
 
 
 @draws(Spectrum)
@@ -201,7 +216,7 @@ def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels
     ax.set_xlim(0.0, top)
     ax.set_ylim(floor, 4.0 * (largest or 1.0))
     ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
-    ax.set_xlabel(order_words(found.system.turns))
+    ax.set_xlabel(order_words(found.system.units))
     ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
     named = [
         Label(line_words(peak.name), peak.order, peak.amplitude)
@@ -219,7 +234,13 @@ def _top(found: Spectrum, largest: float) -> float:
     return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))
 
 
-@draws(Settled, Attractor, panels=True, size=(9.0, 5.8))
+def _settled_size(motion: Settled | Attractor, *_: object, **__: object) -> Inches:
+    if sheet_size(9.0, 5.8)[0] >= NARROW:
+        return 9.0, 5.8
+    return 9.0, 12.0 if _as_settled(motion).system.structure.contacts else 14.0
+
+
+@draws(Settled, Attractor, panels=True, size=_settled_size)
 def draw_settled(
     motion: Settled | Attractor,
     figure: AnyFigure,
@@ -255,11 +276,15 @@ def draw_settled(
     signal = signal or system.coordinates[0]
     contacts = system.structure.contacts
     lower: list[Any] = ["spectrum", "section", *(["loop"] if contacts else [])]
-    axes = figure.subplot_mosaic(
-        [cast(list[Any], ["history"] * len(lower)), lower],
-        width_ratios=[1.25, 1.0, 1.0][: len(lower)],
-        height_ratios=[1.0, 1.25],  # type: ignore[arg-type]
-    )
+    if is_narrow(figure):
+        rows = [["history"] * 2, ["spectrum"] * 2, lower[1:] * (3 - len(lower[1:]))]
+        axes = figure.subplot_mosaic(cast(list[Any], rows), height_ratios=[1.0, 1.0, 1.25])  # type: ignore[arg-type]
+    else:
+        axes = figure.subplot_mosaic(
+            [cast(list[Any], ["history"] * len(lower)), lower],
+            width_ratios=[1.25, 1.0, 1.0][: len(lower)],
+            height_ratios=[1.0, 1.25],  # type: ignore[arg-type]
+        )
     period = settled.period or 0
     length = period * -(-6 // period) if period else _LONG
     draw_history(integrate(system, settled.state, max(length, 6), _SMOOTH), axes["history"], signal)
@@ -358,7 +383,7 @@ def fill_waterfall(found: Waterfall, ax: Axes, depth: float = _WATERFALL_DEPTH) 
     time = "time" + " [s]" * bool(found.units)
     words = time if found.parameter == "time" else parameter_words(found.parameter, found.units)
     ax.set_xlabel(words + (", along the branch" if len(turns) else ""))
-    ax.set_ylabel(order_words(found.turns))
+    ax.set_ylabel(order_words(found.units))
     return mesh
 
 

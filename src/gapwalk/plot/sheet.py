@@ -30,7 +30,8 @@ WIDE: Inches = (8.0, 4.8)
 
 _PACKED = 3  # compression level, of 9: without opacity files are as small as at 6, in two thirds of the time
 _BESIDE = 1.2  # spaces next to the line of each entry of a legend, in sizes of its letters
-_NARROW = 4.0  # inches of a sheet up to which the lines and the spaces of a legend are short
+NARROW = 4.0  # inches of a sheet up to which the lines and the spaces of a legend are short
+_OVER = 1.2  # height of a label, as a factor of its panel's, from which it meets that of the next one
 _FILL_COLUMNS = 6  # most columns of a legend of fills
 
 
@@ -95,6 +96,8 @@ def lay_out(figure: Figure, *, keep: bool = False) -> None:
             engine.execute(figure)
         elif keep:
             figure.draw_without_rendering()
+    for ax in figure.axes:
+        shorten_label(ax)
     if engine is not None and not keep:
         figure.set_layout_engine(None)
 
@@ -145,7 +148,7 @@ def write_legend(
         return
     fills = any(isinstance(handle, Patch) for handle in handles)
     figure: Any = place.figure if isinstance(place, Axes) else place
-    narrow = figure.figure.get_figwidth() < _NARROW
+    narrow = is_narrow(figure)
     size: dict[str, Any] = {"columnspacing": 0.9 if narrow else 1.6}
     size["handlelength"] = 1.3 if fills else 2.3 if narrow else 2.9
     if note:
@@ -171,14 +174,31 @@ def _columns(figure: AnyFigure, handles: Sequence[Artist], spaces: Mapping[str, 
     unit = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0]
     widths = unit * (np.array(texts) + (spaces["handlelength"] + spaces["columnspacing"] + _BESIDE) * size)
     room = figure.bbox.width
-    return next((n for n in range(wanted, 1, -1) if sum(map(max, np.array_split(widths, n))) < room), 1)
+
+    def fits(columns: int) -> bool:
+        return sum(map(max, np.array_split(widths, columns))) < room
+
+    most = next((n for n in range(wanted, 1, -1) if fits(n)), 1)
+    even = -(-count // -(-count // most))  # as many rows, but none with a single entry
+    return even if fits(even) else most
+
+
+def is_narrow(figure: AnyFigure) -> bool:
+    """Return True if a picture is as narrow as a column of a journal."""
+    return figure.figure.get_figwidth() < NARROW
 
 
 def shorten_label(ax: Axes) -> None:
-    """Leave out what stands in brackets in the label of a vertical axis that would be cut off, after the layout."""
+    """Leave out what stands in brackets in the label of a vertical axis that does not fit, after the layout.
+
+    It is cut off at an edge of the picture, or reaches into the next panel.
+    """
+    if not ax.get_ylabel() or ax.name == "3d":
+        return
     box, figure = ax.yaxis.label.get_window_extent(), ax.figure.figure
-    if box.y0 < 0.0 or box.y1 > figure.bbox.height:
-        ax.set_ylabel(re.sub(r"\s*\([^)]*\)", "", ax.get_ylabel()))
+    is_high = len(figure.axes) > 1 and box.height > _OVER * ax.get_window_extent().height
+    if box.y0 < 0.0 or box.y1 > figure.bbox.height or is_high:
+        ax.set_ylabel(re.sub(r"\s+\([^)]*\)", "", ax.get_ylabel()))
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from textwrap import fill
 
 from matplotlib.axes import Axes
 
@@ -15,6 +16,7 @@ from gapwalk.plot.style import BLACK, GREY, stroke, symbols
 
 _QUIET = "#e4f0e2"
 _GOLD = "#f3c55b"
+_LINE = 60  # letters in a line of a reason why nothing is drawn
 
 
 @draws(Threshold, panels=True)
@@ -49,6 +51,11 @@ def draw_threshold(found: Threshold, ax: Axes) -> Finish | None:
         ax.axhline(found.value, **stroke(GREY, 0.9, "-", zorder=2))
         ax.plot([found.at], [found.value], zorder=6, **symbols("*", 12.0, _GOLD, BLACK))
         entries += [("nothing rattles", _QUIET), ("limit", symbols("*", 9.0, _GOLD, BLACK))]
+    if not found.loci:
+        text = ". ".join((*found.notes, *found.failures)) or "nothing was followed"
+        options = {"ha": "center", "va": "center", "color": GREY, "transform": ax.transAxes}
+        ax.grid(False)
+        ax.text(0.5, 0.5, fill(text.replace("$", r"\$"), _LINE), **options)
     write_legend(ax, entries)
     return None if found.limit is None else partial(_name, ax, found)
 

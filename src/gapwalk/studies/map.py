@@ -214,8 +214,10 @@ class Map(Shown):
         yield f"{ranges}: {loci}{self._counts and f', {self._counts}'}"
         special = sum(len(branch.special_points) for branch in self.branches)
         values = ", ".join(f"{section.value:.6g}" for section in self.sections)
+        where = "sections" if len(self.sections) > 1 else "the section"
         yield (
-            f"started from {special} special points of {len(self.branches)} branches, on sections at "
+            f"started from {special} special point{'s' * (special != 1)} of {len(self.branches)} "
+            f"branch{'es' * (len(self.branches) != 1)}, on {where} at "
             f"{symbols[1]} = {values}"
         )
         for name, locus in zip(self.names, self.loci, strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, closing, nullcontext
 from typing import Any, TypeVar
 
@@ -71,6 +71,18 @@ def run_study(
     if result is None or not result.interrupted:
         raise KeyboardInterrupt  # there is nothing to keep, or a second Ctrl-C came before the first was noted
     raise Interrupted(result)
+
+
+def check_work(studies: Iterable[Study]) -> None:
+    """Raise a ModelError that says which of some studies no work can do, before any of them is computed."""
+    problems = []
+    for study in studies:
+        try:
+            study.options.work(study.system)
+        except ModelError as error:
+            problems.append(f"study {study.name}: {error}" if study.name else str(error))
+    if problems:
+        raise ModelError("\n".join(problems))
 
 
 def call(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
@@ -17,11 +17,13 @@ from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
 from gapwalk.model.contact import RIGID, Side
 from gapwalk.model.contact_parts import OF_FRICTION
+from gapwalk.model.drivetrain.train_file import describes_train
 from gapwalk.model.drivetrain.train_sheet import train_of_sheet
-from gapwalk.model.laws import FRICTION, law_parameters
+from gapwalk.model.laws import FRICTION, LAWS, law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_files, read_parts
 from gapwalk.model.model_source import Source, parse_source, read_source
+from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.named_file import read_named
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
@@ -29,6 +31,7 @@ from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derived_schema import DerivedPart, all_keys, study_schema
 from gapwalk.studies.measure import check_measurement
+from gapwalk.studies.measure_doubts import measure_doubts
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
 from gapwalk.studies.set_values import (
@@ -98,24 +101,42 @@ def _load(kind: type[Load], table: Mapping[str, Any], direction: Mapping[str, fl
 def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
     """Return a placeholder for a contact, with the same parameters."""
     found = _taken(table, ("name",))
-    found |= _taken(table, ("law",)) | dict.fromkeys((key for key in law_parameters("parameters") if key in table), 0.0)
+    numbers = [key for key in law_parameters("parameters") if key in table]
+    found |= _law(table, numbers) | dict.fromkeys(numbers, 0.0)
     found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
     found |= dict.fromkeys((key for key in OF_FRICTION if key in table), 1.0)
     stages = table.get("stage")
     if stages is None or not _is_list_of_tables(stages):
-        return {**found, **_taken(table, ("side",), Side), "clearance": 0.0, **_spring(table)}
+        whole = {**table, **found}
+        return {**found, **_taken(table, ("side",), Side), "clearance": _clearance(whole), **_spring(whole)}
     found["stage"] = [
         {
             **_taken(stage, ("name",)),
             **_taken(stage, ("side",), Side),
             **dict.fromkeys((key for key in OF_FRICTION[:1] if key in stage), 1.0),
             **({"restitution": 0.0} if RIGID in stage.values() else {}),
-            "clearance": float(place),
+            "clearance": place + _clearance(stage),
             **_spring(stage),
         }
         for place, stage in enumerate(stages)
     ]
     return found
+
+
+def _law(table: Mapping[str, Any], numbers: Sequence[str]) -> dict[str, Any]:
+    """Return the law of a contact; if there is none of this name, the first that has the same parameters."""
+    given_law = table.get("law")
+    if not isinstance(given_law, str) or given_law in (*LAWS, RIGID):
+        return _taken(table, ("law",))
+    if "restitution" in table:
+        return {"law": RIGID}
+    fitting = [name for name, law in LAWS.items() if {each.name for each in law.parameters}.issuperset(numbers)]
+    return {"law": fitting[0]} if fitting else {}
+
+
+def _clearance(table: Mapping[str, Any]) -> float:
+    """Return a placeholder for a clearance: a gap, for a rigid stop without one would lock its deflection."""
+    return 0.0 if table.get("clearance", 1.0) == 0.0 and RIGID not in table.values() else 1.0
 
 
 def _spring(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -186,6 +207,11 @@ class Study:
         return self.options
 
     @property
+    def doubts(self) -> list[str]:
+        """Doubts about the damping of the system and about the measure that is shown, in sentences."""
+        return [*dissipation_doubts(self.system), *measure_doubts(self.system, self.options)]
+
+    @property
     def unused_words(self) -> list[str]:
         """Unused tables of the file with the reason, in words; only studies of branches have such tables."""
         return [f"not used: [{table}], for method is {self.walked.method.name}" for table in self.unused]
@@ -214,7 +240,7 @@ def read_study(
     Raises
     ------
     ModelFileError
-        With all problems of the file, each with its line.
+        With all problems of the file, each with its line; those of other studies are left out if a name is given.
     ModelError
         If there is no study of that name, or the file has several and no name is given.
 
@@ -225,11 +251,13 @@ def read_study(
     >>> study.options.end
     1.3
     """
-    return _one_of(read_studies(path, changes), name, "the text" if isinstance(path, io.StringIO) else os.fspath(path))
+    return check_study(read_source(path), changes, name)
 
 
 def read_studies(
-    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None
+    path: str | os.PathLike[str] | io.StringIO,
+    changes: Mapping[str, object] | None = None,
+    names: Sequence[str] = (),
 ) -> tuple[Study, ...]:
     """Read a model file with all of its studies, in their order; parameters and errors as `read_study`.
 
@@ -237,6 +265,8 @@ def read_studies(
     ----------
     path, changes
         As in `read_study`.
+    names
+        Names of the studies to read, by default all. Those that are left out may have errors.
 
     Returns
     -------
@@ -249,7 +279,7 @@ def read_studies(
     >>> [each.title for each in gw.studies.read_studies(io.StringIO(file))]
     ['A sprung mass with a stop']
     """
-    return check_studies(read_source(path), changes)
+    return check_studies(read_source(path), changes, names)
 
 
 def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
@@ -273,11 +303,18 @@ def check_study(source: Source, changes: Mapping[str, object] | None = None, nam
     >>> gw.studies.check_study(parse_source(file)).title
     'A sprung mass with a stop'
     """
-    return _one_of(check_studies(source, changes), name, source.name)
+    studies = check_studies(source, changes, (name,) if name else ())
+    if len(studies) == 1:
+        return studies[0]
+    names = ", ".join(study.name for study in studies)
+    raise ModelError(f"{source.name or 'the text'} has {len(studies)} studies, so give the name of one: {names}")
 
 
-def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
-    """Return the studies that a source describes; see `read_studies`."""
+def check_studies(
+    source: Source, changes: Mapping[str, object] | None = None, names: Sequence[str] = ()
+) -> tuple[Study, ...]:
+    """Return the studies that a source describes, or those of some names; see `read_studies`."""
+    _check_names(source, names)
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
     model, found = check_model(source)
@@ -295,11 +332,16 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
         example = 'add [study] with kind = "response", parameter, from and to'
         problems.append(source.problem(f"is missing; {example}", ("study",)))
         problems += _changed(sketch, source, {}, rest)[1]
-    studies = []
-    for at in tables:
-        study, found = _check_table(source, at, None if problems else model, sketch, rest, asked, reduction)
+    studies, sound = [], None if problems else model
+    for at, table in tables.items():
+        if names and table.get("name") not in names:
+            continue
+        study, found = _check_table(source, at, sound, sketch, rest, asked, reduction)
         studies.append(study)
         problems += found
+    if any(each.message.endswith(f"did you mean {pace}?") for each in problems for pace in PACES):
+        # it is there, under another name
+        problems = [each for each in problems if (each.path, each.message[:10]) != ("frequency", "is missing")]
     if model is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
     return tuple(study for study in studies if study)
@@ -390,29 +432,29 @@ def _frequency_problems(source: Source, at: Path, system: System | None) -> Iter
     """Report a missing frequency if the study does not give one; a misspelt parameter may be meant for it."""
     table = study_tables(source)[at]
     walked = walked_parameters(table)
-    kind = table.get("kind")
+    kind, pace = table.get("kind"), 'speed = "1500 rpm"' if describes_train(source.data) else "frequency = 1.0"
+    named = f"study {given(table['name'])}" if isinstance(table.get("name"), str) else "the study"
+    write = f"write it at the top of the file, as in {pace}, or in the study, as in set = {{ {pace} }}"
     known_kind = kind_of(kind) if isinstance(kind, str) and kind in kinds() else None
     if known_kind is not None and known_kind.gives_frequency:
         return
     if known_kind is not None and "parameter" not in study_schema(known_kind).model_fields:
-        yield source.problem("is missing; the study walks nothing, so give the frequency of the study", ("frequency",))
+        yield source.problem(f"is missing; {named} walks nothing: {write}", ("frequency",))
     known = [name for name in walked if system is None or name in system.structure.names]
     if known == walked and walked and not any(name in walked for name in PACES):
-        message = f"is missing; the study walks {' and '.join(walked)}, so give the frequency of the study"
+        message = f"is missing; {named} walks {' and '.join(walked)}: {write}"
         yield source.problem(message, ("frequency",))
 
 
-def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
-    """Return the study with a name, or the only one."""
-    named = [study for study in studies if study.name == name] if name else list(studies)
-    if len(named) == 1:
-        return named[0]
-    known = [study.name for study in studies if study.name]
-    if name and not known:
-        raise ModelError(f"{file} has one study, which has no name; leave the name {name!r} out")
-    if name:
-        raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
-    raise ModelError(f"{file} has {len(studies)} studies, so give the name of one: {', '.join(known)}")
+def _check_names(source: Source, names: Iterable[str]) -> None:
+    """Raise a ModelError for the first name that no study of a source has."""
+    known = [name for table in study_tables(source).values() if isinstance(name := table.get("name"), str) and name]
+    file = source.name or "the text"
+    for name in names:
+        if not known:
+            raise ModelError(f"{file} has one study, which has no name; leave the name {name!r} out")
+        if name not in known:
+            raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
 
 
 def template() -> str:

@@ -50,8 +50,8 @@ class StudyKind:
     """Name of this kind of study in a model file."""
 
     reports: ClassVar[str] = "parts"
-    """Reports of a run: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map, or parts
-    of the work."""
+    """Reports of a run: ``points`` of a branch, ``branches`` of a diagram, ``sections and loci`` of a map,
+    ``branches and families`` of tori, whose number is not known before, or parts of the work."""
 
     gives_frequency: ClassVar[bool] = False
     """True if the study gives the frequency itself, without a parameter, so that the model need not."""

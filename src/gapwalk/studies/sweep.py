@@ -25,15 +25,20 @@ class Way(StrEnum):
     Examples
     --------
     >>> [way.value for way in gw.studies.Way]
-    ['up', 'down', 'afresh']
+    ['up', 'down', 'again']
     """
 
     UP = "up"
     """From the lowest to the highest, the state carried over."""
     DOWN = "down"
     """From the highest to the lowest, the state carried over."""
-    AFRESH = "afresh"
+    AGAIN = "again"
     """At each value from the start again."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> Way | None:
+        """Read its earlier name, which older files have."""
+        return cls.AGAIN if value == "afresh" else None
 
     @property
     def number(self) -> int:
@@ -80,7 +85,7 @@ class SweepOptions:
     steps
         Number of values, spread evenly over the range, both ends included.
     ways
-        ``"up and down"``, ``"up"``, ``"down"``, or ``"afresh"``: each value begins from the starts. Any of them may
+        ``"up and down"``, ``"up"``, ``"down"``, or ``"again"``: each value begins from the starts. Any of them may
         be joined by "and".
     points
         Section points at each value: states a forcing period apart, once the transient has settled.
@@ -151,9 +156,10 @@ class SweepOptions:
             If one of them is unknown or occurs twice.
         """
         words = [word.strip() for word in self.ways.split(" and ")]
+        words = [str(Way.AGAIN) if word == "afresh" else word for word in words]  # as older files say
         if not set(words) <= set(Way) or len(set(words)) < len(words):
             raise ModelError(
-                f'ways is {self.ways!r}; write "up and down", "up", "down" or "afresh", or several joined by "and"'
+                f'ways is {self.ways!r}; write "up and down", "up", "down" or "again", or several joined by "and"'
             )
         return tuple(Way(word) for word in words)
 
@@ -189,7 +195,7 @@ class Lane:
     @property
     def is_carried(self) -> bool:
         """True if the state is carried over from one value to the next; otherwise each begins at the start."""
-        return self.way is not Way.AFRESH
+        return self.way is not Way.AGAIN
 
     def __repr__(self) -> str:
         return f"Lane({self.way}, start {self.start})"

@@ -43,6 +43,7 @@ class ToriStudy(BranchOptions):
     """
 
     kind: ClassVar[str] = "tori"
+    reports: ClassVar[str] = "branches and families"
 
     max_period: Annotated[int, Counted] = 2
     max_branches: Annotated[int, Counted] = 200

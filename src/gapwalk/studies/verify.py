@@ -7,6 +7,7 @@ import os
 from dataclasses import replace
 from itertools import chain
 
+from gapwalk.answers.threshold import Threshold
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError, NumericalError
@@ -37,7 +38,9 @@ from gapwalk.verification import (
 )
 from gapwalk.verification.verification import Advance
 
-Verifiable = Branch | Diagram | Map | Family | TorusDiagram | TorusFamily | Torus | Rests | SelfExcited | Result
+Verifiable = (
+    Branch | Diagram | Map | Family | Threshold | TorusDiagram | TorusFamily | Torus | Rests | SelfExcited | Result
+)
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
@@ -51,7 +54,7 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     Parameters
     ----------
     what
-        A branch, a diagram, a map, a family, tori, equilibria with self-excited motions, a result, or the
+        A branch, a diagram, a map, a family, tori, a threshold, equilibria with self-excited motions, a result, or the
         name of a result file. An incomplete result is verified as far as it goes.
     report
         Called with a word for what is verified, the number of pieces that are done, and the number of all.
@@ -84,8 +87,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
         return verified_result(what, report)[1]
     if not isinstance(what, Verifiable):
         raise ModelError(
-            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, tori, a result, or the name "
-            'of a result file, as in gw.verify("clutch.gapwalk")'
+            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, tori, a threshold, a result, "
+            'or the name of a result file, as in gw.verify("clutch.gapwalk")'
         )
     ledger = Ledger()
     _verify(ledger, what, report)
@@ -121,6 +124,11 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 verify_branches(ledger, named, report, what.within)
                 verify_distinct(ledger, named)
             ledger.note("the joints between the members of a family are not verified, their branches are")
+        case Threshold():
+            if not what.loci:
+                raise ModelError(f"there is no locus to verify: {what.sentence}")
+            verify_loci(ledger, [(f"L{k}", locus) for k, locus in enumerate(what.loci, start=1)], report)
+            ledger.note("the loci of the threshold are verified, not the motions that were tried beyond it")
         case Torus():
             verify_torus(ledger, what, Spot("the torus", "its curve", what.system.frequency))
         case Rests():
@@ -160,11 +168,12 @@ def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) ->
 def _found(result: Result) -> Verifiable:
     """Return the record of a result that can be verified."""
     if result.finding is not None:
-        if isinstance(result.finding.record, Family | TorusDiagram | SelfExcited):
-            return result.finding.record
+        record = result.finding.record
+        if isinstance(record, Family | Threshold | TorusDiagram | SelfExcited):
+            return record
         raise ModelError(
-            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps, "
-            "families, tori and self-excited motions have"
+            f"this result of the kind {result.options.kind} has neither branches nor loci to verify; those of "
+            "responses, diagrams, maps, families, tori, thresholds and self-excited motions have"
         )
     return result.map or result.diagram or result.branches[0]
 

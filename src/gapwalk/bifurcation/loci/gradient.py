@@ -34,6 +34,7 @@ _BATCH = 4  # parameters whose sensitivities are integrated together
 _MANY = 400  # names above which only those of single numbers, not of vectors and matrices, are taken by default
 _ASIDE = 1e-5  # scaled distance from the special point at which its equations must be solved
 _ROUNDING = 1e-12  # relative error of a slope from first derivatives
+_NOTHING = 1e-10  # share of the largest effect below which one is rounding: such as a frequency at an extremum over it
 _FAINT = 1e-4  # error of a slope, relative to the largest one in percent per percent, above which it is reported
 
 
@@ -90,6 +91,19 @@ class Gradient(Shown):
     def order(self) -> list[int]:
         """Indices of the parameters, from the one that moves the point most, in percent per percent, to the least."""
         return np.argsort(-np.abs(self.elasticities), kind="stable").tolist()
+
+    @property
+    def distinct(self) -> list[int]:
+        """Indices as in `order`, without factors that only repeat the amplitude of their load.
+
+        Where a load acts on one coordinate, ``harmonic1.acts_on.x`` multiplies ``harmonic1.amplitude``.
+        """
+        system, repeated = self.special.orbit.system, set[str]()
+        every = system.structure.names
+        for load in system.structure.driving if len(every) <= _MANY else ():
+            factors = [name for name in every if name.startswith(f"{load.shape}.") and system[name]]
+            repeated.update(factors if len(factors) == 1 else ())
+        return [k for k in self.order if self.names[k] not in repeated]
 
     @summarizes
     def summary(self) -> SummaryParts:
@@ -149,7 +163,8 @@ class Gradient(Shown):
             Such as ``stop.clearance -0.149, damping.x.x -0.0519``.
         """
         shares = self.elasticities
-        return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.order[:count] if shares[k])
+        least = _NOTHING * float(np.nanmax(np.abs(shares), initial=0.0))
+        return ", ".join(f"{self.names[k]} {shares[k]:+.3g}" for k in self.distinct[:count] if abs(shares[k]) > least)
 
     def __repr__(self) -> str:
         most = self.words(_FIRST)

@@ -191,9 +191,27 @@ function showEmpty() {
 function whyEmpty() {
   const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
   const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  if (!over.length && storedBeside().length) return ["A run has stored ", ...storedBeside().flatMap(openLink), ". ", bold("Compute"), " computes here."];
   if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked."];
   if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
   return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
+}
+
+/** Results of `gapwalk run` beside the model: model.gapwalk, or model-study.gapwalk. */
+function storedBeside() {
+  const stem = page.about?.file.replace(/\.toml$/, "");
+  return [...$("file").options].map(({ value }) => value).filter((name) => name === `${stem}.gapwalk` || (name.startsWith(`${stem}-`) && name.endsWith(".gapwalk")));
+}
+
+/** A link that opens a file in place of the model, after a comma if it is not the first. */
+function openLink(name, index) {
+  const link = Object.assign(document.createElement("a"), { href: `#${encodeURIComponent(name)}`, textContent: name });
+  link.addEventListener("click", (event) => {
+    event.preventDefault();
+    $("file").value = name;
+    $("file").dispatchEvent(new Event("change"));
+  });
+  return index ? [", ", link] : [link];
 }
 
 const axes = () => ({ x: $("x").value, y: $("y").value });

@@ -226,7 +226,8 @@ class Train:
             else replace(each, order=int(each.turn_order / turns))
             for each in self.harmonics
         ]
-        units = replace(self.units, turns=int(turns) if turns.denominator == 1 else turns)
+        counted = int(turns) if turns.denominator == 1 else turns
+        units = replace(self.units, turns=counted, shaft=self.reference)
         for name, value in {"frequency": self.speed, "speed": None, "harmonics": tuple(loads), "units": units}.items():
             object.__setattr__(self, name, value)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from gapwalk.flow.motion import force_of
+from gapwalk.model.loads import Harmonic
 from gapwalk.model.structure import ContactForm, StageForm
 from gapwalk.model.system import System
 
@@ -17,6 +18,34 @@ STAGES = ("2nd stage", "3rd stage", "4th stage")
 """Names of the stages of a contact after the first one."""
 
 _PAIRS = 3  # of stages that are drawn one by one
+
+
+@dataclass(frozen=True)
+class Push:
+    """A load on a body.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    way
+        1 if it pushes along the displacement of the body, to the right in a drawing; -1 if against it. For a harmonic
+        load this is its direction at its maximum.
+    """
+
+    name: str
+    way: int
+
+    @classmethod
+    def of(cls, name: str, amount: float) -> Push:
+        """Return the push of a load by some amount along the displacement of a body."""
+        return cls(name, 1 if amount > 0.0 else -1)
+
+    @property
+    def label(self) -> str:
+        """Its name; or, if the file gives a harmonic load none, its order: ``order 2``."""
+        order = self.name.removeprefix(Harmonic.key).replace("_", ".")
+        return f"order {order}" if order[:1].isdigit() and self.name.startswith(Harmonic.key) else self.name
 
 
 @dataclass(frozen=True)
@@ -34,15 +63,20 @@ class Body:
         Its mass or inertia; 0 if it is only a place.
     signal
         Signal that says how it moves; empty if there is none.
-    loads
-        Names of the loads on it.
+    pushes
+        The loads on it.
     """
 
     name: str
     row: tuple[tuple[int, float], ...]
     mass: float = 0.0
     signal: str = ""
-    loads: tuple[str, ...] = ()
+    pushes: tuple[Push, ...] = ()
+
+    @property
+    def loads(self) -> tuple[str, ...]:
+        """Names of the loads on it."""
+        return tuple(push.name for push in self.pushes)
 
 
 @dataclass(frozen=True)

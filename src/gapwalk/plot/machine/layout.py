@@ -8,7 +8,7 @@ from itertools import pairwise, zip_longest
 
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.plot.machine.elements import BASE, Element, Machine
+from gapwalk.plot.machine.elements import BASE, Element, Machine, Push
 from gapwalk.plot.machine.glyphs import HEIGHT, LETTER, Moves, Pen, Span, draw_element, fitted, height_of, length_of
 from gapwalk.plot.machine.of_matrices import machine_of_matrices
 from gapwalk.plot.machine.of_train import machine_of_train
@@ -245,7 +245,7 @@ def _draw_nodes(
         if node.kind != WALL:
             _draw_body(pen, machine, node, places[place], (top, height), names[place])
         if place in loads:
-            _draw_loads(pen, machine.bodies[node.body].loads, node.body, places[place], top, loads[place])
+            _draw_loads(pen, machine.bodies[node.body].pushes, node.body, places[place], top, loads[place])
     pen.part = -1
     for place, node in enumerate(piece.row.nodes):
         if node.kind == WALL:
@@ -290,11 +290,18 @@ def _draw_body(
     _beside(pen, "name", body.name, middle, bottom + 12.0, room)
 
 
-def _draw_loads(pen: Pen, names: Sequence[str], body: int, across: _Pair, top: float, room: _Pair) -> None:
-    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are."""
+def _draw_loads(pen: Pen, pushes: Sequence[Push], body: int, across: _Pair, top: float, room: _Pair) -> None:
+    """Draw the arrow of loads above a body, with their names, or the first of them and how many more there are.
+
+    Loads in both directions have an arrow with two heads.
+    """
     x, y, moves = 0.5 * sum(across), top - 6.0, ((body, 1.0),)
-    pen.line("load", Point(x - 15.0, y, moves), Point(x + 9.0, y, moves))
-    pen.area("load-head", *(Point(x + dx, y + dy, moves) for dx, dy in ((16.0, 0.0), (8.0, -3.5), (8.0, 3.5))))
+    ways, names = {push.way for push in pushes}, [push.label for push in pushes]
+    left, right = (9.0 if way in ways else 15.0 for way in (-1, 1))
+    pen.line("load", Point(x - left, y, moves), Point(x + right, y, moves))
+    for way in sorted(ways):
+        head = ((16.0, 0.0), (8.0, -3.5), (8.0, 3.5))
+        pen.area("load-head", *(Point(x + way * dx, y + dy, moves) for dx, dy in head))
     text, wide = ", ".join(names), room[1] - room[0]
     if length_of(text) > wide and names[1:]:
         more = f" +{len(names) - 1}"

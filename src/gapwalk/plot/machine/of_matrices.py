@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
-from gapwalk.plot.machine.elements import BASE, Body, Element, Link, Machine, combination, elements_of
+from gapwalk.plot.machine.elements import BASE, Body, Element, Link, Machine, Push, combination, elements_of
 
 Array = NDArray[np.float64]
 
@@ -178,13 +178,12 @@ def _to_base(damping: Array, stiffness: Array, place: int) -> Iterator[Element]:
             yield Element(kind, name, f"{kind} to the base, {value:.4g}")
 
 
-def _loads(system: System) -> list[list[str]]:
-    found: list[list[str]] = [[] for _ in system.coordinates]
-    for load in system.structure.driving:
-        for place in np.flatnonzero(system.vector(load.shape)):
-            found[place].append(load.name)
-    for place in np.flatnonzero(system.vector("mean")):
-        found[place].append("mean")
+def _loads(system: System) -> list[list[Push]]:
+    found: list[list[Push]] = [[] for _ in system.coordinates]
+    vectors = [(load.name, system.vector(load.shape)) for load in system.structure.driving]
+    for name, vector in (*vectors, ("mean", system.vector("mean"))):
+        for place in np.flatnonzero(vector):
+            found[place].append(Push.of(name, vector[place]))
     return found
 
 
@@ -288,18 +287,20 @@ def _chain(system: System, order: list[int], signs: Array, inverse: Array) -> Ma
     return Machine(bodies, tuple(links), (note,), turns=True)
 
 
-def _loads_on_chain(system: System, order: list[int], signs: Array, numbers: list[int]) -> list[list[str]]:
+def _loads_on_chain(system: System, order: list[int], signs: Array, numbers: list[int]) -> list[list[Push]]:
     """Find on which inertias loads act: the fewest that accelerate the deflections as the loads do."""
-    found: list[list[str]] = [[] for _ in range(len(order) + 1)]
+    found: list[list[Push]] = [[] for _ in range(len(order) + 1)]
     vectors = [(load.name, system.vector(load.shape)) for load in system.structure.driving]
     for name, vector in (*vectors, ("mean", system.vector("mean"))):
         along = (vector / np.diag(system.matrix("mass")))[order] * signs[order]
         moved = np.concatenate(([0.0], -np.cumsum(along)))
         fixed = [place for place in range(len(moved)) if place not in numbers]
         shifts = moved[fixed[:1]] if fixed else moved
-        loaded = [np.abs(moved - shift) > _CLOSE * np.abs(moved).max() for shift in shifts]
+        amounts = [moved - shift for shift in shifts]
+        loaded = [np.abs(each) > _CLOSE * np.abs(moved).max() for each in amounts]
         # of equally few, those at the ends: an engine and what takes its mean torque
-        best = min(loaded, key=lambda each: (np.count_nonzero(each), np.count_nonzero(each[1:-1])))
-        for place in np.flatnonzero(best):
-            found[place].append(name)
+        counts = [(np.count_nonzero(each), np.count_nonzero(each[1:-1])) for each in loaded]
+        best = counts.index(min(counts))
+        for place in np.flatnonzero(loaded[best]):
+            found[place].append(Push.of(name, amounts[best][place]))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, TrainNumbers
 from gapwalk.model.drivetrain.train_form import LinkForm
 from gapwalk.model.system import System
-from gapwalk.plot.machine.elements import BASE, STAGES, Body, Element, Link, Machine, elements_of
+from gapwalk.plot.machine.elements import BASE, STAGES, Body, Element, Link, Machine, Push, elements_of
 
 MOST = 24
 """Inertias of a train that is drawn whole; of a longer one, only links with contacts are."""
@@ -21,13 +21,16 @@ def machine_of_train(system: System, assembly: TrainAssembly) -> Machine:
     form, numbers = assembly.form, assembly.numbers(system.values)
     speeds = np.real(numbers.speeds)
     rows = np.real(numbers.angles) / speeds[:, None]
-    loads: list[list[str]] = [[] for _ in form.inertias]
-    for torque in form.torques:
-        for number in torque.acts_on:
-            loads[number].append(torque.harmonic.name)
+    loads: list[list[Push]] = [[] for _ in form.inertias]
+    # a displacement is the angle divided by the speed: the torque of an inertia that turns backwards pushes back
+    acting = [torque.harmonic.name for torque in form.torques if torque.acts_on]
+    for name, sizes in zip(acting, numbers.torques[1:], strict=True):
+        for number in np.flatnonzero(sizes):
+            loads[number].append(Push.of(name, float(np.real(sizes[number])) * speeds[number]))
     for number, mean in enumerate(np.real(numbers.mean).tolist()):
         if mean:
-            loads[number].append("reaction" if number == form.reaction else "mean")
+            name = "reaction" if number == form.reaction else "mean"
+            loads[number].append(Push.of(name, mean * speeds[number]))
     bodies = tuple(
         Body(name, _row(row), float(mass), f"{name}''", tuple(loads[number]))
         for number, (name, row, mass) in enumerate(
