@@ -94,6 +94,7 @@ class TorusEventKind(StrEnum):
     DOUBLING = "change of one normal direction"
     PAIR = "change of two normal directions"
     RESONANCE = "resonance"
+    GRAZING = "a contact grazes along the tori"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,8 @@ class TorusEvent:
     ----------
     kind
         What happens: the family turns back (fold), one normal exponent passes zero elsewhere (as where the torus
-        doubles), two pass zero (as where a torus of three frequencies begins), or the rotation number is a fraction.
+        doubles), two pass zero (as where a torus of three frequencies begins), the rotation number is a fraction, or a
+        contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only piecewise.
     value
         Value of the parameter.
     uncertainty

@@ -25,7 +25,9 @@ from gapwalk.tori.torus_equation import TorusEquation
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions, torus_of
 
-_SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01)  # amplitudes of the first torus that are tried, in first steps
+# amplitudes of the first torus that are tried, in first steps; where a contact grazes next to the point, only the
+# smallest tori are smooth
+_SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
 _NEAR = 0.02  # distance of a rotation number from a fraction of small denominator that is mentioned
 _GRAZES = "a contact grazes along the smallest tori, which are not smooth"
 _UNKNOWN = "its tori may be locked, or not smooth"
@@ -64,12 +66,15 @@ class TorusStart:
         The range.
     end
         What is at the beginning: the Neimark-Sacker point, or the start of the walk.
+    fineness
+        Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
     """
 
     corrector: Corrector
     first: BranchPoint
     within: Range
     end: TorusEnd
+    fineness: float = 1.0
 
     @property
     def record(self) -> TorusPoint:
@@ -165,7 +170,7 @@ def _next_to(
         grazes = grazes or torus_at(first).grazes
         if first.value in within and _is_torus(torus_at(first), options):
             end = TorusEnd(TorusEndReason.BORN, value, turns % 1.0)
-            return TorusStart(corrector, first, within, end)
+            return TorusStart(corrector, first, within, end, min(1.0, amplitude))
     raise ConvergenceError(
         f"no torus was found next to the Neimark-Sacker point at {parameter} = {value:.9g} (rotation number "
         f"{turns:.6g}){_resonance_nearby(turns)}; {_GRAZES if grazes else _UNKNOWN}: settle() on either side shows "
@@ -175,7 +180,7 @@ def _next_to(
 
 def _is_torus(torus: Torus, options: TorusOptions) -> bool:
     """Return True if the curve has a size: Newton's method may converge to the orbit itself."""
-    return torus.size > 0.0 and torus.error <= max(options.accuracy, 1e-6)
+    return torus.size > 0.0 and torus.is_resolved and torus.error <= max(options.accuracy, 1e-6)
 
 
 def _resonance_nearby(turns: float) -> str:

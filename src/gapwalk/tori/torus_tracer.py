@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
@@ -24,7 +27,9 @@ _GROWN = 5.0  # growth of a curve beyond which its reference is another
 _STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
 _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothness is located
-_LEAPS = (2.0, 4.0, 8.0, 16.0)  # steps, over the last good one, by which a resonance is leapt over
+_LEAPS = (1.5, 2.0, 3.0, 4.0, 8.0, 16.0)  # lengths, over that of a good step, by which a resonance is leapt over
+_REMEMBERED = 16  # steps among which a good one is looked for, before the walk crept into a resonance
+_GOOD = 0.5  # length of a good step, as a share of the longest of them
 _REASONS = {
     EndReason.RANGE: TorusEndReason.RANGE,
     EndReason.TURNED_BACK: TorusEndReason.RANGE,
@@ -35,6 +40,23 @@ _REASONS = {
 }
 
 Step = tuple[TorusPoint, list[TorusEvent]]
+
+
+class _Stride(NamedTuple):
+    """An accepted step, with the corrector that made it."""
+
+    corrector: Corrector
+    start: BranchPoint
+    end: BranchPoint
+
+    @property
+    def length(self) -> float:
+        return self.end.arclength - self.start.arclength
+
+    @property
+    def turned(self) -> float:
+        """Change of the rotation number."""
+        return torus_at(self.end).rotation - torus_at(self.start).rotation
 
 
 class TorusTracer(Iterator[Step]):
@@ -51,8 +73,11 @@ class TorusTracer(Iterator[Step]):
     """
 
     def __init__(self, beginning: TorusStart, walk: WalkOptions, options: TorusOptions) -> None:
+        fine, first = beginning.fineness, walk.first_step
+        walk = replace(walk, initial_step=fine * first, smallest_step=fine * walk.smallest_step) if fine < 1.0 else walk
         self.beginning, self.options, self.steps = beginning, options, walk
-        self.corrector, self._recent, self._moved = beginning.corrector, walk.first_step, 0.0
+        self.corrector, self._moved = beginning.corrector, 0.0
+        self._strides: deque[_Stride] = deque(maxlen=_REMEMBERED)
         self.end: TorusEnd | None = None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
         self._pose_again(self.walk.state, beginning.first)
@@ -91,7 +116,7 @@ class TorusTracer(Iterator[Step]):
                 break
         if self.end is not None:
             raise StopIteration
-        self._recent = point.arclength - state.point.arclength
+        self._strides.append(_Stride(self.corrector, state.point, point))
         events = events_between(state.point, point, self.corrector, self.beginning.within)
         self._pose_again(self.walk.state, point)
         return TorusPoint(point.value, torus, point.arclength), events
@@ -181,7 +206,7 @@ class TorusTracer(Iterator[Step]):
             )
             return None
         near = resonance_near(torus.rotation)
-        leapt = None if near is None else self._leap(state, near)
+        leapt = self._leap(state)
         if leapt is not None:
             return leapt
         if near is None:
@@ -190,24 +215,36 @@ class TorusTracer(Iterator[Step]):
         self.end = self._locked(state.point, near)
         return None
 
-    def _leap(self, state: WalkState, ratio: Fraction) -> Step | None:
-        """Return the step to the other side of a resonance; None if no torus is found there."""
-        point = state.point
+    def _leap(self, state: WalkState) -> Step | None:
+        """Return the step to the other side of a resonance; None if no torus is found there.
+
+        Next to it the curve is distorted, and its tangent leads along the resonance. So the leap begins at the last
+        good step. The rotation number must go on in its direction. The resonance between both tori is told even if its
+        denominator is large: it has stopped the walk.
+        """
+        last = state.point
+        longest = max((stride.length for stride in self._strides), default=0.0)
+        good = next((each for each in reversed(self._strides) if each.length >= _GOOD * longest), None)
+        if good is None:
+            return None
+        corrector, point = good.corrector, good.end
         for longer in _LEAPS:
-            step = longer * max(self._recent, self.steps.first_step)
+            step = longer * good.length
             guess = point.x + step * point.tangent
-            found = self.corrector.correct(guess, point.tangent)
+            found = corrector.correct(guess, point.tangent)
             if found is None or np.linalg.norm(found.x - guess) > 0.5 * step:
                 continue
             try:
-                beyond = self.corrector.point(found, point.tangent, point.arclength + step)
+                beyond = corrector.point(found, point.tangent, last.arclength + step)
             except NumericalError:
                 continue
             torus = torus_at(beyond)
-            crossed = (torus.rotation - ratio) * (torus_at(point).rotation - ratio) < 0.0
-            if not crossed or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
+            goes_on = (torus.rotation - torus_at(last).rotation) * good.turned > 0.0
+            if not goes_on or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
                 continue
-            events = events_between(point, beyond, self.corrector, self.beginning.within)
-            self.walk = self._walk_from(WalkState(None, beyond, self.steps.first_step, state.count + 1))
+            events = events_between(point, beyond, corrector, self.beginning.within, leapt=True)
+            self.corrector = corrector
+            self._strides.append(good)  # the length and the direction that led over it
+            self.walk = self._walk_from(WalkState(None, beyond, good.length, state.count + 1))
             return TorusPoint(beyond.value, torus, beyond.arclength), events
         return None
