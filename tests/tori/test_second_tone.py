@@ -9,6 +9,30 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.errors import ModelError
 
+FILE = """
+coordinates = ["x"]
+stiffness = [[1.0]]
+damping = [[0.2]]
+
+[[contact]]
+name = "stop"
+deflection = { x = 1.0 }
+side = "positive"
+clearance = 0.2
+stiffness = 2.0
+
+[[harmonic]]
+amplitude = 0.5
+acts_on = { x = 1.0 }
+
+[study]
+kind = "tori"
+parameter = "frequency"
+from = 0.9
+to = 0.905
+tone = { amplitude = 0.1, acts_on = { x = 1.0 }, frequency = 1.2727922 }
+"""
+
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
 
@@ -80,6 +104,24 @@ def test_a_mass_that_hits_a_stop_as_simulated():
     on_torus = np.array([torus.state(way * (second * t - start))[[0, 2]] for t in times])
     simulated = run.y.T
     assert simulated == pytest.approx(on_torus, abs=1e-7)
+
+
+def test_in_a_model_file(tmp_path):
+    file = tmp_path / "two.toml"
+    file.write_text(FILE)
+    result = gw.run(gw.read_study(file), tmp_path / "two.gapwalk")
+    found = result.finding.record
+    (family,) = found.families
+    assert (found.starts, found.complete, family.ends[1].reason) == ((), True, gw.tori.TorusEndReason.RANGE)
+    assert family.rotations == pytest.approx(1.2727922 / family.values - 1.0, abs=1e-9)
+    again = gw.load(tmp_path / "two.gapwalk").finding.record
+    assert again.families[0].values == pytest.approx(family.values)
+    assert str(found.summary()).splitlines()[0] == "1 family of tori"
+    assert found.plot().axes
+    assert gw.verify(result).ok
+    file.write_text(FILE.replace("x = 1.0 }, frequency", "y = 1.0 }, frequency"))
+    with pytest.raises(ModelError, match="no coordinate"):
+        gw.run(gw.read_study(file), tmp_path / "other.gapwalk")
 
 
 def test_what_is_no_second_tone():
