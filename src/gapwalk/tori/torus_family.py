@@ -221,6 +221,8 @@ class TorusFamily(Shown):
         Folds, changes of stability and resonances, in order along the family.
     ends
         The two ends.
+    second
+        Name of the second parameter, with which the rotation number was kept; empty if it varied.
 
     Examples
     --------
@@ -234,6 +236,7 @@ class TorusFamily(Shown):
     points: tuple[TorusPoint, ...]
     events: tuple[TorusEvent, ...]
     ends: tuple[TorusEnd, TorusEnd]
+    second: str = ""
 
     @property
     def curves(self) -> int:
@@ -249,6 +252,11 @@ class TorusFamily(Shown):
     def rotations(self) -> NDArray[np.float64]:
         """Rotation number at each point, shape (points,)."""
         return np.array([point.torus.rotation for point in self.points])
+
+    @property
+    def second_values(self) -> NDArray[np.float64]:
+        """Value of the second parameter at each point, shape (points,); empty if there is none."""
+        return np.array([point.torus.system[self.second] for point in self.points if self.second])
 
     @property
     def complete(self) -> bool:
@@ -283,7 +291,7 @@ class TorusFamily(Shown):
         curves = "one curve" if self.curves == 1 else f"{self.curves} curves"
         yield (
             f"{len(self.points)} tori of {curves} along {self.parameter}, from {first.value:.8g} to {last.value:.8g}; "
-            f"{stable} are stable; rotation numbers from {self.rotations.min():.8g} to {self.rotations.max():.8g}"
+            f"{stable} are stable; {self._rotation_words}"
         )
         if self.events:
             yield Table(
@@ -303,12 +311,22 @@ class TorusFamily(Shown):
         for place, end in zip(("first", "last"), self.ends, strict=True):
             yield f"{place} end: {end}"
 
+    @property
+    def _rotation_words(self) -> str:
+        if not self.second:
+            return f"rotation numbers from {self.rotations.min():.8g} to {self.rotations.max():.8g}"
+        low, high = self.second_values[0], self.second_values[-1]
+        return f"the rotation number {self.rotations[0]:.8g} is kept by {self.second}, from {low:.8g} to {high:.8g}"
+
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of points and events."""
         return {
-            "tori": lambda: rows_of(map(row_of, self.points)),
+            "tori": lambda: rows_of(map(self._row_of, self.points)),
             "events": lambda: rows_of(map(row_of, self.events)),
         }
+
+    def _row_of(self, point: TorusPoint) -> dict[str, object]:
+        return {**row_of(point), **({"second": point.torus.system[self.second]} if self.second else {})}
 
     def __repr__(self) -> str:
         return (

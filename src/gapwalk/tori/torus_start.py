@@ -53,6 +53,14 @@ def equation_of(corrector: Corrector) -> CurveEquation:
 
 
 @dataclass(frozen=True, eq=False)
+class Second:
+    """A second parameter that varies so that the rotation number stays, and its range."""
+
+    name: str
+    within: Range
+
+
+@dataclass(frozen=True, eq=False)
 class TorusStart:
     """Beginning of a family in one direction.
 
@@ -68,6 +76,8 @@ class TorusStart:
         What is at the beginning: the Neimark-Sacker point, or the start of the walk.
     fineness
         Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
+    second
+        The second parameter, if the rotation number is kept.
     """
 
     corrector: Corrector
@@ -75,6 +85,7 @@ class TorusStart:
     within: Range
     end: TorusEnd
     fineness: float = 1.0
+    second: Second | None = None
 
     @property
     def record(self) -> TorusPoint:
@@ -83,17 +94,27 @@ class TorusStart:
 
 
 def starts_at(
-    start: Torus | SpecialPoint, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions, both: bool
+    start: Torus | SpecialPoint,
+    parameter: str,
+    within: Range,
+    options: TorusOptions,
+    walk: WalkOptions,
+    both: bool,
+    second: Second | None = None,
 ) -> list[TorusStart]:
     """Return the beginnings of the family of a torus in each direction, or of the tori next to a special point."""
     if isinstance(start, SpecialPoint):
+        if second is not None:
+            raise ModelError(
+                "a rotation number can be kept from a torus on; give one of the tori of follow_tori(point)"
+            )
         return [_next_to(start, parameter, within, options, walk)]
     if not isinstance(start, Torus):
         raise ModelError(
             f"tori are followed from a torus or a Neimark-Sacker point, not from {type(start).__name__}; "
             "gw.tori.find_torus(settled) finds the torus of a settled motion"
         )
-    return _from_torus(start, parameter, within, both)
+    return _from_torus(start, parameter, within, both, second)
 
 
 def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest: float, within: Range) -> Corrector:
@@ -104,11 +125,15 @@ def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest:
     )
 
 
-def _from_torus(torus: Torus, parameter: str, within: Range, both: bool) -> list[TorusStart]:
-    equation = CurveEquation(torus.system, parameter, torus.curves, torus.states)
+def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second: Second | None) -> list[TorusStart]:
+    equation, last = CurveEquation(torus.system, parameter, torus.curves, torus.states), torus.rotation
+    if second is not None:
+        last = torus.system[second.name]
+        kept = {"kept": torus.rotation, "second": second.name, "last_scale": second.within.width}
+        equation = replace(equation, **kept)
     corrector = corrector_of(equation, torus.states, 0.0, within)
     value = torus.system[parameter]
-    x = np.append(torus.states.ravel(), (torus.rotation, value)) / corrector.scales
+    x = np.append(torus.states.ravel(), (last, value)) / corrector.scales
     normal = np.zeros(len(x))
     normal[-1] = 1.0
     found = corrector.correct(x, normal)
@@ -119,7 +144,7 @@ def _from_torus(torus: Torus, parameter: str, within: Range, both: bool) -> list
     # towards the end of the range; both ways if two ends were given
     ahead = 1.0 if within.high - value > value - within.low else -1.0
     ways = (-1.0, 1.0) if both else (ahead,)
-    return [TorusStart(corrector, _towards(first, way), within, end) for way in ways]
+    return [TorusStart(corrector, _towards(first, way), within, end, second=second) for way in ways]
 
 
 def _towards(point: BranchPoint, way: float) -> BranchPoint:

@@ -16,6 +16,7 @@ from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
+from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
 from gapwalk.tori.torus_events import events_between, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
@@ -108,6 +109,8 @@ class TorusTracer(Iterator[Step]):
             torus = torus_at(point)
             if has_shrunk(state.point, point):
                 self.end = shrunk(state.point, point, equation_of(self.corrector).parameter)
+            elif (past := self._past_second(state.point, point)) is not None:
+                self.end = past
             elif (ratio := self._creeps_to(state.point, point)) is not None:
                 self.end = self._locked(state.point, ratio)
             elif not self.options.accepts(torus):
@@ -147,11 +150,11 @@ class TorusTracer(Iterator[Step]):
         old = self.corrector
         equation = replace(equation_of(old), reference=curve)
         corrector = corrector_of(equation, curve, 1e-3 * torus.size, self.beginning.within)
-        unscaled = point.tangent * old.scales
+        unscaled, unscaled_point = point.tangent * old.scales, point.x * old.scales
         along = resampled(unscaled[:-2].reshape(torus.count, -1), count).ravel()
         tangent = np.append(along, unscaled[-2:]) / corrector.scales
         tangent /= np.linalg.norm(tangent)
-        x = np.append(curve.ravel(), (torus.rotation + self._turns(point), point.value)) / corrector.scales
+        x = np.append(curve.ravel(), unscaled_point[-2:]) / corrector.scales
         found = corrector.correct(x, tangent)
         if found is None:
             return False
@@ -163,9 +166,18 @@ class TorusTracer(Iterator[Step]):
         self.walk = self._walk_from(WalkState(None, lifted, state.step, state.count))
         return True
 
-    def _turns(self, point: BranchPoint) -> float:
-        """Return the whole turns that the unknown rotation number has beyond that of the record."""
-        return float(point.x[-2] * self.corrector.scales[-2]) - torus_at(point).rotation
+    def _past_second(self, last: BranchPoint, beyond: BranchPoint) -> TorusEnd | None:
+        """Return the end of a family whose second parameter has left its range; None if it has not."""
+        second = self.beginning.second
+        if second is None or torus_at(beyond).system[second.name] in second.within:
+            return None
+        torus = torus_at(last)
+        words = f"{second.name} = {torus.system[second.name]:.8g} is near the end of its range"
+        return TorusEnd(TorusEndReason.RANGE, last.value, torus.rotation, words)
+
+    def _near_resonance(self, torus: Torus) -> Fraction | None:
+        """Return the resonance next to a torus; None if there is none, or the rotation number is kept."""
+        return resonance_near(torus.rotation) if self.beginning.second is None else None
 
     def _creeps_to(self, before: BranchPoint, after: BranchPoint) -> Fraction | None:
         """Return the fraction that the rotation number approaches while the parameter stands still; None otherwise."""
@@ -174,7 +186,7 @@ class TorusTracer(Iterator[Step]):
             self._moved = max(self._moved, moved)
             return None
         first, last = torus_at(before).rotation, torus_at(after).rotation
-        near = resonance_near(last)
+        near = self._near_resonance(torus_at(after))
         return near if near is not None and abs(last - near) < abs(first - near) else None
 
     def _refine(self, state: WalkState, rejected: BranchPoint) -> None:
@@ -186,7 +198,7 @@ class TorusTracer(Iterator[Step]):
             self.walk.go_back(state, rejected)
             return
         last = state.point
-        near = resonance_near(torus_at(last).rotation)
+        near = self._near_resonance(torus_at(last))
         window = None if near is None else window_at(last, near, last.value, self.corrector, self.beginning.within)
         if near is None or window is None:
             self.end = rough(last, torus_at(rejected))
@@ -205,7 +217,7 @@ class TorusTracer(Iterator[Step]):
                 _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
             )
             return None
-        near = resonance_near(torus.rotation)
+        near = self._near_resonance(torus)
         leapt = self._leap(state)
         if leapt is not None:
             return leapt
