@@ -30,6 +30,7 @@ _CURVES = (BLUE, VERMILLION, GREEN, PURPLE, BLACK)
 _MARKS = {
     TorusEventKind.FOLD: symbols("D", 5.0, "white", BLUE),
     TorusEventKind.DOUBLING: symbols("s", 5.0, "white", VERMILLION),
+    TorusEventKind.CHANGE: symbols("o", 5.0, "white", VERMILLION),
     TorusEventKind.PAIR: symbols("*", 8.0, "white", GREEN),
     TorusEventKind.RESONANCE: symbols("|", 9.0, GREY, GREY),
     TorusEventKind.GRAZING: symbols("v", 5.0, "white", GREY),

@@ -29,7 +29,7 @@ TorusReport = Callable[[TorusPoint, list[TorusEvent]], None]
 
 @shows_progress(lambda count, point, events: f"{count} tori, at {point.value:.6g}")
 def follow_tori(
-    start: Torus | SpecialPoint,
+    start: Torus | SpecialPoint | TorusEvent,
     parameter: str,
     to: float | tuple[float, float],
     *,
@@ -47,7 +47,8 @@ def follow_tori(
     Parameters
     ----------
     start
-        A Neimark-Sacker point, at which tori begin; or a torus, from `gw.tori.find_torus`.
+        A Neimark-Sacker point, at which tori begin; a torus, from `gw.tori.find_torus`; or a torus doubling among the
+        events of a family, at which tori of twice as many curves begin.
     parameter
         Name of the parameter, such as ``"frequency"``.
     to
@@ -84,7 +85,7 @@ def follow_tori(
     'frequency'
     """
     options, walk = options or TorusOptions(), walk or STEPS
-    system = start.orbit.system if isinstance(start, SpecialPoint) else start.system
+    system = _system_of(start)
     if parameter not in system.structure.names:
         system.structure.place(parameter)  # raises the error that names near parameters
     within = check_range(system[parameter], to).along(parameter, system)
@@ -107,6 +108,16 @@ def follow_tori(
             raise
         raise Interrupted(_joined(parameter, beginnings, traces)) from None
     return _joined(parameter, beginnings, traces)
+
+
+def _system_of(start: Torus | SpecialPoint | TorusEvent) -> System:
+    if isinstance(start, SpecialPoint):
+        return start.orbit.system
+    if isinstance(start, TorusEvent):
+        if start.torus is None:
+            raise ModelError(f"no tori begin at an event of the kind {start.kind.value!r}; they do at torus doublings")
+        return start.torus.system
+    return start.system
 
 
 def _second(given: tuple[str, tuple[float, float]], parameter: str, system: System) -> Second:

@@ -14,6 +14,8 @@ from gapwalk.continuation.walk_scales import Range
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.tori.locked_window import LockedWindow, locked_window
 from gapwalk.tori.second_tone import has_tone
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_doubling import Change, change_at
 from gapwalk.tori.torus_ends import DENOMINATOR
 from gapwalk.tori.torus_family import TorusEvent, TorusEventKind
 from gapwalk.tori.torus_start import equation_of, torus_at
@@ -42,12 +44,14 @@ def events_between(
     """
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
+    located: list[Torus] = []
 
     def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> TorusEvent:
         share, point, width = zero_in_step(before, after, corrector, function)
         width += torus_at(point).error * abs(point.value)
         event = TorusEvent(kind, point.value, width, torus_at(point).rotation, first.unstable, last.unstable)
         found.append((share, event))
+        located.append(torus_at(point))
         return event
 
     turns = before.tangent[-1] * after.tangent[-1] < 0.0
@@ -56,8 +60,11 @@ def events_between(
     changed = abs(first.unstable - last.unstable)
     if changed > int(turns):
         lost = max(first.unstable, last.unstable) - 1
-        kind = TorusEventKind.DOUBLING if changed == 1 else TorusEventKind.PAIR
-        locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+        kind = TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR
+        event = locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+        if changed == 1:
+            share, _ = found[-1]
+            found[-1] = share, _explained(event, located[-1])
     if first.grazes is not last.grazes:
         found.append(_graze(before, after, corrector))
     ratios = _between(first.rotation, last.rotation)
@@ -69,6 +76,14 @@ def events_between(
         share, _ = found[-1]
         found[-1] = share, replace(event, ratio=ratio, window=window_at(near, ratio, event.value, corrector, within))
     return [event for _, event in sorted(found, key=lambda each: each[0])]
+
+
+def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
+    """Return the event of one normal exponent with what happens there; a doubling keeps its torus."""
+    change, _ = change_at(torus)
+    if change is Change.DOUBLES:
+        return replace(event, kind=TorusEventKind.DOUBLING, torus=torus, detail=change.value)
+    return replace(event, detail=change.value)
 
 
 def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tuple[float, TorusEvent]:

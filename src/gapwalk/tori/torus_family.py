@@ -28,6 +28,7 @@ class TorusEndReason(Enum):
 
     START = "the family starts here"
     BORN = "the tori begin here, at a Neimark-Sacker point"
+    DOUBLED = "the tori begin here, beside a torus that doubles"
     SHRINKS = "the tori shrink to an orbit, at a Neimark-Sacker point"
     RANGE = "the end of the range was reached"
     CLOSED = "the family closed on itself"
@@ -91,7 +92,8 @@ class TorusEventKind(StrEnum):
     """
 
     FOLD = "fold of tori"
-    DOUBLING = "change of one normal direction"
+    DOUBLING = "torus doubling"
+    CHANGE = "change of one normal direction"
     PAIR = "change of two normal directions"
     RESONANCE = "resonance"
     GRAZING = "a contact grazes along the tori"
@@ -104,9 +106,10 @@ class TorusEvent:
     Attributes
     ----------
     kind
-        What happens: the family turns back (fold), one normal exponent passes zero elsewhere (as where the torus
-        doubles), two pass zero (as where a torus of three frequencies begins), the rotation number is a fraction, or a
-        contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only piecewise.
+        What happens: the family turns back (fold), tori of twice as many curves begin (doubling), one normal exponent
+        passes zero otherwise, two pass zero (as where a torus of three frequencies begins), the rotation number is a
+        fraction, or a contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only
+        piecewise.
     value
         Value of the parameter.
     uncertainty
@@ -119,6 +122,10 @@ class TorusEvent:
         The fraction, for a resonance.
     window
         The locked motions of a resonance; None if none were looked for or found.
+    detail
+        The evidence, in words; may be empty.
+    torus
+        The torus of a doubling, at which `follow_tori` may start; otherwise None.
 
     Examples
     --------
@@ -136,6 +143,7 @@ class TorusEvent:
         "ratio": "ratio_words",
         "locked.from": "locked_from",
         "locked.to": "locked_to",
+        "detail": "detail",
     }
 
     kind: TorusEventKind
@@ -146,6 +154,8 @@ class TorusEvent:
     after: int
     ratio: Fraction | None = None
     window: LockedWindow | None = None
+    detail: str = ""
+    torus: Torus | None = None
 
     @property
     def ratio_words(self) -> str:
@@ -295,7 +305,7 @@ class TorusFamily(Shown):
         )
         if self.events:
             yield Table(
-                ("what", self.parameter, "±", "rotation number", "unstable", "locked"),
+                ("what", self.parameter, "±", "rotation number", "unstable", "detail"),
                 [
                     (
                         f"{each.kind.value} {each.ratio_words}".strip(),
@@ -303,7 +313,7 @@ class TorusFamily(Shown):
                         f"{each.uncertainty:.0e}",
                         f"{each.rotation:.8g}",
                         f"{each.before} -> {each.after}" if each.before != each.after else str(each.before),
-                        "" if each.window is None else each.window.words,
+                        each.detail if each.window is None else each.window.words,
                     )
                     for each in self.events
                 ],

@@ -21,8 +21,9 @@ from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import TURN, odd, phases
 from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_doubling import change_at
 from gapwalk.tori.torus_equation import TorusEquation
-from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusPoint
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions, torus_of
 
 # amplitudes of the first torus that are tried, in first steps; where a contact grazes next to the point, only the
@@ -94,7 +95,7 @@ class TorusStart:
 
 
 def starts_at(
-    start: Torus | SpecialPoint,
+    start: Torus | SpecialPoint | TorusEvent,
     parameter: str,
     within: Range,
     options: TorusOptions,
@@ -103,16 +104,16 @@ def starts_at(
     second: Second | None = None,
 ) -> list[TorusStart]:
     """Return the beginnings of the family of a torus in each direction, or of the tori next to a special point."""
+    if not isinstance(start, Torus) and second is not None:
+        raise ModelError("a rotation number can be kept from a torus on; give one of the tori of a family")
+    if isinstance(start, TorusEvent):
+        return [_doubled(start, parameter, within, options, walk)]
     if isinstance(start, SpecialPoint):
-        if second is not None:
-            raise ModelError(
-                "a rotation number can be kept from a torus on; give one of the tori of follow_tori(point)"
-            )
         return [_next_to(start, parameter, within, options, walk)]
     if not isinstance(start, Torus):
         raise ModelError(
-            f"tori are followed from a torus or a Neimark-Sacker point, not from {type(start).__name__}; "
-            "gw.tori.find_torus(settled) finds the torus of a settled motion"
+            "tori are followed from a torus, a Neimark-Sacker point or a torus doubling, not from "
+            f"{type(start).__name__}; gw.tori.find_torus(settled) finds the torus of a settled motion"
         )
     return _from_torus(start, parameter, within, both, second)
 
@@ -151,6 +152,38 @@ def _towards(point: BranchPoint, way: float) -> BranchPoint:
     """Return a point whose tangent leads to higher (+1) or lower (-1) values of the parameter."""
     sign = way * (1.0 if point.tangent[-1] >= 0.0 else -1.0)
     return replace(point, tangent=sign * point.tangent, determinant=sign * point.determinant, memo={})
+
+
+def _doubled(event: TorusEvent, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions) -> TorusStart:
+    """Return the beginning at a torus doubling: a torus of twice as many curves, beside the one that doubles.
+
+    With the direction ``DP w(psi) = -w(psi + 2 pi rho)``, the curve ``u + a w`` is carried to the second one,
+    ``u - a w``, and to itself by the map over twice as many periods, which turns its phase by ``2 rho``.
+    """
+    torus = event.torus
+    assert torus is not None  # events without one are refused before
+    _, wave = change_at(torus)
+    value = torus.system[parameter]
+    equation = CurveEquation(torus.system, parameter, 2 * torus.curves, torus.states)
+    corrector = corrector_of(equation, torus.states, 0.0, within)
+    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
+    away /= np.linalg.norm(away)
+    x = np.append(torus.states.ravel(), (2.0 * torus.rotation, value)) / corrector.scales
+    for amplitude in _SMALLEST:
+        step = amplitude * walk.first_step
+        found = corrector.correct(x + step * away, away)
+        if found is None or float((found.x - x) @ away) < 0.5 * step:
+            continue
+        try:
+            first = corrector.point(found, away, step)
+        except NumericalError:
+            continue
+        if first.value in within and torus_at(first).is_resolved:
+            end = TorusEnd(TorusEndReason.DOUBLED, value, 2.0 * torus.rotation % 1.0)
+            return TorusStart(corrector, first, within, end, min(1.0, amplitude))
+    raise ConvergenceError(
+        f"no tori of twice as many curves were found beside the doubling at {parameter} = {value:.9g}"
+    )
 
 
 def _next_to(

@@ -114,7 +114,9 @@ class TorusTracer(Iterator[Step]):
             elif (ratio := self._creeps_to(state.point, point)) is not None:
                 self.end = self._locked(state.point, ratio)
             elif not self.options.accepts(torus):
-                self._refine(state, point)
+                leapt = self._refine(state, point)
+                if leapt is not None:
+                    return leapt
             else:
                 break
         if self.end is not None:
@@ -189,14 +191,20 @@ class TorusTracer(Iterator[Step]):
         near = self._near_resonance(torus_at(after))
         return near if near is not None and abs(last - near) < abs(first - near) else None
 
-    def _refine(self, state: WalkState, rejected: BranchPoint) -> None:
-        """Return to a state with more samples, or with a shorter step if they are the most; end if nothing helps."""
+    def _refine(self, state: WalkState, rejected: BranchPoint) -> Step | None:
+        """Return to a state with more samples, or with a shorter step if they are the most.
+
+        If nothing helps, a resonance may be in the way: leap over it and return the step, or end.
+        """
         more = self.options.finer(torus_at(state.point).count)
         if more is not None and self._pose(state.point, more, state):
-            return
+            return None
         if more is None and rejected.arclength - state.point.arclength > _SHORTEST * self.steps.largest_step:
             self.walk.go_back(state, rejected)
-            return
+            return None
+        leapt = self._leap(state)
+        if leapt is not None:
+            return leapt
         last = state.point
         near = self._near_resonance(torus_at(last))
         window = None if near is None else window_at(last, near, last.value, self.corrector, self.beginning.within)
@@ -204,6 +212,7 @@ class TorusTracer(Iterator[Step]):
             self.end = rough(last, torus_at(rejected))
         else:
             self.end = locked(last, near, window)
+        return None
 
     def _locked(self, last: BranchPoint, ratio: Fraction) -> TorusEnd:
         return locked(last, ratio, window_at(last, ratio, last.value, self.corrector, self.beginning.within))
