@@ -29,8 +29,8 @@ _STILL = 1e-7  # change of the parameter in a step, over the largest so far, tha
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
 _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothness is located
 _LEAPS = (1.5, 2.0, 3.0, 4.0, 8.0, 16.0)  # lengths, over that of a good step, by which a resonance is leapt over
-_REMEMBERED = 16  # steps among which a good one is looked for, before the walk crept into a resonance
-_GOOD = 0.5  # length of a good step, as a share of the longest of them
+_REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
+_GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
 _REASONS = {
     EndReason.RANGE: TorusEndReason.RANGE,
     EndReason.TURNED_BACK: TorusEndReason.RANGE,
@@ -244,9 +244,9 @@ class TorusTracer(Iterator[Step]):
         denominator is large: it has stopped the walk.
         """
         last = state.point
-        longest = max((stride.length for stride in self._strides), default=0.0)
-        good = next((each for each in reversed(self._strides) if each.length >= _GOOD * longest), None)
-        if good is None:
+        most = max((abs(stride.turned) for stride in self._strides), default=0.0)
+        good = next((each for each in reversed(self._strides) if abs(each.turned) >= _GOOD * most), None)
+        if good is None or most == 0.0:
             return None
         corrector, point = good.corrector, good.end
         for longer in _LEAPS:
