@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -249,6 +249,12 @@ class Torus(Shown):
             f"Torus({pace_text(self.system)}, {curves}, rotation number {self.rotation:.12g}, {state}, "
             f"error {self.error:.1g})"
         )
+
+
+def reversed_torus(torus: Torus) -> Torus:
+    """Return the same torus with the phase of its curve the other way round: the rotation number is 1 less the old."""
+    places = -np.arange(torus.count) % torus.count
+    return replace(torus, states=torus.states[places], rotation=1.0 - torus.rotation)
 
 
 def error_of(system: System, curves: int, rotation: float, states: NDArray[np.float64]) -> float:

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.settle import settle
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -20,11 +21,12 @@ from gapwalk.orbit.orbit_equation import Equation, Evaluation
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import TURN, odd, phases
-from gapwalk.tori.torus import Torus
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.torus import Torus, reversed_torus
 from gapwalk.tori.torus_doubling import change_at
 from gapwalk.tori.torus_equation import TorusEquation
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
-from gapwalk.tori.torus_solution import TorusOptions, torus_of
+from gapwalk.tori.torus_solution import TorusOptions, find_torus, torus_of
 
 # amplitudes of the first torus that are tried, in first steps; where a contact grazes next to the point, only the
 # smallest tori are smooth
@@ -32,6 +34,7 @@ _SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
 _NEAR = 0.02  # distance of a rotation number from a fraction of small denominator that is mentioned
 _GRAZES = "a contact grazes along the smallest tori, which are not smooth"
 _UNKNOWN = "its tori may be locked, or not smooth"
+_BESIDE = 0.1  # distance from a fraction, times its denominator, at which the torus beyond a locked window is expected
 _STRONG = 4  # the largest denominator of such a fraction
 
 
@@ -184,6 +187,49 @@ def _doubled(event: TorusEvent, parameter: str, within: Range, options: TorusOpt
     raise ConvergenceError(
         f"no tori of twice as many curves were found beside the doubling at {parameter} = {value:.9g}"
     )
+
+
+def start_beyond(
+    torus: Torus,
+    window: LockedWindow,
+    parameter: str,
+    way: float,
+    within: Range,
+    value: float,
+    options: TorusOptions,
+) -> TorusStart | None:
+    """Return the beginning beyond a window in which the motion of a family locks; None if there is none.
+
+    The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other
+    side of the fraction. If the window holds the last torus itself, both motions coexist, and the family ends there.
+
+    Parameters
+    ----------
+    torus, value
+        The last torus before the window, and the parameter there.
+    window
+        The locked motions.
+    parameter, way, within
+        The parameter, the direction in which it varies (1 or -1), and its range.
+    options
+        Accuracy of the torus.
+    """
+    near, far = (window.low, window.high) if way > 0.0 else (window.high, window.low)
+    place = far + way * max(window.width, abs(far - value))
+    if not window.is_whole or way * (near - value) < 0.0 or place not in within:
+        return None
+    try:
+        motion = settle(torus.system.at({parameter: place}), window.orbit.state)
+        found = find_torus(motion, options)
+    except NumericalError:
+        return None
+    ratio = float(window.ratio)
+    if abs(found.rotation - ratio) > abs(1.0 - found.rotation - ratio):
+        found = reversed_torus(found)
+    crossed = (found.rotation - ratio) * (torus.rotation - ratio) < 0.0
+    if found.curves != torus.curves or not crossed or abs(found.rotation - ratio) > _BESIDE / window.ratio.denominator:
+        return None
+    return _from_torus(found, parameter, within, True, None)[int(way > 0.0)]
 
 
 def _next_to(

@@ -16,12 +16,13 @@ from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
+from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
 from gapwalk.tori.torus_events import events_between, window_at
-from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
-from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, torus_at
+from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, start_beyond, torus_at
 
 _MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
 _GROWN = 5.0  # growth of a curve beyond which its reference is another
@@ -31,6 +32,7 @@ _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothn
 _LEAPS = (1.5, 2.0, 3.0, 4.0, 8.0, 16.0)  # lengths, over that of a good step, by which a resonance is leapt over
 _REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
 _GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
+_AHEAD = (0.1, 0.3, 1.0, 3.0)  # places ahead at which locked motions are looked for, in good steps
 _REASONS = {
     EndReason.RANGE: TorusEndReason.RANGE,
     EndReason.TURNED_BACK: TorusEndReason.RANGE,
@@ -49,10 +51,7 @@ class _Stride(NamedTuple):
     corrector: Corrector
     start: BranchPoint
     end: BranchPoint
-
-    @property
-    def length(self) -> float:
-        return self.end.arclength - self.start.arclength
+    length: float
 
     @property
     def turned(self) -> float:
@@ -112,7 +111,9 @@ class TorusTracer(Iterator[Step]):
             elif (past := self._past_second(state.point, point)) is not None:
                 self.end = past
             elif (ratio := self._creeps_to(state.point, point)) is not None:
-                self.end = self._locked(state.point, ratio)
+                leapt = self._lock(state.point, ratio, self._window(state.point, ratio))
+                if leapt is not None:
+                    return leapt
             elif not self.options.accepts(torus):
                 leapt = self._refine(state, point)
                 if leapt is not None:
@@ -121,7 +122,7 @@ class TorusTracer(Iterator[Step]):
                 break
         if self.end is not None:
             raise StopIteration
-        self._strides.append(_Stride(self.corrector, state.point, point))
+        self._strides.append(_Stride(self.corrector, state.point, point, point.arclength - state.point.arclength))
         events = events_between(state.point, point, self.corrector, self.beginning.within)
         self._pose_again(self.walk.state, point)
         return TorusPoint(point.value, torus, point.arclength), events
@@ -207,15 +208,54 @@ class TorusTracer(Iterator[Step]):
             return leapt
         last = state.point
         near = self._near_resonance(torus_at(last))
-        window = None if near is None else window_at(last, near, last.value, self.corrector, self.beginning.within)
+        window = None if near is None else self._window(last, near)
         if near is None or window is None:
             self.end = rough(last, torus_at(rejected))
-        else:
-            self.end = locked(last, near, window)
+            return None
+        return self._lock(last, near, window)
+
+    def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
+        """Return the locked motions at the last torus, or ahead of it; None if none are found."""
+        good = self._good
+        ahead = 0.0 if good is None else good.end.value - good.start.value
+        for value in (last.value, *(last.value + share * ahead for share in _AHEAD)):
+            if value in self.beginning.within:
+                window = window_at(last, ratio, value, self.corrector, self.beginning.within)
+                if window is not None:
+                    return window
         return None
 
-    def _locked(self, last: BranchPoint, ratio: Fraction) -> TorusEnd:
-        return locked(last, ratio, window_at(last, ratio, last.value, self.corrector, self.beginning.within))
+    def _lock(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
+        """Continue beyond a window in which the motion locks, and return the first step there; else record the end."""
+        good = self._good
+        way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
+        parameter = equation_of(self.corrector).parameter
+        beyond = None
+        if window is not None and way:
+            beyond = start_beyond(
+                torus_at(last), window, parameter, way, self.beginning.within, last.value, self.options
+            )
+        if beyond is None or window is None:
+            self.end = locked(last, ratio, window)
+            return None
+        self.corrector, self._moved = beyond.corrector, 0.0
+        self._strides.clear()
+        length = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
+        first = replace(beyond.first, arclength=last.arclength + length, memo={})
+        self.walk = self._walk_from(WalkState(None, first, self.steps.first_step, self.walk.state.count + 1))
+        torus, before = torus_at(first), torus_at(last)
+        middle = 0.5 * (window.low + window.high)
+        event = TorusEvent(
+            TorusEventKind.RESONANCE,
+            middle,
+            0.5 * window.width,
+            float(ratio),
+            before.unstable,
+            torus.unstable,
+            ratio,
+            window,
+        )
+        return TorusPoint(first.value, torus, first.arclength), [event]
 
     def _ended(self, state: WalkState) -> Step | None:
         """Record the end of the walk; where it ended at a resonance, try to leap over it and return the step."""
@@ -233,8 +273,13 @@ class TorusTracer(Iterator[Step]):
         if near is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
             return None
-        self.end = self._locked(state.point, near)
-        return None
+        return self._lock(state.point, near, self._window(state.point, near))
+
+    @property
+    def _good(self) -> _Stride | None:
+        """The last step in which the rotation number changed much, before the walk crept into a resonance."""
+        most = max((abs(stride.turned) for stride in self._strides), default=0.0)
+        return next((each for each in reversed(self._strides) if abs(each.turned) >= _GOOD * most), None)
 
     def _leap(self, state: WalkState) -> Step | None:
         """Return the step to the other side of a resonance; None if no torus is found there.
@@ -244,9 +289,8 @@ class TorusTracer(Iterator[Step]):
         denominator is large: it has stopped the walk.
         """
         last = state.point
-        most = max((abs(stride.turned) for stride in self._strides), default=0.0)
-        good = next((each for each in reversed(self._strides) if abs(each.turned) >= _GOOD * most), None)
-        if good is None or most == 0.0:
+        good = self._good
+        if good is None or good.turned == 0.0:
             return None
         corrector, point = good.corrector, good.end
         for longer in _LEAPS:
@@ -265,7 +309,8 @@ class TorusTracer(Iterator[Step]):
                 continue
             events = events_between(point, beyond, corrector, self.beginning.within, leapt=True)
             self.corrector = corrector
-            self._strides.append(good)  # the length and the direction that led over it
+            self._strides.clear()
+            self._strides.append(_Stride(corrector, point, beyond, good.length))
             self.walk = self._walk_from(WalkState(None, beyond, good.length, state.count + 1))
             return TorusPoint(beyond.value, torus, beyond.arclength), events
         return None
