@@ -101,8 +101,8 @@ def test_the_torus_demo_of_coco(pace):
     both, numbers = {"x": {"x": 1.0}, "y": {"y": 1.0}}, {"om": om, "pace": pace, "c": 1.0, "s": 1.0}
     forces = [gw.force(f"f{at}", both, law, acts_on={at: 1.0}, numbers=numbers) for at, law in laws.items()]
     waves = [
-        gw.Harmonic(1.0, varies=("fx.c", "fy.c"), name="cosine"),
-        gw.Harmonic(1.0, varies=("fx.s", "fy.s"), phase=np.pi / 2, name="sine"),
+        gw.Harmonic(1.0, varies={"fx.c": 1.0, "fy.c": 1.0}, name="cosine"),
+        gw.Harmonic(1.0, varies={"fx.s": 1.0, "fy.s": 1.0}, phase=np.pi / 2, name="sine"),
     ]
     demo = gw.System(["x", "y"], np.zeros((2, 2)), contacts=forces, harmonics=waves, frequency=pace)
 

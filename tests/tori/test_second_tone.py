@@ -110,12 +110,14 @@ def test_in_a_model_file(tmp_path):
     file = tmp_path / "two.toml"
     file.write_text(FILE)
     result = gw.run(gw.read_study(file), tmp_path / "two.gapwalk")
+    assert result.finding is not None
     found = result.finding.record
     (family,) = found.families
     assert (found.starts, found.complete, family.ends[1].reason) == ((), True, gw.tori.TorusEndReason.RANGE)
     assert family.rotations == pytest.approx(1.2727922 / family.values - 1.0, abs=1e-9)
-    again = gw.load(tmp_path / "two.gapwalk").finding.record
-    assert again.families[0].values == pytest.approx(family.values)
+    again = gw.load(tmp_path / "two.gapwalk").finding
+    assert again is not None
+    assert again.record.families[0].values == pytest.approx(family.values)
     assert str(found.summary()).splitlines()[0] == "1 family of tori"
     assert found.plot().axes
     assert gw.verify(result).ok

@@ -50,6 +50,7 @@ def before_doubling(between):
 
 def test_apart_the_torus_doubles_where_the_orbit_does():
     orbit = gw.settle(one(0.3), [1.0, 0.0]).orbit
+    assert orbit is not None
     (flip,) = gw.follow(orbit, LOADS, 0.33).special(gw.Kind.FLIP)
     torus, event = before_doubling(0.0)
     assert event.value == pytest.approx(flip.value, abs=1e-8)

@@ -55,7 +55,7 @@ def _spectrum(torus: Torus) -> tuple[NDArray[np.complex128], NDArray[np.complex1
     back, _ = rotation_matrices(torus.count, -torus.rotation)
     count, size = torus.states.shape
     operator = np.einsum("jk,kab->jakb", back, maps).reshape(count * size, count * size)
-    values, vectors = np.linalg.eig(operator)
+    values, vectors = np.linalg.eig(operator.astype(np.complex128))
     return values, vectors.T.reshape(-1, count, size) * unit
 
 
