@@ -55,8 +55,9 @@ def _spectrum(torus: Torus) -> tuple[NDArray[np.complex128], NDArray[np.complex1
     back, _ = rotation_matrices(torus.count, -torus.rotation)
     count, size = torus.states.shape
     operator = np.einsum("jk,kab->jakb", back, maps).reshape(count * size, count * size)
-    values, vectors = np.linalg.eig(operator.astype(np.complex128))
-    return values, vectors.T.reshape(-1, count, size) * unit
+    values, vectors = np.linalg.eig(operator)
+    directions = np.asarray(vectors.T.reshape(-1, count, size) * unit, dtype=np.complex128)
+    return np.asarray(values, dtype=np.complex128), directions
 
 
 def _real(direction: NDArray[np.complex128]) -> NDArray[np.float64]:
