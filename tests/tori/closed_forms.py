@@ -32,3 +32,14 @@ def one_circle(frequency: float = SQRT5) -> gw.System:
 def two_circles(a: float = 1.0) -> gw.System:
     """Return the system with circles at ``x^2 + v^2 = 2 +- sqrt(a)``, of which the outer one is stable."""
     return circles("(x*x + v*v - 2)*(x*x + v*v - 2) - a", a=a)
+
+
+def nlvib_pair() -> gw.System:
+    """Return the two masses with a stop of example 03 of NLvib (Krack and Gross 2019)."""
+    return gw.System(
+        ["a", "b"],
+        stiffness=[[1.0, -1.0], [-1.0, 2.0]],
+        damping=[[0.03, -0.03], [-0.03, 0.06]],
+        contacts=[gw.stop("stop", {"a": 1.0}, clearance=1.0, stiffness=100.0)],
+        harmonics=[gw.Harmonic(0.1, {"b": 1.0})],
+    )

@@ -81,3 +81,41 @@ def test_motions_without_a_torus_are_refused():
 def test_options_are_checked(changes, words):
     with pytest.raises(ModelError, match=words):
         gw.tori.TorusOptions(**changes)
+
+
+@pytest.mark.parametrize("pace", [in_campaign(0.5), 0.8, in_campaign(1.0), in_campaign(1.2), in_campaign(1.5)])
+def test_the_torus_demo_of_coco(pace):
+    """``x' = -Om y + x g, y' = Om x + y g`` with ``g = 1 + r (cos om t - 1)``, whose torus has a known radius.
+
+    These equations of first order, ``q' = f(q, t)``, are a manifold of the equations of second order
+    ``q'' = df/dt - (q' - f) / 2``, to which all motions of the latter contract.
+    """
+    om = pace / 1.51111
+    r = "((x*x + y*y)**0.5)"
+    g = f"(1 + {r}*(c - 2))"  # c is 1 + cos(pace t)
+    slope = f"((x*x' + y*y')/{r}*(c - 2) + {r}*pace*(s - 1))"  # dg/dt; s is 1 - sin(pace t)
+    laws = {
+        "x": f"om*y' - x'*{g} - x*{slope} + (x' + om*y - x*{g})/2",
+        "y": f"-om*x' - y'*{g} - y*{slope} + (y' - om*x - y*{g})/2",
+    }
+    both, numbers = {"x": {"x": 1.0}, "y": {"y": 1.0}}, {"om": om, "pace": pace, "c": 1.0, "s": 1.0}
+    forces = [gw.force(f"f{at}", both, law, acts_on={at: 1.0}, numbers=numbers) for at, law in laws.items()]
+    waves = [
+        gw.Harmonic(1.0, varies={"fx.c": 1.0, "fy.c": 1.0}, name="cosine"),
+        gw.Harmonic(1.0, varies={"fx.s": 1.0, "fy.s": 1.0}, phase=np.pi / 2, name="sine"),
+    ]
+    demo = gw.System(["x", "y"], np.zeros((2, 2)), contacts=forces, harmonics=waves, frequency=pace)
+
+    def radius(theta):
+        return (1.0 + pace**2) / (1.0 + pace**2 - np.cos(theta) - pace * np.sin(theta))
+
+    first = radius(0.0)
+    torus = gw.tori.find_torus(gw.settle(demo, [0.9 * first, 0.0, 0.0, om * first]))
+    turns = 1.0 / 1.51111
+    assert min(abs(torus.rotation - turns), abs(1.0 - torus.rotation - turns)) < 1e-10
+    thetas = np.linspace(0.0, 2.0 * np.pi, 17)
+    surface = torus.surface(16)
+    expected = np.repeat(radius(thetas)[:, None], surface.shape[1], axis=1)
+    assert np.hypot(surface[:, :, 0], surface[:, :, 1]) == pytest.approx(expected, rel=1e-10)
+    assert torus.error < 1e-10
+    assert torus.exponents == pytest.approx(np.array([-0.5, -0.5, -1.0]) * 2.0 * np.pi / pace, abs=1e-6)

@@ -86,3 +86,45 @@ def test_only_neimark_sacker_points_bear_tori():
         gw.tori.follow_tori(flip, "frequency", (1.2, 1.4))
     with pytest.raises(ModelError, match=r"gw.tori.find_torus\(settled\)"):
         gw.tori.follow_tori(cast(Any, branch.points[0].orbit), "frequency", (1.2, 1.4))
+
+
+def test_a_kept_rotation_number_in_closed_form():
+    """The rotation number of two tones is the ratio of their frequencies, which change together if it is kept."""
+    mass = gw.System(["x"], [[1.0]], [[0.2]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=1.3)
+    ratio = (1.0 + math.sqrt(5.0)) / 2.0
+    torus = gw.tori.two_tones(mass, gw.tori.Tone(0.3, {"x": 1.0}, 1.3 * ratio))
+    family = gw.tori.follow_tori(torus, "frequency", (1.25, 1.4), second=("tone.frequency", (1.0, 2.2)))
+    assert family.second_values == pytest.approx(ratio * family.values, abs=1e-9)
+    assert family.rotations == pytest.approx(np.full(len(family.points), torus.rotation), abs=1e-14)
+    assert family.values[0] == pytest.approx(1.25)
+    # the second parameter leaves its range first
+    assert family.ends[1].reason is gw.tori.TorusEndReason.RANGE
+    assert "tone.frequency" in family.ends[1].detail
+    assert family.second_values.max() < 2.2
+    assert "is kept by tone.frequency" in str(family.summary())
+
+
+def test_a_kept_rotation_number_as_by_families_in_which_it_varies():
+    case = gw.paper.case("13")
+    torus = gw.tori.find_torus(gw.settle(case, frequency=0.672))
+    curve = gw.tori.follow_tori(torus, "frequency", (0.6719, 0.6725), second=("harmonic1.amplitude", (0.2, 0.3)))
+    first, second = curve.points[0], curve.second_values[0]
+    assert first.value == pytest.approx(0.6719)
+    assert abs(second - 0.25) > 1e-4
+    # from a settled motion at the frequency of one end, the amplitude alone is varied until the rotation number is met
+    other = gw.tori.find_torus(gw.settle(case, frequency=first.value))
+    assert abs(other.rotation - torus.rotation) > 1e-5
+    family = gw.tori.follow_tori(other, "harmonic1.amplitude", float(second))
+    assert family.points[-1].torus.rotation == pytest.approx(torus.rotation, abs=1e-9)
+    # at the other end the tori shrink to an orbit, whose critical multipliers turn by the same number
+    end = curve.ends[1]
+    assert end.reason is gw.tori.TorusEndReason.SHRINKS
+    system = curve.points[-1].torus.system
+    branch = gw.follow(gw.find_orbit(system, 2, curve.points[-1].torus.state()), "frequency", (0.6722, 0.6726))
+    (point,) = branch.special(gw.Kind.NEIMARK_SACKER)
+    assert point.value == pytest.approx(end.value, abs=1e-8)
+    assert abs(np.angle(point.multiplier)) / (2.0 * np.pi) == pytest.approx(torus.rotation, abs=1e-6)
+    with pytest.raises(ModelError, match="which is the first one"):
+        gw.tori.follow_tori(torus, "frequency", 0.673, second=("frequency", (0.6, 0.7)))
+    with pytest.raises(ModelError, match="from a torus on"):
+        gw.tori.follow_tori(point, "frequency", 0.673, second=("harmonic1.amplitude", (0.2, 0.3)))

@@ -30,8 +30,10 @@ _CURVES = (BLUE, VERMILLION, GREEN, PURPLE, BLACK)
 _MARKS = {
     TorusEventKind.FOLD: symbols("D", 5.0, "white", BLUE),
     TorusEventKind.DOUBLING: symbols("s", 5.0, "white", VERMILLION),
+    TorusEventKind.CHANGE: symbols("o", 5.0, "white", VERMILLION),
     TorusEventKind.PAIR: symbols("*", 8.0, "white", GREEN),
     TorusEventKind.RESONANCE: symbols("|", 9.0, GREY, GREY),
+    TorusEventKind.GRAZING: symbols("v", 5.0, "white", GREY),
 }
 _CLOSE = 0.35  # share of the range around the tori that is shown beside them
 _MOST = 4  # curves that have a panel of their own
@@ -57,6 +59,10 @@ def draw_torus_diagram(
         Title above the picture.
     """
     branches = [member.branch for member in found.diagram.members]
+    if not branches:  # with a second tone no motion is periodic
+        if found.families:
+            draw_torus_family(found.families[0], figure, measure, labels=labels, title=title)
+        return lambda: None
     measure = full_measure(measure, branches[0].system.coordinates)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1.0))
     write_heading(figure, title)

@@ -1,9 +1,12 @@
-"""The study of tori: the branches over a range, and the families of tori that begin at their Neimark-Sacker points."""
+"""The study of tori: the branches over a range, and the families of tori that begin at their Neimark-Sacker points.
+
+With a second excitation of its own frequency, every motion is a torus: then it is the family of this motion.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
@@ -12,11 +15,12 @@ from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork
+from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
 from gapwalk.studies.study_registry import INLINE, Counted
 from gapwalk.summary import row_of
+from gapwalk.tori.second_tone import Tone, two_tones
 from gapwalk.tori.torus_continuation import follow_tori
 from gapwalk.tori.torus_diagram import TorusDiagram
 from gapwalk.tori.torus_equation import refuse_dry
@@ -28,6 +32,9 @@ from gapwalk.tori.torus_solution import TorusOptions
 class ToriStudy(BranchOptions):
     """Tori over a range of one parameter: the branches, and the families that begin at their Neimark-Sacker points.
 
+    With a `tone` there are no branches: it is the family of the motion under both excitations, from the first value of
+    the range to the second.
+
     Parameters
     ----------
     parameter, begin, end, measure, period, start, walk, method, verify
@@ -38,6 +45,8 @@ class ToriStudy(BranchOptions):
         Number of branches after which it stops.
     tori
         Accuracy of the tori. In a table, its keys are among the others.
+    tone
+        A second excitation, whose frequency is no multiple of the first one.
     workers
         Number of processes; by default one for each local core.
     """
@@ -48,23 +57,28 @@ class ToriStudy(BranchOptions):
     max_period: Annotated[int, Counted] = 2
     max_branches: Annotated[int, Counted] = 200
     tori: Annotated[TorusOptions, INLINE] = field(default_factory=TorusOptions)
+    tone: Tone | None = None
     workers: Counted | None = field(default=None, compare=False)
 
     @property
     def plan(self) -> str:
         """Describe the work to be done, in one line."""
+        if self.tone is not None:
+            return f"tori over {self.range_words}, with a second tone of the frequency {self.tone.frequency:g}"
         return f"tori over {self.range_words}, on branches of period {self.period} to {self.max_period}"
 
-    def work(self, system: System) -> ToriWork:
-        """Return the work on the branches and the families.
+    def work(self, system: System) -> ToriWork | TwoToneWork:
+        """Return the work on the branches and the families, or on the family of the motion under both excitations.
 
         Raises
         ------
         ModelError
-            For a system with dry friction or rigid stops.
+            For a system with dry friction or rigid stops, or one that does not fit the tone.
         """
         refuse_dry(system)
-        return ToriWork(system, self)
+        if self.tone is None:
+            return ToriWork(system, self)
+        return TwoToneWork(system, self, self.tone)
 
 
 FAMILY = Part("family of tori", TorusFamily, numbered=True)
@@ -191,6 +205,59 @@ class ToriWork(Work):
 
     def finding(self) -> ToriFinding:
         """Return the tori so far as the finding of a study."""
+        return ToriFinding(self.record, self.done, self.total)
+
+
+class TwoToneWork(Work):
+    """The work on the motion under two excitations: its torus at the first value, followed to the second."""
+
+    def __init__(self, system: System, asked: ToriStudy, tone: Tone) -> None:
+        tone.onto(system)  # refuses a tone that does not fit
+        self._system, self._asked, self._tone = system, asked, tone
+        self._families: tuple[TorusFamily, ...] = ()
+
+    def take(self, known: Parts) -> None:
+        """Read the family of a file."""
+        self._families = tuple(family for _, family in known.all(FAMILY))
+
+    def parts(self, workers: Workers) -> Generator[Found]:
+        """Find the torus at the first value, and follow it."""
+        if self.complete:
+            return
+        asked = self._asked
+        first = two_tones(self._system.at({asked.parameter: asked.begin}), self._tone, options=asked.tori)
+        self._families = (found_by(follow_tori, first, asked.parameter, asked.end, options=asked.tori),)
+        yield Found((FAMILY.entry(self._families[0], 0), TORI.entry(((), 0))))
+
+    def last(self, *, finished: bool) -> Iterable[Entry]:
+        """Return the family."""
+        yield from (FAMILY.entry(family, number) for number, family in enumerate(self._families))
+        yield TORI.entry(((), 0))
+
+    @property
+    def complete(self) -> bool:
+        """True if the family is known."""
+        return bool(self._families)
+
+    @property
+    def done(self) -> int:
+        """Number of families."""
+        return len(self._families)
+
+    @property
+    def total(self) -> int:
+        """One family."""
+        return 1
+
+    @property
+    def record(self) -> TorusDiagram:
+        """The family, without branches."""
+        return TorusDiagram(
+            replace(empty_diagram(self._asked.parameter, self._asked.ends), complete=self.complete), self._families
+        )
+
+    def finding(self) -> ToriFinding:
+        """Return the family as the finding of a study."""
         return ToriFinding(self.record, self.done, self.total)
 
 

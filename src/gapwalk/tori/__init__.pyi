@@ -1,6 +1,8 @@
 """Public names of `gapwalk.tori`; see `gapwalk.lazy_names`."""
 
 from .locked_window import LockedWindow as LockedWindow
+from .second_tone import Tone as Tone
+from .second_tone import two_tones as two_tones
 from .torus import Torus as Torus
 from .torus_continuation import follow_tori as follow_tori
 from .torus_diagram import TorusDiagram as TorusDiagram

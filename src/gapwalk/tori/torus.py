@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from gapwalk.tori.closed_curve import TURN, at_phases, phases, tail
 
 _NEUTRAL = 1e-7  # growth per return to a curve below which a deviation counts as not growing
 _CERTAIN = 3.0  # errors by which a growth must exceed zero
+_RESOLVED = 0.02  # largest error of a curve, as a share of its own size, with which it has a shape
 _ANGLES = 64  # angles of a forcing period at which measures are taken
 
 
@@ -122,6 +123,12 @@ class Torus(Shown):
         """Largest distance of the curve from its mean, as a position; velocities count divided by the frequency."""
         away = (self.states - self.states.mean(axis=0)) / self.system.state_scales()
         return float(np.abs(away).max())
+
+    @property
+    def is_resolved(self) -> bool:
+        """True if the error is small beside the curve itself, and not only beside the motion."""
+        motion = float(np.abs(self.states / self.system.state_scales()).max())
+        return self.error * motion <= _RESOLVED * self.size
 
     def state(self, psi: float = 0.0) -> NDArray[np.float64]:
         """Return the state of the curve at a phase, in radians; shape (state_size,).
@@ -242,6 +249,12 @@ class Torus(Shown):
             f"Torus({pace_text(self.system)}, {curves}, rotation number {self.rotation:.12g}, {state}, "
             f"error {self.error:.1g})"
         )
+
+
+def reversed_torus(torus: Torus) -> Torus:
+    """Return the same torus with the phase of its curve the other way round: the rotation number is 1 less the old."""
+    places = -np.arange(torus.count) % torus.count
+    return replace(torus, states=torus.states[places], rotation=1.0 - torus.rotation)
 
 
 def error_of(system: System, curves: int, rotation: float, states: NDArray[np.float64]) -> float:

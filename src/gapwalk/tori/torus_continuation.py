@@ -11,12 +11,13 @@ from dataclasses import replace
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk_scales import check_range
-from gapwalk.errors import Interrupted
+from gapwalk.errors import Interrupted, ModelError
+from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_family import TorusEvent, TorusFamily, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
-from gapwalk.tori.torus_start import TorusStart, starts_at
+from gapwalk.tori.torus_start import Second, TorusStart, starts_at
 from gapwalk.tori.torus_tracer import TorusTracer
 
 STEPS = WalkOptions(initial_step=0.01, smallest_step=1e-5, largest_step=0.05, max_points=1000)
@@ -28,10 +29,11 @@ TorusReport = Callable[[TorusPoint, list[TorusEvent]], None]
 
 @shows_progress(lambda count, point, events: f"{count} tori, at {point.value:.6g}")
 def follow_tori(
-    start: Torus | SpecialPoint,
+    start: Torus | SpecialPoint | TorusEvent,
     parameter: str,
     to: float | tuple[float, float],
     *,
+    second: tuple[str, tuple[float, float]] | None = None,
     walk: WalkOptions | None = None,
     options: TorusOptions | None = None,
     report: TorusReport | None = None,
@@ -39,16 +41,20 @@ def follow_tori(
     """Follow a family of tori along a parameter, stable or unstable, from where it begins or from one of them.
 
     Along it, folds, changes of stability and resonances are located; at resonances the locked periodic motions are
-    looked for. The rotation number varies freely, so that narrow resonances are stepped over.
+    looked for. The rotation number varies freely, so that narrow resonances are stepped over; or it is kept, and a
+    second parameter varies with the first one.
 
     Parameters
     ----------
     start
-        A Neimark-Sacker point, at which tori begin; or a torus, from `gw.tori.find_torus`.
+        A Neimark-Sacker point, at which tori begin; a torus, from `gw.tori.find_torus`; or a torus doubling among the
+        events of a family, at which tori of twice as many curves begin.
     parameter
         Name of the parameter, such as ``"frequency"``.
     to
         The value at which to stop; or two values, between which a family is followed, from a torus in both directions.
+    second
+        Name and range of a second parameter that varies so that the rotation number of the first torus stays.
     walk
         Options of the steps, in units of the size of the motion and of the range.
     options
@@ -79,11 +85,12 @@ def follow_tori(
     'frequency'
     """
     options, walk = options or TorusOptions(), walk or STEPS
-    system = start.orbit.system if isinstance(start, SpecialPoint) else start.system
+    system = _system_of(start)
     if parameter not in system.structure.names:
         system.structure.place(parameter)  # raises the error that names near parameters
     within = check_range(system[parameter], to).along(parameter, system)
-    beginnings = starts_at(start, parameter, within, options, walk, both=isinstance(to, tuple))
+    other = None if second is None else _second(second, parameter, system)
+    beginnings = starts_at(start, parameter, within, options, walk, isinstance(to, tuple), other)
     traces: list[tuple[TorusTracer, list[TorusPoint], list[TorusEvent]]] = []
     try:
         for beginning in beginnings:
@@ -103,6 +110,24 @@ def follow_tori(
     return _joined(parameter, beginnings, traces)
 
 
+def _system_of(start: Torus | SpecialPoint | TorusEvent) -> System:
+    if isinstance(start, SpecialPoint):
+        return start.orbit.system
+    if isinstance(start, TorusEvent):
+        if start.torus is None:
+            raise ModelError(f"no tori begin at an event of the kind {start.kind.value!r}; they do at torus doublings")
+        return start.torus.system
+    return start.system
+
+
+def _second(given: tuple[str, tuple[float, float]], parameter: str, system: System) -> Second:
+    name, to = given
+    system.structure.place(name)
+    if name == parameter:
+        raise ModelError(f"the second parameter is {name!r}, which is the first one; name another")
+    return Second(name, check_range(system[name], to).along(name, system))
+
+
 def _joined(
     parameter: str,
     beginnings: list[TorusStart],
@@ -116,7 +141,9 @@ def _joined(
         points = [*(replace(each, arclength=-each.arclength) for each in reversed(behind)), *points]
         happened = [*(_turned(each) for each in reversed(before)), *happened]
         begun = other.end_so_far
-    return TorusFamily(parameter, tuple(points), tuple(happened), (begun, tracer.end_so_far))
+    second = beginnings[0].second
+    ends = (begun, tracer.end_so_far)
+    return TorusFamily(parameter, tuple(points), tuple(happened), ends, second.name if second else "")
 
 
 def _turned(event: TorusEvent) -> TorusEvent:

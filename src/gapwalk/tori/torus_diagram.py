@@ -89,11 +89,12 @@ class TorusDiagram(Shown):
         notes
             True to include notes and failures.
         """
-        starts = len(self.starts)
-        yield (
-            f"{len(self.diagram.members)} branches with {starts} Neimark-Sacker "
-            f"{'point' if starts == 1 else 'points'}; {len(self.families)} families of tori"
+        branches, starts, families = len(self.diagram.members), len(self.starts), len(self.families)
+        begun = (
+            f"{branches} {'branch' if branches == 1 else 'branches'} with {starts} Neimark-Sacker "
+            f"{'point' if starts == 1 else 'points'}; "
         )
+        yield f"{begun if branches else ''}{families} {'family' if families == 1 else 'families'} of tori"
         for number, family in enumerate(self.families, start=1):
             first, *rest = family.summary()
             yield f"T{number}: {first}"

@@ -71,9 +71,7 @@ def _solved(equation: ShootingEquation, start: NDArray[np.float64]):
 def rough(last: BranchPoint, beyond: Torus) -> TorusEnd:
     """Return the end of a family whose tori need more samples than allowed, with the evidence."""
     torus = torus_at(last)
-    why = f"with {beyond.count} samples the error is {beyond.error:.1g}, the tail of the series {beyond.tail:.1g}"
-    if beyond.grazes:
-        why += f"; a contact grazes along the torus ({beyond.touches[0]} to {beyond.touches[1]} contact events)"
+    why = f"the error is {beyond.error:.1g}{_roughness(beyond)}"
     near = resonance_near(torus.rotation)
     if near is not None:
         why += f"; the rotation number is near {near}"
@@ -88,8 +86,19 @@ def resonance_near(turns: float) -> Fraction | None:
 
 def locked(last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> TorusEnd:
     """Return the end of a family whose motion locks to a fraction, with the motions that were found there."""
+    torus = torus_at(last)
     words = f"the rotation number approaches {ratio}" + ("" if window is None else f"; {window.words}")
-    return TorusEnd(TorusEndReason.RESONANCE, last.value, torus_at(last).rotation, words)
+    return TorusEnd(
+        TorusEndReason.RESONANCE, last.value, torus.rotation, words + (_roughness(torus) if torus.grazes else "")
+    )
+
+
+def _roughness(torus: Torus) -> str:
+    """Return a clause with the tail of the series of a torus, and a contact that grazes along it."""
+    words = f"; the tail of the series is {torus.tail:.1g} with {torus.count} samples"
+    if torus.grazes:
+        words += f"; a contact grazes along the torus ({torus.touches[0]} to {torus.touches[1]} contact events)"
+    return words
 
 
 def _deviations(torus: Torus) -> NDArray[np.float64]:

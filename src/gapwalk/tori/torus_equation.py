@@ -56,6 +56,8 @@ class TorusEquation:
         Rotation number to keep; None if it is the last unknown.
     second
         The parameter that is the last unknown if the rotation number is kept.
+    last_scale
+        Scale of the last unknown: half a turn, or the range of the second parameter.
     tolerance
         Largest residual of a torus, relative to the size of its states.
     """
@@ -67,6 +69,7 @@ class TorusEquation:
     kept: float | None = None
     second: str = ""
     tolerance: float = 1e-10
+    last_scale: float = 0.5
 
     def __post_init__(self) -> None:
         refuse_dry(self.system)
@@ -140,7 +143,7 @@ class TorusEquation:
         """Return the scales of the unknowns: a motion of its own size counts as 1, whatever the number of samples."""
         unit = self.system.state_scales()
         length = max(float((np.abs(states) / unit).max()), smallest, smallness(self.system))
-        return np.append(np.tile(unit * length, self.count) * np.sqrt(self.count), 0.5)
+        return np.append(np.tile(unit * length, self.count) * np.sqrt(self.count), self.last_scale)
 
 
 def refuse_dry(system: System) -> None:

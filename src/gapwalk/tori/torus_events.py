@@ -8,17 +8,24 @@ from fractions import Fraction
 
 import numpy as np
 
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.tori.locked_window import LockedWindow, locked_window
+from gapwalk.tori.second_tone import has_tone
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_doubling import Change, change_at
 from gapwalk.tori.torus_ends import DENOMINATOR
 from gapwalk.tori.torus_family import TorusEvent, TorusEventKind
 from gapwalk.tori.torus_start import equation_of, torus_at
 
+_BISECTIONS = 6  # of a step in which a contact begins to graze
 
-def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
+
+def events_between(
+    before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range, *, leapt: bool = False
+) -> list[TorusEvent]:
     """Locate what happens in a step between two tori, in order along it.
 
     One normal exponent passes zero at a fold too; that is no event of its own.
@@ -31,15 +38,20 @@ def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector
         Corrector of the family.
     within
         The range in which locked motions are followed.
+    leapt
+        True for a step over a resonance that stopped the walk: if no fraction of a small denominator is between both
+        tori, the simplest one is.
     """
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
+    located: list[Torus] = []
 
     def locate(kind: TorusEventKind, function: Callable[[BranchPoint], float]) -> TorusEvent:
         share, point, width = zero_in_step(before, after, corrector, function)
         width += torus_at(point).error * abs(point.value)
         event = TorusEvent(kind, point.value, width, torus_at(point).rotation, first.unstable, last.unstable)
         found.append((share, event))
+        located.append(torus_at(point))
         return event
 
     turns = before.tangent[-1] * after.tangent[-1] < 0.0
@@ -48,9 +60,17 @@ def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector
     changed = abs(first.unstable - last.unstable)
     if changed > int(turns):
         lost = max(first.unstable, last.unstable) - 1
-        kind = TorusEventKind.DOUBLING if changed == 1 else TorusEventKind.PAIR
-        locate(kind, lambda point: float(torus_at(point).exponents[lost]))
-    for ratio in _between(first.rotation, last.rotation):
+        kind = TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR
+        event = locate(kind, lambda point: float(torus_at(point).exponents[lost]))
+        if changed == 1:
+            share, _ = found[-1]
+            found[-1] = share, _explained(event, located[-1])
+    if first.grazes is not last.grazes:
+        found.append(_graze(before, after, corrector))
+    ratios = _between(first.rotation, last.rotation)
+    if leapt and not ratios:
+        ratios = [_simplest(*sorted((first.rotation, last.rotation)))]
+    for ratio in ratios:
         event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
         near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
         share, _ = found[-1]
@@ -58,10 +78,43 @@ def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector
     return [event for _, event in sorted(found, key=lambda each: each[0])]
 
 
+def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
+    """Return the event of one normal exponent with what happens there; a doubling keeps its torus."""
+    change, _ = change_at(torus)
+    if change is Change.DOUBLES:
+        return replace(event, kind=TorusEventKind.DOUBLING, torus=torus, detail=change.value)
+    return replace(event, detail=change.value)
+
+
+def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tuple[float, TorusEvent]:
+    """Locate where a contact begins or ceases to graze along the tori of a step, by bisection; with its share.
+
+    It is seen at the samples, so that the bracket is not narrowed down further than they tell.
+    """
+    first, last = torus_at(before), torus_at(after)
+    low, high, middle = 0.0, 1.0, after
+    for _ in range(_BISECTIONS):
+        share = 0.5 * (low + high)
+        correction = corrector.correct(hermite(before, after, share), before.tangent)
+        if correction is None:
+            break
+        length = share * (after.arclength - before.arclength)
+        middle = corrector.point(correction, before.tangent, before.arclength + length)
+        low, high = (share, high) if torus_at(middle).grazes is first.grazes else (low, share)
+    width = (high - low) * abs(after.value - before.value)
+    kind, turns = TorusEventKind.GRAZING, torus_at(middle).rotation
+    return high, TorusEvent(kind, middle.value, width, turns, first.unstable, last.unstable)
+
+
 def window_at(
     point: BranchPoint, ratio: Fraction, value: float, corrector: Corrector, within: Range
 ) -> LockedWindow | None:
-    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found."""
+    """Return the locked motions at a value of the parameter, next to the torus of a point; None if none are found.
+
+    Nothing locks to a second tone, whose rotation number is imposed.
+    """
+    if has_tone(torus_at(point).system):
+        return None
     parameter = equation_of(corrector).parameter
     return locked_window(torus_at(point), ratio, parameter, value, (within.low, within.high))
 
@@ -76,3 +129,16 @@ def _between(first: float, last: float) -> list[Fraction]:
         if low < part / whole < high
     }
     return sorted(found, reverse=last < first)
+
+
+def _simplest(low: float, high: float) -> Fraction:
+    """Return the fraction of the smallest denominator between two numbers from 0 to 1, along the Stern-Brocot tree."""
+    below, above = Fraction(0), Fraction(1)
+    while True:
+        found = Fraction(below.numerator + above.numerator, below.denominator + above.denominator)
+        if found <= low:
+            below = found
+        elif found >= high:
+            above = found
+        else:
+            return found

@@ -28,6 +28,7 @@ class TorusEndReason(Enum):
 
     START = "the family starts here"
     BORN = "the tori begin here, at a Neimark-Sacker point"
+    DOUBLED = "the tori begin here, beside a torus that doubles"
     SHRINKS = "the tori shrink to an orbit, at a Neimark-Sacker point"
     RANGE = "the end of the range was reached"
     CLOSED = "the family closed on itself"
@@ -91,9 +92,11 @@ class TorusEventKind(StrEnum):
     """
 
     FOLD = "fold of tori"
-    DOUBLING = "change of one normal direction"
+    DOUBLING = "torus doubling"
+    CHANGE = "change of one normal direction"
     PAIR = "change of two normal directions"
     RESONANCE = "resonance"
+    GRAZING = "a contact grazes along the tori"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +106,10 @@ class TorusEvent:
     Attributes
     ----------
     kind
-        What happens: the family turns back (fold), one normal exponent passes zero elsewhere (as where the torus
-        doubles), two pass zero (as where a torus of three frequencies begins), or the rotation number is a fraction.
+        What happens: the family turns back (fold), tori of twice as many curves begin (doubling), one normal exponent
+        passes zero otherwise, two pass zero (as where a torus of three frequencies begins), the rotation number is a
+        fraction, or a contact begins or ceases to graze somewhere along the torus, beyond which tori are smooth only
+        piecewise.
     value
         Value of the parameter.
     uncertainty
@@ -117,6 +122,10 @@ class TorusEvent:
         The fraction, for a resonance.
     window
         The locked motions of a resonance; None if none were looked for or found.
+    detail
+        The evidence, in words; may be empty.
+    torus
+        The torus of a doubling, at which `follow_tori` may start; otherwise None.
 
     Examples
     --------
@@ -134,6 +143,7 @@ class TorusEvent:
         "ratio": "ratio_words",
         "locked.from": "locked_from",
         "locked.to": "locked_to",
+        "detail": "detail",
     }
 
     kind: TorusEventKind
@@ -144,6 +154,8 @@ class TorusEvent:
     after: int
     ratio: Fraction | None = None
     window: LockedWindow | None = None
+    detail: str = ""
+    torus: Torus | None = None
 
     @property
     def ratio_words(self) -> str:
@@ -219,6 +231,8 @@ class TorusFamily(Shown):
         Folds, changes of stability and resonances, in order along the family.
     ends
         The two ends.
+    second
+        Name of the second parameter, with which the rotation number was kept; empty if it varied.
 
     Examples
     --------
@@ -232,6 +246,7 @@ class TorusFamily(Shown):
     points: tuple[TorusPoint, ...]
     events: tuple[TorusEvent, ...]
     ends: tuple[TorusEnd, TorusEnd]
+    second: str = ""
 
     @property
     def curves(self) -> int:
@@ -247,6 +262,11 @@ class TorusFamily(Shown):
     def rotations(self) -> NDArray[np.float64]:
         """Rotation number at each point, shape (points,)."""
         return np.array([point.torus.rotation for point in self.points])
+
+    @property
+    def second_values(self) -> NDArray[np.float64]:
+        """Value of the second parameter at each point, shape (points,); empty if there is none."""
+        return np.array([point.torus.system[self.second] for point in self.points if self.second])
 
     @property
     def complete(self) -> bool:
@@ -281,11 +301,11 @@ class TorusFamily(Shown):
         curves = "one curve" if self.curves == 1 else f"{self.curves} curves"
         yield (
             f"{len(self.points)} tori of {curves} along {self.parameter}, from {first.value:.8g} to {last.value:.8g}; "
-            f"{stable} are stable; rotation numbers from {self.rotations.min():.8g} to {self.rotations.max():.8g}"
+            f"{stable} are stable; {self._rotation_words}"
         )
         if self.events:
             yield Table(
-                ("what", self.parameter, "±", "rotation number", "unstable", "locked"),
+                ("what", self.parameter, "±", "rotation number", "unstable", "detail"),
                 [
                     (
                         f"{each.kind.value} {each.ratio_words}".strip(),
@@ -293,7 +313,7 @@ class TorusFamily(Shown):
                         f"{each.uncertainty:.0e}",
                         f"{each.rotation:.8g}",
                         f"{each.before} -> {each.after}" if each.before != each.after else str(each.before),
-                        "" if each.window is None else each.window.words,
+                        each.detail if each.window is None else each.window.words,
                     )
                     for each in self.events
                 ],
@@ -301,12 +321,22 @@ class TorusFamily(Shown):
         for place, end in zip(("first", "last"), self.ends, strict=True):
             yield f"{place} end: {end}"
 
+    @property
+    def _rotation_words(self) -> str:
+        if not self.second:
+            return f"rotation numbers from {self.rotations.min():.8g} to {self.rotations.max():.8g}"
+        low, high = self.second_values[0], self.second_values[-1]
+        return f"the rotation number {self.rotations[0]:.8g} is kept by {self.second}, from {low:.8g} to {high:.8g}"
+
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """Return the tables of points and events."""
         return {
-            "tori": lambda: rows_of(map(row_of, self.points)),
+            "tori": lambda: rows_of(map(self._row_of, self.points)),
             "events": lambda: rows_of(map(row_of, self.events)),
         }
+
+    def _row_of(self, point: TorusPoint) -> dict[str, object]:
+        return {**row_of(point), **({"second": point.torus.system[self.second]} if self.second else {})}
 
     def __repr__(self) -> str:
         return (

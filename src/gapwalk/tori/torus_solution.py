@@ -45,8 +45,9 @@ class TorusOptions:
     max_samples
         The most samples.
     tolerated
-        Largest such distance of a torus with the most samples; it states its error. Where a contact grazes along a
-        torus, its curve has kinks in its second derivative or so, and the accuracy may be out of reach.
+        Largest such distance of a torus with the most samples, which states its error; it must be small beside the
+        size of the curve too. Where a contact grazes along a torus, the second derivative of its curve is not bounded,
+        and the accuracy may be out of reach.
 
     Examples
     --------
@@ -100,6 +101,8 @@ class TorusOptions:
         bool
             True if so.
         """
+        if not torus.is_resolved:
+            return False
         return torus.error <= (self.accuracy if self.finer(torus.count) else max(self.accuracy, self.tolerated))
 
 

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.settle import settle
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -20,15 +21,20 @@ from gapwalk.orbit.orbit_equation import Equation, Evaluation
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import TURN, odd, phases
-from gapwalk.tori.torus import Torus
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.torus import Torus, reversed_torus
+from gapwalk.tori.torus_doubling import change_at
 from gapwalk.tori.torus_equation import TorusEquation
-from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusPoint
-from gapwalk.tori.torus_solution import TorusOptions, torus_of
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
+from gapwalk.tori.torus_solution import TorusOptions, find_torus, torus_of
 
-_SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01)  # amplitudes of the first torus that are tried, in first steps
+# amplitudes of the first torus that are tried, in first steps; where a contact grazes next to the point, only the
+# smallest tori are smooth
+_SMALLEST = (1.0, 0.3, 3.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
 _NEAR = 0.02  # distance of a rotation number from a fraction of small denominator that is mentioned
 _GRAZES = "a contact grazes along the smallest tori, which are not smooth"
 _UNKNOWN = "its tori may be locked, or not smooth"
+_BESIDE = 0.1  # distance from a fraction, times its denominator, at which the torus beyond a locked window is expected
 _STRONG = 4  # the largest denominator of such a fraction
 
 
@@ -51,6 +57,14 @@ def equation_of(corrector: Corrector) -> CurveEquation:
 
 
 @dataclass(frozen=True, eq=False)
+class Second:
+    """A second parameter that varies so that the rotation number stays, and its range."""
+
+    name: str
+    within: Range
+
+
+@dataclass(frozen=True, eq=False)
 class TorusStart:
     """Beginning of a family in one direction.
 
@@ -64,12 +78,18 @@ class TorusStart:
         The range.
     end
         What is at the beginning: the Neimark-Sacker point, or the start of the walk.
+    fineness
+        Factor on the first and the smallest step of the walk: below 1 where the first torus had to be small.
+    second
+        The second parameter, if the rotation number is kept.
     """
 
     corrector: Corrector
     first: BranchPoint
     within: Range
     end: TorusEnd
+    fineness: float = 1.0
+    second: Second | None = None
 
     @property
     def record(self) -> TorusPoint:
@@ -78,17 +98,27 @@ class TorusStart:
 
 
 def starts_at(
-    start: Torus | SpecialPoint, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions, both: bool
+    start: Torus | SpecialPoint | TorusEvent,
+    parameter: str,
+    within: Range,
+    options: TorusOptions,
+    walk: WalkOptions,
+    both: bool,
+    second: Second | None = None,
 ) -> list[TorusStart]:
     """Return the beginnings of the family of a torus in each direction, or of the tori next to a special point."""
+    if not isinstance(start, Torus) and second is not None:
+        raise ModelError("a rotation number can be kept from a torus on; give one of the tori of a family")
+    if isinstance(start, TorusEvent):
+        return [_doubled(start, parameter, within, options, walk)]
     if isinstance(start, SpecialPoint):
         return [_next_to(start, parameter, within, options, walk)]
     if not isinstance(start, Torus):
         raise ModelError(
-            f"tori are followed from a torus or a Neimark-Sacker point, not from {type(start).__name__}; "
-            "gw.tori.find_torus(settled) finds the torus of a settled motion"
+            "tori are followed from a torus, a Neimark-Sacker point or a torus doubling, not from "
+            f"{type(start).__name__}; gw.tori.find_torus(settled) finds the torus of a settled motion"
         )
-    return _from_torus(start, parameter, within, both)
+    return _from_torus(start, parameter, within, both, second)
 
 
 def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest: float, within: Range) -> Corrector:
@@ -99,11 +129,15 @@ def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest:
     )
 
 
-def _from_torus(torus: Torus, parameter: str, within: Range, both: bool) -> list[TorusStart]:
-    equation = CurveEquation(torus.system, parameter, torus.curves, torus.states)
+def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second: Second | None) -> list[TorusStart]:
+    equation, last = CurveEquation(torus.system, parameter, torus.curves, torus.states), torus.rotation
+    if second is not None:
+        last = torus.system[second.name]
+        kept = {"kept": torus.rotation, "second": second.name, "last_scale": second.within.width}
+        equation = replace(equation, **kept)
     corrector = corrector_of(equation, torus.states, 0.0, within)
     value = torus.system[parameter]
-    x = np.append(torus.states.ravel(), (torus.rotation, value)) / corrector.scales
+    x = np.append(torus.states.ravel(), (last, value)) / corrector.scales
     normal = np.zeros(len(x))
     normal[-1] = 1.0
     found = corrector.correct(x, normal)
@@ -114,13 +148,88 @@ def _from_torus(torus: Torus, parameter: str, within: Range, both: bool) -> list
     # towards the end of the range; both ways if two ends were given
     ahead = 1.0 if within.high - value > value - within.low else -1.0
     ways = (-1.0, 1.0) if both else (ahead,)
-    return [TorusStart(corrector, _towards(first, way), within, end) for way in ways]
+    return [TorusStart(corrector, _towards(first, way), within, end, second=second) for way in ways]
 
 
 def _towards(point: BranchPoint, way: float) -> BranchPoint:
     """Return a point whose tangent leads to higher (+1) or lower (-1) values of the parameter."""
     sign = way * (1.0 if point.tangent[-1] >= 0.0 else -1.0)
     return replace(point, tangent=sign * point.tangent, determinant=sign * point.determinant, memo={})
+
+
+def _doubled(event: TorusEvent, parameter: str, within: Range, options: TorusOptions, walk: WalkOptions) -> TorusStart:
+    """Return the beginning at a torus doubling: a torus of twice as many curves, beside the one that doubles.
+
+    With the direction ``DP w(psi) = -w(psi + 2 pi rho)``, the curve ``u + a w`` is carried to the second one,
+    ``u - a w``, and to itself by the map over twice as many periods, which turns its phase by ``2 rho``.
+    """
+    torus = event.torus
+    assert torus is not None  # events without one are refused before
+    _, wave = change_at(torus)
+    value = torus.system[parameter]
+    equation = CurveEquation(torus.system, parameter, 2 * torus.curves, torus.states)
+    corrector = corrector_of(equation, torus.states, 0.0, within)
+    away = np.append(wave.ravel(), (0.0, 0.0)) / corrector.scales
+    away /= np.linalg.norm(away)
+    x = np.append(torus.states.ravel(), (2.0 * torus.rotation, value)) / corrector.scales
+    for amplitude in _SMALLEST:
+        step = amplitude * walk.first_step
+        found = corrector.correct(x + step * away, away)
+        if found is None or float((found.x - x) @ away) < 0.5 * step:
+            continue
+        try:
+            first = corrector.point(found, away, step)
+        except NumericalError:
+            continue
+        if first.value in within and torus_at(first).is_resolved:
+            end = TorusEnd(TorusEndReason.DOUBLED, value, 2.0 * torus.rotation % 1.0)
+            return TorusStart(corrector, first, within, end, min(1.0, amplitude))
+    raise ConvergenceError(
+        f"no tori of twice as many curves were found beside the doubling at {parameter} = {value:.9g}"
+    )
+
+
+def start_beyond(
+    torus: Torus,
+    window: LockedWindow,
+    parameter: str,
+    way: float,
+    within: Range,
+    value: float,
+    options: TorusOptions,
+) -> TorusStart | None:
+    """Return the beginning beyond a window in which the motion of a family locks; None if there is none.
+
+    The motion next to the locked one settles there on a torus, if it is stable, whose rotation number is on the other
+    side of the fraction. If the window holds the last torus itself, both motions coexist, and the family ends there.
+
+    Parameters
+    ----------
+    torus, value
+        The last torus before the window, and the parameter there.
+    window
+        The locked motions.
+    parameter, way, within
+        The parameter, the direction in which it varies (1 or -1), and its range.
+    options
+        Accuracy of the torus.
+    """
+    near, far = (window.low, window.high) if way > 0.0 else (window.high, window.low)
+    place = far + way * max(window.width, abs(far - value))
+    if not window.is_whole or way * (near - value) < 0.0 or place not in within:
+        return None
+    try:
+        motion = settle(torus.system.at({parameter: place}), window.orbit.state)
+        found = find_torus(motion, options)
+    except NumericalError:
+        return None
+    ratio = float(window.ratio)
+    if abs(found.rotation - ratio) > abs(1.0 - found.rotation - ratio):
+        found = reversed_torus(found)
+    crossed = (found.rotation - ratio) * (torus.rotation - ratio) < 0.0
+    if found.curves != torus.curves or not crossed or abs(found.rotation - ratio) > _BESIDE / window.ratio.denominator:
+        return None
+    return _from_torus(found, parameter, within, True, None)[int(way > 0.0)]
 
 
 def _next_to(
@@ -165,7 +274,7 @@ def _next_to(
         grazes = grazes or torus_at(first).grazes
         if first.value in within and _is_torus(torus_at(first), options):
             end = TorusEnd(TorusEndReason.BORN, value, turns % 1.0)
-            return TorusStart(corrector, first, within, end)
+            return TorusStart(corrector, first, within, end, min(1.0, amplitude))
     raise ConvergenceError(
         f"no torus was found next to the Neimark-Sacker point at {parameter} = {value:.9g} (rotation number "
         f"{turns:.6g}){_resonance_nearby(turns)}; {_GRAZES if grazes else _UNKNOWN}: settle() on either side shows "
@@ -175,7 +284,7 @@ def _next_to(
 
 def _is_torus(torus: Torus, options: TorusOptions) -> bool:
     """Return True if the curve has a size: Newton's method may converge to the orbit itself."""
-    return torus.size > 0.0 and torus.error <= max(options.accuracy, 1e-6)
+    return torus.size > 0.0 and torus.is_resolved and torus.error <= max(options.accuracy, 1e-6)
 
 
 def _resonance_nearby(turns: float) -> str:

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
 from gapwalk.tori.torus_events import events_between, window_at
-from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
+from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
-from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, torus_at
+from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, start_beyond, torus_at
 
 _MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
 _GROWN = 5.0  # growth of a curve beyond which its reference is another
 _STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
 _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothness is located
-_LEAPS = (2.0, 4.0, 8.0, 16.0)  # steps, over the last good one, by which a resonance is leapt over
+_LEAPS = (1.5, 2.0, 3.0, 4.0, 8.0, 16.0)  # lengths, over that of a good step, by which a resonance is leapt over
+_REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
+_GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
+_AHEAD = (0.1, 0.3, 1.0, 3.0)  # places ahead at which locked motions are looked for, in good steps
 _REASONS = {
     EndReason.RANGE: TorusEndReason.RANGE,
     EndReason.TURNED_BACK: TorusEndReason.RANGE,
@@ -35,6 +43,20 @@ _REASONS = {
 }
 
 Step = tuple[TorusPoint, list[TorusEvent]]
+
+
+class _Stride(NamedTuple):
+    """An accepted step, with the corrector that made it."""
+
+    corrector: Corrector
+    start: BranchPoint
+    end: BranchPoint
+    length: float
+
+    @property
+    def turned(self) -> float:
+        """Change of the rotation number."""
+        return torus_at(self.end).rotation - torus_at(self.start).rotation
 
 
 class TorusTracer(Iterator[Step]):
@@ -51,8 +73,11 @@ class TorusTracer(Iterator[Step]):
     """
 
     def __init__(self, beginning: TorusStart, walk: WalkOptions, options: TorusOptions) -> None:
+        fine, first = beginning.fineness, walk.first_step
+        walk = replace(walk, initial_step=fine * first, smallest_step=fine * walk.smallest_step) if fine < 1.0 else walk
         self.beginning, self.options, self.steps = beginning, options, walk
-        self.corrector, self._recent, self._moved = beginning.corrector, walk.first_step, 0.0
+        self.corrector, self._moved = beginning.corrector, 0.0
+        self._strides: deque[_Stride] = deque(maxlen=_REMEMBERED)
         self.end: TorusEnd | None = None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
         self._pose_again(self.walk.state, beginning.first)
@@ -83,15 +108,21 @@ class TorusTracer(Iterator[Step]):
             torus = torus_at(point)
             if has_shrunk(state.point, point):
                 self.end = shrunk(state.point, point, equation_of(self.corrector).parameter)
+            elif (past := self._past_second(state.point, point)) is not None:
+                self.end = past
             elif (ratio := self._creeps_to(state.point, point)) is not None:
-                self.end = self._locked(state.point, ratio)
+                leapt = self._lock(state.point, ratio, self._window(state.point, ratio))
+                if leapt is not None:
+                    return leapt
             elif not self.options.accepts(torus):
-                self._refine(state, point)
+                leapt = self._refine(state, point)
+                if leapt is not None:
+                    return leapt
             else:
                 break
         if self.end is not None:
             raise StopIteration
-        self._recent = point.arclength - state.point.arclength
+        self._strides.append(_Stride(self.corrector, state.point, point, point.arclength - state.point.arclength))
         events = events_between(state.point, point, self.corrector, self.beginning.within)
         self._pose_again(self.walk.state, point)
         return TorusPoint(point.value, torus, point.arclength), events
@@ -122,11 +153,11 @@ class TorusTracer(Iterator[Step]):
         old = self.corrector
         equation = replace(equation_of(old), reference=curve)
         corrector = corrector_of(equation, curve, 1e-3 * torus.size, self.beginning.within)
-        unscaled = point.tangent * old.scales
+        unscaled, unscaled_point = point.tangent * old.scales, point.x * old.scales
         along = resampled(unscaled[:-2].reshape(torus.count, -1), count).ravel()
         tangent = np.append(along, unscaled[-2:]) / corrector.scales
         tangent /= np.linalg.norm(tangent)
-        x = np.append(curve.ravel(), (torus.rotation + self._turns(point), point.value)) / corrector.scales
+        x = np.append(curve.ravel(), unscaled_point[-2:]) / corrector.scales
         found = corrector.correct(x, tangent)
         if found is None:
             return False
@@ -138,9 +169,18 @@ class TorusTracer(Iterator[Step]):
         self.walk = self._walk_from(WalkState(None, lifted, state.step, state.count))
         return True
 
-    def _turns(self, point: BranchPoint) -> float:
-        """Return the whole turns that the unknown rotation number has beyond that of the record."""
-        return float(point.x[-2] * self.corrector.scales[-2]) - torus_at(point).rotation
+    def _past_second(self, last: BranchPoint, beyond: BranchPoint) -> TorusEnd | None:
+        """Return the end of a family whose second parameter has left its range; None if it has not."""
+        second = self.beginning.second
+        if second is None or torus_at(beyond).system[second.name] in second.within:
+            return None
+        torus = torus_at(last)
+        words = f"{second.name} = {torus.system[second.name]:.8g} is near the end of its range"
+        return TorusEnd(TorusEndReason.RANGE, last.value, torus.rotation, words)
+
+    def _near_resonance(self, torus: Torus) -> Fraction | None:
+        """Return the resonance next to a torus; None if there is none, or the rotation number is kept."""
+        return resonance_near(torus.rotation) if self.beginning.second is None else None
 
     def _creeps_to(self, before: BranchPoint, after: BranchPoint) -> Fraction | None:
         """Return the fraction that the rotation number approaches while the parameter stands still; None otherwise."""
@@ -149,27 +189,73 @@ class TorusTracer(Iterator[Step]):
             self._moved = max(self._moved, moved)
             return None
         first, last = torus_at(before).rotation, torus_at(after).rotation
-        near = resonance_near(last)
+        near = self._near_resonance(torus_at(after))
         return near if near is not None and abs(last - near) < abs(first - near) else None
 
-    def _refine(self, state: WalkState, rejected: BranchPoint) -> None:
-        """Return to a state with more samples, or with a shorter step if they are the most; end if nothing helps."""
+    def _refine(self, state: WalkState, rejected: BranchPoint) -> Step | None:
+        """Return to a state with more samples, or with a shorter step if they are the most.
+
+        If nothing helps, a resonance may be in the way: leap over it and return the step, or end.
+        """
         more = self.options.finer(torus_at(state.point).count)
         if more is not None and self._pose(state.point, more, state):
-            return
+            return None
         if more is None and rejected.arclength - state.point.arclength > _SHORTEST * self.steps.largest_step:
             self.walk.go_back(state, rejected)
-            return
+            return None
+        leapt = self._leap(state)
+        if leapt is not None:
+            return leapt
         last = state.point
-        near = resonance_near(torus_at(last).rotation)
-        window = None if near is None else window_at(last, near, last.value, self.corrector, self.beginning.within)
+        near = self._near_resonance(torus_at(last))
+        window = None if near is None else self._window(last, near)
         if near is None or window is None:
             self.end = rough(last, torus_at(rejected))
-        else:
-            self.end = locked(last, near, window)
+            return None
+        return self._lock(last, near, window)
 
-    def _locked(self, last: BranchPoint, ratio: Fraction) -> TorusEnd:
-        return locked(last, ratio, window_at(last, ratio, last.value, self.corrector, self.beginning.within))
+    def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
+        """Return the locked motions at the last torus, or ahead of it; None if none are found."""
+        good = self._good
+        ahead = 0.0 if good is None else good.end.value - good.start.value
+        for value in (last.value, *(last.value + share * ahead for share in _AHEAD)):
+            if value in self.beginning.within:
+                window = window_at(last, ratio, value, self.corrector, self.beginning.within)
+                if window is not None:
+                    return window
+        return None
+
+    def _lock(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
+        """Continue beyond a window in which the motion locks, and return the first step there; else record the end."""
+        good = self._good
+        way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
+        parameter = equation_of(self.corrector).parameter
+        beyond = None
+        if window is not None and way:
+            beyond = start_beyond(
+                torus_at(last), window, parameter, way, self.beginning.within, last.value, self.options
+            )
+        if beyond is None or window is None:
+            self.end = locked(last, ratio, window)
+            return None
+        self.corrector, self._moved = beyond.corrector, 0.0
+        self._strides.clear()
+        length = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
+        first = replace(beyond.first, arclength=last.arclength + length, memo={})
+        self.walk = self._walk_from(WalkState(None, first, self.steps.first_step, self.walk.state.count + 1))
+        torus, before = torus_at(first), torus_at(last)
+        middle = 0.5 * (window.low + window.high)
+        event = TorusEvent(
+            TorusEventKind.RESONANCE,
+            middle,
+            0.5 * window.width,
+            float(ratio),
+            before.unstable,
+            torus.unstable,
+            ratio,
+            window,
+        )
+        return TorusPoint(first.value, torus, first.arclength), [event]
 
     def _ended(self, state: WalkState) -> Step | None:
         """Record the end of the walk; where it ended at a resonance, try to leap over it and return the step."""
@@ -180,34 +266,51 @@ class TorusTracer(Iterator[Step]):
                 _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
             )
             return None
-        near = resonance_near(torus.rotation)
-        leapt = None if near is None else self._leap(state, near)
+        near = self._near_resonance(torus)
+        leapt = self._leap(state)
         if leapt is not None:
             return leapt
         if near is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
             return None
-        self.end = self._locked(state.point, near)
-        return None
+        return self._lock(state.point, near, self._window(state.point, near))
 
-    def _leap(self, state: WalkState, ratio: Fraction) -> Step | None:
-        """Return the step to the other side of a resonance; None if no torus is found there."""
-        point = state.point
+    @property
+    def _good(self) -> _Stride | None:
+        """The last step in which the rotation number changed much, before the walk crept into a resonance."""
+        most = max((abs(stride.turned) for stride in self._strides), default=0.0)
+        return next((each for each in reversed(self._strides) if abs(each.turned) >= _GOOD * most), None)
+
+    def _leap(self, state: WalkState) -> Step | None:
+        """Return the step to the other side of a resonance; None if no torus is found there.
+
+        Next to it the curve is distorted, and its tangent leads along the resonance. So the leap begins at the last
+        good step. The rotation number must go on in its direction. The resonance between both tori is told even if its
+        denominator is large: it has stopped the walk.
+        """
+        last = state.point
+        good = self._good
+        if good is None or good.turned == 0.0:
+            return None
+        corrector, point = good.corrector, good.end
         for longer in _LEAPS:
-            step = longer * max(self._recent, self.steps.first_step)
+            step = longer * good.length
             guess = point.x + step * point.tangent
-            found = self.corrector.correct(guess, point.tangent)
+            found = corrector.correct(guess, point.tangent)
             if found is None or np.linalg.norm(found.x - guess) > 0.5 * step:
                 continue
             try:
-                beyond = self.corrector.point(found, point.tangent, point.arclength + step)
+                beyond = corrector.point(found, point.tangent, last.arclength + step)
             except NumericalError:
                 continue
             torus = torus_at(beyond)
-            crossed = (torus.rotation - ratio) * (torus_at(point).rotation - ratio) < 0.0
-            if not crossed or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
+            goes_on = (torus.rotation - torus_at(last).rotation) * good.turned > 0.0
+            if not goes_on or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
                 continue
-            events = events_between(point, beyond, self.corrector, self.beginning.within)
-            self.walk = self._walk_from(WalkState(None, beyond, self.steps.first_step, state.count + 1))
+            events = events_between(point, beyond, corrector, self.beginning.within, leapt=True)
+            self.corrector = corrector
+            self._strides.clear()
+            self._strides.append(_Stride(corrector, point, beyond, good.length))
+            self.walk = self._walk_from(WalkState(None, beyond, good.length, state.count + 1))
             return TorusPoint(beyond.value, torus, beyond.arclength), events
         return None

@@ -1,0 +1,195 @@
+"""Excitation with two frequencies without a common multiple, such as an engine and a second drive.
+
+The second one is a coordinate of its own: the self-excited oscillator
+
+    z'' + w (z^2 + (z'/w)^2 - 1) z' + w^2 z = 0,
+
+whose only stable motion is ``z = cos(w t)``, exactly, and which nothing else acts upon. So the motion of the whole is a
+torus of an ordinary system, with the known rotation number ``w / W``, and everything that holds for tori holds for it.
+
+Method: docs/numerics/tori.md
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+import numpy as np
+
+from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.errors import ModelError
+from gapwalk.flow.length_unit import natural_length
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.contact import force
+from gapwalk.model.laws import Expression
+from gapwalk.model.structure import ContactForm
+from gapwalk.model.system import System
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_solution import TorusOptions, find_torus
+
+_CLOCK = "frequency*frequency*x + frequency*(x*x + (v/frequency)*(v/frequency) - 1)*v"
+_MOST = 64  # the largest denominator of a ratio of frequencies that counts as a fraction
+_EQUAL = 1e-9  # distance within which a ratio is that fraction
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A second excitation, ``amplitude * s * cos(frequency * t)``, with a frequency of its own.
+
+    Parameters
+    ----------
+    amplitude
+        In units of a force (of a torque).
+    acts_on
+        The vector ``s`` by coordinate name.
+    frequency
+        Its angular frequency, > 0; no multiple or simple fraction of that of the excitation.
+    name
+        Name of the coordinate that carries it. Its numbers are the parameters ``tone.frequency`` and
+        ``tone_load.amplitude`` of the system.
+
+    Examples
+    --------
+    >>> gw.tori.Tone(0.2, {"x": 1.0}, frequency=1.37).name
+    'tone'
+    """
+
+    amplitude: float
+    acts_on: Mapping[str, float] = field(hash=False)
+    frequency: float
+    name: str = "tone"
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.frequency, int | float) and 0.0 < self.frequency < np.inf):
+            raise ModelError(f"the frequency of a tone is {self.frequency!r}; it must be a number > 0")
+        if not self.acts_on:
+            raise ModelError("a tone acts on nothing; write the coordinates, as in acts_on={'q1': 1.0}")
+
+    def onto(self, system: System) -> System:
+        """Return the system with this second excitation: it has one more coordinate, which is the cosine of the tone.
+
+        The coordinate is in the unit of the motion, so that it neither hides nor exceeds it; two forces with the names
+        ``tone`` and ``tone_load`` drive it, and make it act.
+
+        Parameters
+        ----------
+        system
+            A system; of a drive train its equations of motion, ``system.equations``.
+
+        Returns
+        -------
+        System
+            The system with the tone.
+
+        Raises
+        ------
+        ModelError
+            For a drive train, a name that is taken, or a coordinate that there is not.
+
+        Examples
+        --------
+        >>> mass = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
+        >>> gw.tori.Tone(0.2, {"x": 1.0}, frequency=1.37).onto(mass).coordinates
+        ('x', 'tone')
+        """
+        old = system.structure
+        if old.assembly is not None:
+            raise ModelError(
+                "a tone acts on the equations of motion of a drive train; write tone.onto(system.equations)"
+            )
+        load = f"{self.name}_load"
+        taken = {*system.coordinates, *(each.name for each in (*old.contacts, *old.harmonics))} & {self.name, load}
+        if taken:
+            raise ModelError(f"the name {min(taken)!r} is taken; give the tone another one, as in name='drive'")
+        unknown = [each for each in self.acts_on if each not in system.coordinates]
+        if unknown:
+            raise ModelError(
+                f"the tone acts on {unknown[0]!r}, which is no coordinate; they are {', '.join(system.coordinates)}"
+            )
+        size = self._size(system)
+        clock = force(self.name, {self.name: 1.0 / size}, _CLOCK, acts_on={self.name: size}, frequency=self.frequency)
+        # forces of contacts stand on the left-hand side of the equations of motion, loads on the right
+        pushed = {name: -share for name, share in self.acts_on.items()}
+        drive = force(load, {self.name: 1.0 / size}, "amplitude*x", acts_on=pushed, amplitude=self.amplitude)
+        added = System(
+            (*system.coordinates, self.name),
+            stiffness=np.zeros((system.size + 1, system.size + 1)),
+            contacts=[clock, drive],
+        )
+        structure = replace(
+            old,
+            coordinates=added.coordinates,
+            contacts=(*old.contacts, ContactForm.of(clock), ContactForm.of(drive)),
+        )
+        known = {**added.parameters, **system.parameters}
+        return System.from_values(structure, np.array([known.get(name, 0.0) for name in structure.names]))
+
+    @staticmethod
+    def _size(system: System) -> float:
+        """Return the length that stands for 1 in the coordinate of the tone: that of the motion, as far as is known."""
+        return natural_length(layout_of(system.structure), coefficients_of(system))
+
+
+def has_tone(system: System) -> bool:
+    """Return True if a system has a second tone: then its tori have a known rotation number, and nothing locks."""
+    return any(form.law == Expression(_CLOCK) for form in system.structure.contacts)
+
+
+def two_tones(
+    system: System,
+    tone: Tone,
+    *,
+    settling: SettleOptions | None = None,
+    options: TorusOptions | None = None,
+) -> Torus:
+    """Find the motion under two excitations whose frequencies have no common multiple.
+
+    The motion from rest is followed until it has settled, and its torus is found by Newton's method. `follow_tori`
+    follows it along any parameter of the system, also those of the tone.
+
+    Parameters
+    ----------
+    system
+        A system with its own excitation.
+    tone
+        The second excitation.
+    settling
+        Length of the transient.
+    options
+        Accuracy and number of samples of the torus.
+
+    Returns
+    -------
+    Torus
+        Of the system with the tone (`Tone.onto`). Its rotation number is ``tone.frequency / frequency``, less the whole
+        turns, or 1 less that. One of its exponents belongs to the tone itself.
+
+    Raises
+    ------
+    ModelError
+        If the ratio of both frequencies is a simple fraction, or the tone does not fit the system.
+    ConvergenceError
+        If the motion settles on no torus.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> mass = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=2.0)
+    >>> torus = gw.tori.two_tones(mass, gw.tori.Tone(0.2, {"x": 1.0}, frequency=2.0 * 5.0**0.5))
+    >>> torus.system.coordinates, round(5.0**0.5 - 2.0, 9) in (round(torus.rotation, 9), round(1.0 - torus.rotation, 9))
+    (('x', 'tone'), True)
+    """
+    both = tone.onto(system)
+    ratio = tone.frequency / system.frequency
+    near = Fraction(ratio).limit_denominator(_MOST)
+    if abs(ratio - near) < _EQUAL:
+        raise ModelError(
+            f"the frequency of the tone is {near} of that of the excitation: both repeat together after "
+            f"{near.denominator} forcing periods, and the motion is an orbit. Take the common fundamental as the "
+            f"frequency, with harmonics of the orders {near.denominator} and {near.numerator}: gw.find_orbit"
+        )
+    start = np.zeros(both.state_size)
+    start[system.size] = tone._size(system)
+    return find_torus(settle(both, start, settling), options)

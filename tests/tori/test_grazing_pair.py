@@ -1,0 +1,100 @@
+"""Tori of two masses and a stop, example 03 of NLvib, at both of their Neimark-Sacker points.
+
+One point is next to the resonance 1:4, the other one 1e-6 beside a graze. Long simulations confirm how each ends.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.attractors.rotation import rotation
+from gapwalk.attractors.section import Strobe
+from tests.tori.closed_forms import nlvib_pair
+
+EVENTS = gw.tori.TorusEventKind
+
+
+@cache
+def point(near):
+    """The Neimark-Sacker point of the branch of period 1 next to a frequency."""
+    branch = gw.follow(gw.find_orbit(nlvib_pair(), frequency=near + 0.008), "frequency", near - 0.002)
+    (found,) = branch.special(gw.Kind.NEIMARK_SACKER)
+    return found
+
+
+def simulated(frequency, start, settling=12_000, kept=6_000):
+    """The last strobes of a long simulation."""
+    states = gw.analysis.strobe(nlvib_pair().at(frequency=frequency), start, settling + kept).states
+    return states[-kept:]
+
+
+def closings(frequency, start):
+    """How often the stop closes in each period of a long simulation."""
+    strobe = Strobe(nlvib_pair().at(frequency=frequency))
+    arcs = (strobe.arc(state) for state in strobe.run(start, 20_000)[-4_000:])
+    return [sum(event.enters for event in arc.contacts) for arc in arcs]
+
+
+def repeats(strobes, period):
+    """True if strobes repeat after a period, and not after less."""
+    apart = [np.abs(strobes[each:] - strobes[:-each]).max() for each in range(1, period + 1)]
+    return apart[-1] < 1e-10 < min(apart[:-1])
+
+
+@pytest.mark.slow
+def test_beside_the_resonance_1_4_tori_end_on_the_locked_motion():
+    start = point(0.6186)
+    assert start.value == pytest.approx(0.6186068743, abs=1e-9)
+    family = gw.tori.follow_tori(start, "frequency", (0.6, 0.63))
+    end = family.ends[1]
+    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert "approaches 1/4; period 4, stable" in end.detail
+    assert end.value == pytest.approx(0.61852039, abs=2e-8)
+    assert all(each.torus.stable for each in family.points)
+    some = family.points[len(family.points) // 2]
+    met = rotation(simulated(some.value, some.torus.state()))
+    assert met is not None
+    assert met.number == pytest.approx(some.torus.rotation, abs=1e-8)
+    # just below its last torus, the motion that was on it goes to period 4
+    last = family.points[-1].torus.state()
+    assert repeats(simulated(end.value - 1e-7, last), 4)
+
+
+def test_beside_a_graze_tori_are_followed_from_the_smallest():
+    start = point(0.5819)
+    family = gw.tori.follow_tori(start, "frequency", (0.5818, 0.581901))
+    first, last = family.points[0], family.points[-1]
+    assert first.torus.size < 2e-5
+    assert not first.torus.grazes
+    assert last.value == pytest.approx(0.581901, abs=1e-12)
+    (graze,) = [each for each in family.events if each.kind is EVENTS.GRAZING]
+    assert {*closings(graze.value - 1e-8, last.torus.state())} == {1}
+    assert {*closings(graze.value + 1e-8, last.torus.state())} == {0, 1}
+    assert last.torus.grazes
+    met = rotation(simulated(last.value, last.torus.state()))
+    assert met is not None
+    assert met.number == pytest.approx(last.torus.rotation, abs=1e-7)
+    # where no contact grazes along the torus, the rotation number is exact
+    (smooth,) = [each for each in family.points if not each.torus.grazes][-1:]
+    met = rotation(simulated(smooth.value, smooth.torus.state()))
+    assert met is not None
+    assert met.number == pytest.approx(smooth.torus.rotation, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_beside_a_graze_the_family_ends_on_the_motion_of_period_7():
+    family = gw.tori.follow_tori(point(0.5819), "frequency", (0.5, 0.8))
+    end = family.ends[1]
+    assert end.reason is gw.tori.TorusEndReason.RESONANCE
+    assert "approaches 1/7; period 7, stable" in end.detail
+    assert "a contact grazes along the torus (0 to 2 contact events)" in end.detail
+    assert end.value == pytest.approx(0.58190183, abs=2e-8)
+    # a resonance of a large denominator that stopped the walk is told
+    assert "5/34" in [each.ratio_words for each in family.events]
+    state = family.points[-1].torus.state()
+    met = rotation(simulated(0.58190182, state))
+    assert met is not None
+    assert met.number == pytest.approx(np.interp(0.58190182, family.values, family.rotations), abs=1e-5)
+    assert repeats(simulated(0.581902, state), 7)
