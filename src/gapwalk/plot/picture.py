@@ -54,6 +54,7 @@ _MODULES = {
     "models": ("System",),
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
+    "scan_picture": ("Scan",),
     "backbone_pictures": ("Backbone", "Backbones"),
     "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
     "motions": (

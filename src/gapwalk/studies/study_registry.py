@@ -82,6 +82,7 @@ _KINDS: Registry[type[StudyKind]] = Registry(
         "design": "gapwalk.studies.design_study.DesignStudy",
         "backbone": "gapwalk.studies.backbone_study.BackboneStudy",
         "tori": "gapwalk.studies.tori_study.ToriStudy",
+        "scan": "gapwalk.studies.scan_study.ScanStudy",
     },
 )
 
