@@ -18,7 +18,7 @@ import gapwalk as gw
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import USUAL, Reading
-from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page
+from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report, reproduce
 
 DONE, BAD_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
@@ -61,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--output", type=Path, help=f"folder of pictures, results and tables; by default {_FOLDER}, none with --json")
     add(
         "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
+    )
+    add(
+        "--counts", type=Path, help="with --claims: a file, such as README.md, whose sentence of counts is written anew"
     )
     add("--workers", type=int, help="number of processes; by default one for each core")
     add("--force", action="store_true", help="compute everything again")
@@ -122,8 +125,12 @@ def _write_claims(asked: argparse.Namespace) -> int:
         cores=asked.workers,
         progress=_show,
     )
-    _write(asked.claims, claims_page(report.checked))
+    _write(asked.claims, claims_page(report.checked, report.trades))
     print(f"written: {asked.claims}")
+    if asked.counts:
+        verdicts = [outcome.verdict for _, outcome in report.checked]
+        _write(asked.counts, with_counts(asked.counts.read_text(encoding="utf-8"), verdicts))
+        print(f"written: {asked.counts}")
     return _code(report)
 
 
