@@ -62,9 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
     )
-    add(
-        "--counts", type=Path, help="with --claims: a file, such as README.md, whose sentence of counts is written anew"
-    )
+    add("--counts", type=Path, nargs="+", default=[], help="with --claims: files whose counts are written anew")
     add("--workers", type=int, help="number of processes; by default one for each core")
     add("--force", action="store_true", help="compute everything again")
     add("--json", action="store_true", help="print one JSON document; of several figures, a list")
@@ -127,10 +125,10 @@ def _write_claims(asked: argparse.Namespace) -> int:
     )
     _write(asked.claims, claims_page(report.checked, report.trades))
     print(f"written: {asked.claims}")
-    if asked.counts:
-        verdicts = [outcome.verdict for _, outcome in report.checked]
-        _write(asked.counts, with_counts(asked.counts.read_text(encoding="utf-8"), verdicts))
-        print(f"written: {asked.counts}")
+    verdicts = [outcome.verdict for _, outcome in report.checked]
+    for path in asked.counts:
+        _write(path, with_counts(path.read_text(encoding="utf-8"), verdicts))
+        print(f"written: {path}")
     return _code(report)
 
 

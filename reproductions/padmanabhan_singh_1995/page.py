@@ -168,7 +168,8 @@ def _claim(claim: Claim, outcome: Outcome) -> str:
 
 def _numbers(trades: Sequence[Trade]) -> str:
     """What other numbers gain and cost, and what the tables demand of each other."""
-    head = "<tr><th>number</th><th>sets</th><th>then also holds</th><th>ceases to hold</th><th>still holds</th></tr>"
+    headings = ("number", "sets", "then also holds", "ceases to hold", "still holds", "neither")
+    head = f"<tr>{''.join(f'<th>{each}</th>' for each in headings)}</tr>"
     rows = "".join(
         f"<tr><td>{escape(trade.words)}</td>" + "".join(f"<td>{escape(cell)}</td>" for cell in _cells(trade)) + "</tr>"
         for trade in trades
@@ -183,10 +184,10 @@ def _numbers(trades: Sequence[Trade]) -> str:
     )
 
 
-def _cells(trade: Trade) -> tuple[str, str, str, str]:
+def _cells(trade: Trade) -> tuple[str, ...]:
     number = trade.candidate.reading.number
-    gained = ", ".join(trade.gained) or f"nothing of {', '.join(trade.missed)}"
-    return ", ".join(number.cases) if number else "all", gained, ", ".join(trade.lost) or "none", ", ".join(trade.kept)
+    names = (", ".join(each) or "–" for each in (trade.gained, trade.lost, trade.kept, trade.missed))
+    return ", ".join(number.cases) if number else "all", *names
 
 
 def _special_points(key: str, result: gw.Result) -> str:
@@ -227,7 +228,8 @@ This page compares the statements of C. Padmanabhan and R. Singh, "Dynamics of a
 dual harmonic excitation using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), with
 what gapwalk computes. Each statement is a check. This command writes the page:
 
-    python -m reproductions.padmanabhan_singh_1995 --claims docs/explanation/paper.md
+    python -m reproductions.padmanabhan_singh_1995 --claims docs/explanation/paper.md \
+      --counts README.md docs/explanation/validation.md
 
 The tests compare its verdicts with those of the checks. The parameters are those of the tables in the paper. Some of
 them have two readings (slope of the second stage: reduced or literal; impact damping: dissipative or as printed). The
@@ -251,14 +253,17 @@ def claims_page(checked: Checked, trades: Sequence[Trade] = ()) -> str:
                 text.append(f"| {claim.name} | {says} | **{outcome}** | {evidence} |")
     if trades:
         text += ["", "## Other numbers", ""]
-        text += ["| number | sets | then also holds | ceases to hold | still holds |", "|---|---|---|---|---|"]
+        text += [
+            "| number | sets | then also holds | ceases to hold | still holds | neither |",
+            "|---|---|---|---|---|---|",
+        ]
         text += [f"| {trade.words} | {' | '.join(_cells(trade))} |" for trade in trades]
         text += ["", _DEMANDS, "", "| relation | demanded | printed |", "|---|---|---|"]
         text += [f"| {each.relation} | {each.demanded} | {each.printed} |" for each in demands()]
     return "\n".join(text) + "\n"
 
 
-_COUNTED = re.compile(r"Of \d+ statements of the paper[^;]*;")
+_COUNTED = re.compile(r"(- |)Of \d+ statements of the paper( below|),[^;]*;")
 _SHORT = {
     Verdict.REPRODUCED: "{} are reproduced",
     Verdict.OTHER_READING: "{} under another reading",
@@ -268,16 +273,28 @@ _SHORT = {
 }
 
 
-def sentence_of(verdicts: Sequence[Verdict]) -> str:
-    """Return the sentence of the README that counts the verdicts."""
-    counts = Counter(verdicts)
-    parts = [words.format(counts[verdict]) for verdict, words in _SHORT.items() if counts[verdict]]
-    return f"Of {len(verdicts)} statements of the paper below, {', '.join(parts)};"
-
-
 def with_counts(text: str, verdicts: Sequence[Verdict]) -> str:
-    """Return a text, such as the README, with its sentence of counts as the verdicts are."""
-    return _COUNTED.sub(lambda _: textwrap.fill(sentence_of(verdicts), 118, subsequent_indent="  "), text)
+    """Return a text, such as the README, with its sentence that counts the verdicts as they are.
+
+    Parameters
+    ----------
+    text
+        A text with a sentence that begins like ``Of 65 statements of the paper, 40 are reproduced`` and ends at a
+        semicolon.
+    verdicts
+        The verdicts on all claims.
+    """
+    counts = Counter(verdicts)
+    parts = ", ".join(words.format(counts[verdict]) for verdict, words in _SHORT.items() if counts[verdict])
+    return _COUNTED.sub(
+        lambda found: textwrap.fill(
+            f"{found[1]}Of {len(verdicts)} statements of the paper{found[2]}, {parts};",
+            118,
+            subsequent_indent="  " if found[1] else "",
+            break_on_hyphens=False,
+        ),
+        text,
+    )
 
 
 def document(report: Report, *, whole: bool) -> Any:

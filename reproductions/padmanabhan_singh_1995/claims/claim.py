@@ -68,6 +68,9 @@ class Claim:
         The check.
     others
         Readings that are checked besides the default one, which has the first word.
+    elsewhere
+        Keys of the jobs that take the place of `rests_on` in other readings and at other numbers; by default the same.
+        What else the evidence looks at is left out there.
     short
         Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
     """
@@ -78,6 +81,7 @@ class Claim:
     check: Check
     others: tuple[Reading, ...] = ()
     short: bool = False
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def figure(self) -> str:
@@ -142,9 +146,9 @@ class Claim:
 
     def jobs_in(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> list[Job]:
         """Return the jobs whose results are needed in one reading; parameters as in `holds`."""
-        jobs = [JOBS[key] for key in keys or self.rests_on]
         if reading is None:
-            return jobs
+            return [JOBS[key] for key in self.rests_on]
+        jobs = [JOBS[key] for key in keys or self.elsewhere or self.rests_on]
         # A job that the reading does not change is shared with the default reading, longer periods and all.
         return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
 
@@ -154,12 +158,17 @@ ALL: list[Claim] = []
 
 
 def claim(
-    name: str, says: str, *rests_on: str, others: tuple[Reading, ...] = (), short: bool = False
+    name: str,
+    says: str,
+    *rests_on: str,
+    others: tuple[Reading, ...] = (),
+    short: bool = False,
+    elsewhere: tuple[str, ...] = (),
 ) -> Callable[[Check], Check]:
     """Make a check the check of a claim; parameters as those of `Claim`."""
 
     def register(check: Check) -> Check:
-        ALL.append(Claim(name, says, rests_on, check, others, short))
+        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere))
         return check
 
     return register

@@ -159,6 +159,7 @@ def distance(system: gw.System, printed: gw.System) -> float:
     "5",
     "5-mean",
     "5-amplitude",
+    elsewhere=("5",),
 )
 def _double_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
     orbit = attractor_of(printed).orbit
@@ -222,7 +223,14 @@ def _place(system: gw.System) -> str:
     return ", ".join(f"{word} = {system[name]:.4g}" for word, name in (_PRINTED | _BETA).items())
 
 
-@claim("6-single", "At Ω = 0.17 the viscous model hits on one side only.", "6", "6-mean", "6-amplitude")
+@claim(
+    "6-single",
+    "At Ω = 0.17 the viscous model hits on one side only.",
+    "6",
+    "6-mean",
+    "6-amplitude",
+    elsewhere=("6",),
+)
 def _single_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
     orbit = attractor_of(printed).orbit
     return orbit is not None and _hits_one_side(orbit), _motion_at(printed, *walks)
@@ -238,7 +246,7 @@ def _one_sided_there(viscous: gw.Result, impact: gw.Result, from_rest: gw.Result
     return _hits_one_side(one) and one.stable and not _hits_one_side(two), evidence
 
 
-@claim("6-weaker", "Its higher harmonics are much smaller.", "6-near", "5-near")
+@claim("6-weaker", "Its higher harmonics are much smaller.", "6-near", "5-near", elsewhere=("6", "5"))
 def _weaker_lines(viscous: gw.Result, impact: gw.Result) -> tuple[bool, str]:
     high = [float(np.linalg.norm(lines(orbit_of(each), "stage2")[_HIGH - 1 :])) for each in (viscous, impact)]
     evidence = (
@@ -277,7 +285,13 @@ def _differ_there(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     return force < _ALIKE and acceleration > 1.5 * force, evidence
 
 
-@claim("8-double", "At a light mean load impacts are double-sided, as in measured rattle.", "5", "8-impact")
+@claim(
+    "8-double",
+    "At a light mean load impacts are double-sided, as in measured rattle.",
+    "5",
+    "8-impact",
+    elsewhere=("5",),
+)
 def _both_sided(printed: gw.Result, *elsewhere: gw.Result) -> tuple[bool, str]:
     orbit = attractor_of(printed).orbit
     evidence = _motion_at(printed)

@@ -93,7 +93,7 @@ def _prominence(branch: gw.Branch, peak: Peak) -> float:
 
 @explains("27-nothing", "Newton's method seldom finds the branch there", "27")
 def _hard_to_find(result: gw.Result) -> tuple[bool, str]:
-    below, between = (0.05, 0.15, 0.24), (0.28, 0.36, 0.44)
+    below, between = (0.15, 0.24), (0.28, 0.44)
     low, gap = ([_converged(result.system, value) for value in values] for values in (below, between))
     evidence = (
         f"of {_STARTS} random starts it converges from {words(low)} at Te1 = {words(list(below))}, but from "

@@ -78,9 +78,6 @@ _NO_FIRST_STAGE = OtherNumber("K11 = 0", "0.1", "k11-0", (("stiffness.q1.q1", 0.
 _TWELVE_TO_FOURTEEN = ("12-folds", "13-flips", "13-loop", "13-natures", "14-jump", "14-second", "14-loop")
 _OVER_AMPLITUDE = ("27-islands", "27-flip", "28-grow", "28-throughout")
 
-# What a figure shows is one motion; the walks that say where else it is are left out.
-_ONE_MOTION = {"5-double": ("5",), "6-single": ("6",), "6-weaker": ("6", "5"), "8-double": ("5",)}
-
 CANDIDATES = (
     Candidate(
         _at(_LESS_DAMPING),
@@ -88,16 +85,16 @@ CANDIDATES = (
         (*_TWELVE_TO_FOURTEEN, "20-peak", "20-flips", "21-folds", "22-flips", "22-wider", *_OVER_AMPLITUDE),
     ),
     Candidate(_at(_NO_IMPACT), ("27-beats", "28-overlap"), ("12-folds", "12-beats", *_OVER_AMPLITUDE)),
-    Candidate(_at(_MORE_FORCE), ("6-single", "6-weaker", "7-differ", "8-double"), ("5-double",), _ONE_MOTION),
+    Candidate(_at(_MORE_FORCE), ("6-single", "6-weaker", "7-differ", "8-double"), ("5-double",)),
     Candidate(
         _at(_FOUR_AND_ONE),
         ("5-double",),
         ("6-single", "7-differ", "8-double"),
-        {**_ONE_MOTION, "5-double": ("5-start",), "7-differ": ("5-start", "6"), "8-double": ("5-start",)},
+        {"5-double": ("5-start",), "7-differ": ("5-start", "6"), "8-double": ("5-start",)},
     ),
-    Candidate(_at(_PROPOSED), (), ("5-double", "6-single", "7-differ", "8-double"), _ONE_MOTION),
-    Candidate(_at(_BETA_TENTH), ("10-gone",), ("10-shrinks",), {"10-gone": ("10b",)}),
-    Candidate(_at(_VISCOUS_TOO), ("10-gone",), ("10-shrinks",), {"10-gone": ("10b",)}),
+    Candidate(_at(_PROPOSED), (), ("5-double", "6-single", "7-differ", "8-double")),
+    Candidate(_at(_BETA_TENTH), ("10-gone",), ("10-shrinks",)),
+    Candidate(_at(_VISCOUS_TOO), ("10-gone",), ("10-shrinks",)),
     Candidate(_at(_SWAPPED), ("11-second", "11-beats"), ("11-spacing",)),
     Candidate(LITERAL, (), ("14-jump", "14-second", "13-flips", "22-flips", "22-wider")),
     Candidate(_at(_COUPLING, LITERAL), ("14-jump",), ("14-second", "13-flips", "14-loop")),

@@ -54,7 +54,15 @@ def _shrinks(stiff: gw.Result, soft: gw.Result) -> tuple[bool, str]:
     return smaller, f"doubled periods at {words(before)} for n1 = 1, at {words(after)} for n1 = 0.8"
 
 
-@claim("10-gone", "With n1 = 0.8 it is gone altogether.", "10b", "10b-softer", others=(AS_PRINTED,), short=True)
+@claim(
+    "10-gone",
+    "With n1 = 0.8 it is gone altogether.",
+    "10b",
+    "10b-softer",
+    others=(AS_PRINTED,),
+    elsewhere=("10b",),
+    short=True,
+)
 def _disappears(soft: gw.Result, *softer: gw.Result) -> tuple[bool, str]:
     left = flipped(main_branch(soft))
     if not left:
@@ -222,7 +230,7 @@ def _rich(light: gw.Result, before: gw.Result) -> tuple[bool, str]:
     return len(superharmonics) > len(peaks(other, high=below)) and len(flips) > 2 and bool(pairs), evidence
 
 
-@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "15")
+@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "16")
 def _cascade(result: gw.Result) -> tuple[bool, str]:
     doubled = members(result, 4)
     stable = [member for member in doubled if any(point.stable for point in member.branch.points)]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.answers.parameter_variations import variations
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, ScanCheck, check_claims
 from gapwalk.answers.scan_claims import AnyClaim, Course, Motion, MotionClaim, PointClaim
-from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, ManyMotions, has_kernel, motions_of
+from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, ManyMotions, finite_rows, has_kernel, motions_of
 from gapwalk.attractors.regime_judge import judge, take_another_look
 from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.bifurcation.branch import Branch
@@ -285,7 +285,7 @@ class _Scanner:
         A variation that needs many more steps than the others, or the exact flow, would take all of them along: they
         are halved until it stands alone, and alone it is followed by the exact flow.
         """
-        left = np.isfinite(states).all(axis=1)
+        left = finite_rows(states)
         if not left.any():
             return [(int(Regime.RUNAWAY), 0)] * len(states), states, 0.0
         # those that have gone away keep their places, as motions of the model that set no steps
