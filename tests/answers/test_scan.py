@@ -201,6 +201,18 @@ def test_a_wrong_claim_in_a_file_is_explained(claim: str, text: str) -> None:
         gw.read_study(io.StringIO(HEAD + f'kind = "scan"\nclaim = [{claim}]\n'))
 
 
+def test_the_picture_has_the_answer_the_best_variations_and_both_groups() -> None:
+    figure = with_scores(2, 2, 1, neighbours=200).plot(title="Clutch")
+    texts = [text.get_text() for ax in figure.axes for text in ax.texts]
+    assert texts.count("holds") == 2  # the one that is best
+    assert texts.count("no") == 2  # the system itself
+    assert {"1", "2", "49", "197"} <= set(texts)  # variations and neighbours that fulfil so many
+    assert [text.get_text() for text in figure.axes[1].get_legend().get_texts()] == [
+        "tried: 50",
+        "random neighbours: 200",
+    ]
+
+
 @pytest.mark.slow
 def test_the_example_finds_the_first_stage_left_out(tmp_path) -> None:
     """Figures 17 to 19 of the paper: of 226 variations, K11 = 0 is the best, as row 12 of its tables prints it."""
