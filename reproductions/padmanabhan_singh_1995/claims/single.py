@@ -255,7 +255,7 @@ _WANTED = ("periodic", "quasi-periodic", "chaotic")
 )
 def _printed_sequence(*results: gw.Result) -> tuple[bool, str]:
     found = [attractor_of(result) for result in results]
-    evidence = f"{words([each.label for each in found])}; 17-elsewhere says where it is"
+    evidence = f"the motions are {words([each.label for each in found])}; 17-elsewhere says where it is"
     return found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence
 
 
