@@ -45,7 +45,7 @@ class MotionClaim:
     """
 
     motion: str
-    at: Mapping[str, float] = field(default_factory=dict)
+    at: Mapping[str, float] = field(default_factory=dict, hash=False)
     share: float = 0.0
 
     def __post_init__(self) -> None:
@@ -157,7 +157,7 @@ class PointClaim:
     absent: bool = False
     over: tuple[float, float] | None = None
     period: int = 1
-    at: Mapping[str, float] = field(default_factory=dict)
+    at: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", Kind.named(self.kind))

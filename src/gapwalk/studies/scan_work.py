@@ -39,7 +39,7 @@ _FAR = 1000.0  # times the box of starts: a motion that goes so far does not com
 _LOOKS, _BETWEEN = 8, 4  # how often it is looked for, and after how many forcing periods each time
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScanChunk:
     """What the claims come to for some variations in a row.
 
