@@ -2,6 +2,7 @@
 
 import io
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -211,6 +212,18 @@ def test_the_picture_has_the_answer_the_best_variations_and_both_groups() -> Non
         "tried: 50",
         "random neighbours: 200",
     ]
+
+
+def test_claims_of_a_drive_train_have_units() -> None:
+    text = Path("examples/drivetrain.toml").read_text(encoding="utf-8").partition("[[study]]")[0]
+    claims = '[{ motion = "period 1", at = { speed = "900 rpm" } }, { no = "fold", from = "800 rpm", to = "1000 rpm" }]'
+    study = f'{text}[study]\nkind = "scan"\nclaim = {claims}\n'
+    assert [claim.words for claim in gw.read_study(io.StringIO(study)).options.claims] == [
+        "period 1 at speed = 900",
+        "no fold at speed from 800 to 1000",
+    ]
+    with pytest.raises(ModelError, match="unit of something else"):
+        gw.read_study(io.StringIO(study.replace("900 rpm", "900 N")))
 
 
 @pytest.mark.slow
