@@ -60,6 +60,7 @@ ROOT_NAMES = ("__version__",)
 PERMITTED = {
     ("answers/rattle_map.py", "plot", "plot"): "the plot() of a map is a convenience; finding it never draws",
     ("answers/design.py", "plot", "plot"): "design.plot() is a convenience; designing never draws",
+    ("answers/scan.py", "plot", "plot"): "scan.plot() is a convenience; scanning never draws",
     ("answers/threshold.py", "plot", "plot"): "threshold.plot() is a convenience; finding it never draws",
     ("answers/tolerance.py", "plot", "plot"): "tolerance.plot() is a convenience; sampling never draws",
     ("answers/rattle_bands.py", "plot", "plot"): "bands.plot() is a convenience; finding them never draws",

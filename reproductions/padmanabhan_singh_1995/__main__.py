@@ -18,7 +18,7 @@ import gapwalk as gw
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import USUAL, Reading
-from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page
+from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page, with_counts
 from reproductions.padmanabhan_singh_1995.report import Report, reproduce
 
 DONE, BAD_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
     )
+    add("--counts", type=Path, nargs="+", default=[], help="with --claims: files whose counts are written anew")
     add("--workers", type=int, help="number of processes; by default one for each core")
     add("--force", action="store_true", help="compute everything again")
     add("--json", action="store_true", help="print one JSON document; of several figures, a list")
@@ -122,8 +123,12 @@ def _write_claims(asked: argparse.Namespace) -> int:
         cores=asked.workers,
         progress=_show,
     )
-    _write(asked.claims, claims_page(report.checked))
+    _write(asked.claims, claims_page(report.checked, report.trades))
     print(f"written: {asked.claims}")
+    verdicts = [outcome.verdict for _, outcome in report.checked]
+    for path in asked.counts:
+        _write(path, with_counts(path.read_text(encoding="utf-8"), verdicts))
+        print(f"written: {path}")
     return _code(report)
 
 

@@ -250,7 +250,7 @@ FIGURES = (
     Figure(
         "16",
         "The loops of figure 15: doubled periods, and doubled once more.",
-        (_loops("15", "high frequencies", "a", (0.9, 1.4)), _loops("15", "low frequencies", "b", (0.3, 0.5))),
+        (_loops("15", "high frequencies", "a", (0.9, 1.4)), _loops("16", "low frequencies", "b", (0.3, 0.5))),
     ),
     _motion("17", "17-near", "Period 3 at Ω = 0.864. At 0.63, as the paper has it, only period 1 was found."),
     _motion("18", "18-near", "Quasi-periodic at Ω = 0.855. At 0.634, as the paper has it, only period 1 was found."),

@@ -53,6 +53,9 @@ class Panel:
         raise NotImplementedError
 
 
+_TWO_ROWS, _ROW = 8, 11.0  # entries in two rows of a legend; points by which a third one raises the title
+
+
 class AxesPanel(Panel):
     """A panel that is one pair of axes; such panels stand in rows and columns."""
 
@@ -70,8 +73,15 @@ class AxesPanel(Panel):
         grid = picture.subplots(-(-len(panels) // columns), columns, squeeze=False)
         for ax, panel, results in zip(grid.flat, panels, shown, strict=False):
             assert isinstance(panel, AxesPanel)
-            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=panel.above)
             panel.draw(ax, results)
+            title = f"{panel.letter}  {panel.title}".strip()
+            ax.set_title(title, fontsize="small", weight="bold", pad=panel._height(ax))
+
+    def _height(self, ax: Axes) -> float | None:
+        """Height of the title in points: above a legend of two rows, or of three."""
+        legend = ax.get_legend()
+        has_three = self.above is not None and legend is not None and len(legend.get_texts()) > _TWO_ROWS
+        return self.above + _ROW if has_three and self.above is not None else self.above
 
     def draw(self, ax: Axes, results: Sequence[gw.Result]) -> None:
         """Draw the results of its jobs."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, Outcome, Trade, jobs_of_trades, weigh
 from reproductions.padmanabhan_singh_1995.figures import Figure
 from reproductions.padmanabhan_singh_1995.jobs import Job, Reading
 
@@ -35,6 +35,8 @@ class Report:
         The claims, and what their checks have come to.
     pictures
         Names of the picture files of each figure that is drawn, by its name.
+    trades
+        What other numbers gain and cost, if all claims are checked.
     """
 
     figures: tuple[Figure, ...]
@@ -43,6 +45,7 @@ class Report:
     failures: Mapping[str, str] = field(default_factory=dict)
     checked: Sequence[tuple[Claim, Outcome]] = ()
     pictures: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    trades: tuple[Trade, ...] = ()
 
     def about(self, figure: Figure) -> list[tuple[Claim, Outcome]]:
         """Return the claims about one figure."""
@@ -97,11 +100,14 @@ def reproduce(
     """
     figures = tuple(figure.at(reading) for figure in figures)
     jobs = {job.key: job for owner in (*figures, *claims) for job in owner.jobs}
+    weighed = len(claims) == len(CLAIMS)
+    jobs |= {job.key: job for job in jobs_of_trades(claims)} if weighed else {}
     effort = sum(job.effort for job in jobs.values())
     with gw.parallel.local_workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
         results, failures = compute(list(jobs.values()), folder / "results", workers, force=force, progress=progress)
         checked = [(claim, claim.outcome(results, failures)) for claim in claims]
-        report = Report(figures, reading, results, failures, checked)
+        trades = weigh(claims, results, failures) if weighed else ()
+        report = Report(figures, reading, results, failures, checked, trades=trades)
         return replace(report, pictures=_draw(report, folder, workers, force, progress)) if draw else report
 
 

@@ -8,11 +8,16 @@ from .answers.design_goals import Quiet as Quiet
 from .answers.design_goals import Resonance as Resonance
 from .answers.least_change import Change as Change
 from .answers.least_change import LeastChangeOptions as LeastChangeOptions
+from .answers.parameter_variations import Variations as Variations
+from .answers.parameter_variations import variations as variations
 from .answers.rattle_bands import RattleBands as RattleBands
 from .answers.run_up import RunUp as RunUp
 from .answers.run_up import run_up as run_up
 from .answers.run_ups import RunUps as RunUps
 from .answers.run_ups import run_ups as run_ups
+from .answers.scan import Scan as Scan
+from .answers.scan_claims import MotionClaim as MotionClaim
+from .answers.scan_claims import PointClaim as PointClaim
 from .answers.speed_course import SpeedCourse as SpeedCourse
 from .answers.spread import Spread as Spread
 from .answers.threshold import Threshold as Threshold
@@ -22,6 +27,8 @@ from .studies.design_study import DesignOptions as DesignOptions
 from .studies.design_study import design as design
 from .studies.rattle_study import RattleOptions as RattleOptions
 from .studies.rattle_study import rattle_bands as rattle_bands
+from .studies.scan_study import ScanOptions as ScanOptions
+from .studies.scan_study import scan as scan
 from .studies.threshold_study import threshold as threshold
 from .studies.tolerance_study import ToleranceOptions as ToleranceOptions
 from .studies.tolerance_study import tolerance as tolerance

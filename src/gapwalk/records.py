@@ -5,11 +5,11 @@ Classes: `AttractorKind`, `Band`, `BandEnd`, `BasinCheck`, `BasinShares`, `Basis
 `Connection`, `ContactEvent`, `ContactRecord`, `ContactRest`, `DiagramBranch`, `Direction`, `Drawn`, `DryModes`, `End`,
 `EndReason`, `Equilibrium`, `Fate`, `Figure`, `ForcePeak`, `FoundOrbit`, `FrictionPhase`, `Further`, `GapSpan`,
 `GapState`, `Hold`, `HowFound`, `Influences`, `Instability`, `JudgedGoal`, `JumpDelay`, `Kink`, `Lane`, `LocusEnd`,
-`LocusEndReason`, `LocusPoint`, `MapSection`, `Margin`, `Match`, `Member`, `Modes`, `Motion`, `Mover`, `OrbitCheck`,
-`Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`, `Sample`,
-`SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`, `SpecialCheck`,
-`SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `ToleranceCheck`, `Tree`, `Turns`,
-`Unexplained`, `Window`, `Worst`.
+`LocusEndReason`, `LocusPoint`, `Luck`, `MapSection`, `Margin`, `Match`, `Member`, `Modes`, `Motion`, `Mover`,
+`OrbitCheck`, `Origin`, `Passage`, `Place`, `RattleBand`, `RattleMap`, `RegimeCheck`, `Rest`, `Rotation`, `Route`,
+`Sample`, `ScanCheck`, `SearchResult`, `SettledSweep`, `Severity`, `Share`, `SlipEvent`, `SlowSweepOptions`,
+`SpecialCheck`, `SpecialPointPath`, `Spot`, `Stretch`, `Summary`, `SummaryText`, `Table`, `Tally`, `ToleranceCheck`,
+`Tree`, `Turns`, `Unexplained`, `VariedHow`, `Window`, `Worst`.
 """
 
 from gapwalk.lazy_names import lazy_names

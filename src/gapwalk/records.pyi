@@ -9,10 +9,13 @@ from .answers.gap_spans import RattleBand as RattleBand
 from .answers.gap_states import GapState as GapState
 from .answers.jump_delay import JumpDelay as JumpDelay
 from .answers.least_change import Route as Route
+from .answers.parameter_variations import VariedHow as VariedHow
 from .answers.rattle_bands import Severity as Severity
 from .answers.rattle_bands import Worst as Worst
 from .answers.rattle_map import RattleMap as RattleMap
 from .answers.run_up import ForcePeak as ForcePeak
+from .answers.scan import Luck as Luck
+from .answers.scan import ScanCheck as ScanCheck
 from .answers.settled_sweep import Direction as Direction
 from .answers.settled_sweep import Sample as Sample
 from .answers.settled_sweep import SettledSweep as SettledSweep

@@ -22,6 +22,7 @@ MOST = 85
 INTERNAL = {
     "BalanceEquation": "it is an OrbitEquation",
     "BranchStart": "a kind of special point hands it to the walk",
+    "Course": "claims of a scan name the walk that they share by it",
     "Charter": "a study of a map does its work with it",
     "NamedFile": "a table of a study reads it; its content goes on",
     "Matrices": "a basis hands them to the reduction",

@@ -6,7 +6,7 @@ import gapwalk as gw
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies import basin_work as basin_job
 from gapwalk.studies import regime_study as regime_job
-from gapwalk.studies import run_up_study
+from gapwalk.studies import run_up_study, scan_work
 from gapwalk.studies.study_file import Study, check_study
 from tests.models import CLUTCH, STOP
 
@@ -129,7 +129,13 @@ samples = 17
 workers = 1
 """
 )
+SCAN = HEAD + (
+    'kind = "scan"\nparameters = ["mean.q1", "stage2.stiffness"]\nfactors = [0.9, 1.1]\npairs = 1\nneighbours = 2\n'
+    'starts = 2\nworkers = 1\nlongest = 400\nlisted = [{ "mean.q3" = 0.3 }]\n'
+    'claim = [{ motion = "period 3", at = { frequency = 0.45 } }]\n'
+)
 MODELS = {
+    "scan": SCAN,
     "run-up": RUN_UP,
     "rattle": RATTLE,
     "backbone": BACKBONE,
@@ -144,7 +150,7 @@ MODELS = {
     "regimes": REGIMES,
 }
 
-SMALL = ((run_up_study, "CHUNK", 4), (regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
+SMALL = ((scan_work, "CHUNK", 3), (run_up_study, "CHUNK", 4), (regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
 """What makes chunks of so few cells that each job has some."""
 
 

@@ -1,9 +1,15 @@
 """What the paper says, statement by statement, each as a check with evidence."""
 
-from reproductions.padmanabhan_singh_1995.claims import damping, dual, single  # noqa: F401 (they define the claims)
+from reproductions.padmanabhan_singh_1995.claims import (  # noqa: F401 (they define the claims)
+    damping,
+    dual,
+    explanations,
+    single,
+)
 from reproductions.padmanabhan_singh_1995.claims.claim import ALL, Claim, Outcome, Verdict
+from reproductions.padmanabhan_singh_1995.claims.trades import Trade, jobs_of_trades, weigh
 
-__all__ = ["CLAIMS", "Claim", "Outcome", "Verdict", "claims_about"]
+__all__ = ["CLAIMS", "Claim", "Outcome", "Trade", "Verdict", "claims_about", "jobs_of_trades", "weigh"]
 
 CLAIMS: tuple[Claim, ...] = tuple(
     sorted(ALL, key=lambda claim: int(claim.figure) if claim.figure.isdigit() else 99)  # the order of the paper

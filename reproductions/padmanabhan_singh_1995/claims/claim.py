@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.claims.second_reading import EXPLANATIONS, readings_for
 from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading
 
 BOTH = (LITERAL, AS_PRINTED)
@@ -24,6 +25,8 @@ class Verdict(StrEnum):
 
     REPRODUCED = "reproduced"
     OTHER_READING = "reproduced under another reading"
+    OTHER_NUMBER = "at one other number"
+    EXPLAINED = "explained"
     NOT_REPRODUCED = "not reproduced"
 
 
@@ -38,7 +41,7 @@ class Outcome:
     evidence
         The numbers that were found, in every reading that was checked.
     reading
-        The other reading under which it holds; empty for the default one.
+        The other reading, or the other number, under which it holds, or what explains it; empty for the default one.
     """
 
     verdict: Verdict
@@ -65,6 +68,9 @@ class Claim:
         The check.
     others
         Readings that are checked besides the default one, which has the first word.
+    elsewhere
+        Keys of the jobs that take the place of `rests_on` in other readings and at other numbers; by default the same.
+        What else the evidence looks at is left out there.
     short
         Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
     """
@@ -75,6 +81,7 @@ class Claim:
     check: Check
     others: tuple[Reading, ...] = ()
     short: bool = False
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def figure(self) -> str:
@@ -83,44 +90,67 @@ class Claim:
 
     @property
     def jobs(self) -> tuple[Job, ...]:
-        """The jobs whose results are needed, in every reading, each once."""
-        wanted = [job for reading in (None, *self.others) for job in self._jobs_in(reading)]
+        """The jobs whose results are needed, in every reading and for its explanation, each once."""
+        wanted = [job for reading in (None, *self.others) for job in self.jobs_in(reading)]
+        wanted += [job for reading, keys in readings_for(self.name) for job in self.jobs_in(reading, keys)]
+        if explanation := EXPLANATIONS.get(self.name):
+            wanted += [JOBS[key] for key in explanation.rests_on]
         return tuple({job.key: job for job in wanted}.values())
 
     def outcome(self, results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> Outcome:
-        """Check it in every reading.
+        """Check it in every reading, then at other numbers, then look for an explanation.
 
         Parameters
         ----------
         results, failures
             The results of jobs, and why others have none, by the keys of the jobs.
         """
-        holds, evidence = self._check_in(None, results, failures)
-        holding, parts = "", [evidence]
-        for reading in self.others:
-            also, evidence = self._check_in(reading, results, failures)
+        holds, evidence = self.holds(None, results, failures)
+        parts, found = [evidence], Outcome(Verdict.REPRODUCED, "") if holds else None
+        tries = [(reading, (), Verdict.OTHER_READING) for reading in self.others]
+        tries += [(reading, keys, Verdict.OTHER_NUMBER) for reading, keys in readings_for(self.name)]
+        for reading, keys, verdict in tries:
+            also, evidence = self.holds(reading, results, failures, keys)
             parts.append(f"[{reading.differs}] {evidence}")
-            holding = holding or (reading.differs if also else "")
-        if holds:
-            return Outcome(Verdict.REPRODUCED, "; ".join(parts))
-        verdict = Verdict.OTHER_READING if holding else Verdict.NOT_REPRODUCED
-        return Outcome(verdict, "; ".join(parts), holding)
+            found = found or (Outcome(verdict, "", reading.differs) if also else None)
+        explanation = EXPLANATIONS.get(self.name)
+        if explanation and all(key in results for key in explanation.rests_on):
+            also, evidence = explanation.check(*(results[key] for key in explanation.rests_on))
+            parts.append(f"[{explanation.by}] {evidence}")
+            found = found or (Outcome(Verdict.EXPLAINED, "", explanation.by) if also else None)
+        return replace(found or Outcome(Verdict.NOT_REPRODUCED, ""), evidence="; ".join(parts))
 
-    def _jobs_in(self, reading: Reading | None) -> list[Job]:
-        jobs = [JOBS[key] for key in self.rests_on]
-        if reading is None:
-            return jobs
-        # A job that the reading does not change is shared with the default reading, longer periods and all.
-        return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
-
-    def _check_in(
-        self, reading: Reading | None, results: Mapping[str, gw.Result], failures: Mapping[str, str]
+    def holds(
+        self,
+        reading: Reading | None,
+        results: Mapping[str, gw.Result],
+        failures: Mapping[str, str],
+        keys: tuple[str, ...] = (),
     ) -> tuple[bool, str]:
-        keys = [job.key for job in self._jobs_in(reading)]
-        missing = [f"{key}: {failures.get(key, 'no result')}" for key in keys if key not in results]
+        """Check it in one reading; other jobs may take the place of those that it rests on.
+
+        Parameters
+        ----------
+        reading
+            The reading; None for the default one.
+        results, failures
+            As in `outcome`.
+        keys
+            Keys of the other jobs; by default those that it rests on.
+        """
+        wanted = [job.key for job in self.jobs_in(reading, keys)]
+        missing = [f"{key}: {failures.get(key, 'no result')}" for key in wanted if key not in results]
         if missing:
             return False, f"could not be computed ({'; '.join(missing)})"
-        return self.check(*(results[key] for key in keys))
+        return self.check(*(results[key] for key in wanted))
+
+    def jobs_in(self, reading: Reading | None, keys: tuple[str, ...] = ()) -> list[Job]:
+        """Return the jobs whose results are needed in one reading; parameters as in `holds`."""
+        if reading is None:
+            return [JOBS[key] for key in self.rests_on]
+        jobs = [JOBS[key] for key in keys or self.elsewhere or self.rests_on]
+        # A job that the reading does not change is shared with the default reading, longer periods and all.
+        return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
 
 
 ALL: list[Claim] = []
@@ -128,12 +158,17 @@ ALL: list[Claim] = []
 
 
 def claim(
-    name: str, says: str, *rests_on: str, others: tuple[Reading, ...] = (), short: bool = False
+    name: str,
+    says: str,
+    *rests_on: str,
+    others: tuple[Reading, ...] = (),
+    short: bool = False,
+    elsewhere: tuple[str, ...] = (),
 ) -> Callable[[Check], Check]:
     """Make a check the check of a claim; parameters as those of `Claim`."""
 
     def register(check: Check) -> Check:
-        ALL.append(Claim(name, says, rests_on, check, others, short))
+        ALL.append(Claim(name, says, rests_on, check, others, short, elsewhere))
         return check
 
     return register

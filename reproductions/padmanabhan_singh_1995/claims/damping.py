@@ -159,10 +159,11 @@ def distance(system: gw.System, printed: gw.System) -> float:
     "5",
     "5-mean",
     "5-amplitude",
+    elsewhere=("5",),
 )
-def _double_sided(printed: gw.Result, over_mean: gw.Result, over_amplitude: gw.Result) -> tuple[bool, str]:
+def _double_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
     orbit = attractor_of(printed).orbit
-    evidence = _at_the_printed(printed, over_mean, over_amplitude)
+    evidence = _motion_at(printed, *walks)
     return orbit is not None and force_peaks(orbit) in (_FOUR_ONE, _FOUR_ONE[::-1]), evidence
 
 
@@ -187,13 +188,14 @@ def _hits_one_side(orbit: gw.Orbit) -> bool:
     return orbit.pattern.endswith("+/0-")
 
 
-def _at_the_printed(printed: gw.Result, over_mean: gw.Result, over_amplitude: gw.Result) -> str:
+def _motion_at(printed: gw.Result, *walks: gw.Result) -> str:
+    """The motion at the loads of a result, and those along walks over Tm1 and Te1 alone, if there are any."""
     attractor = attractor_of(printed)
     contacts = _contacts(attractor.orbit) if attractor.orbit else "no period"
-    return (
-        f"at the printed loads {attractor.label}, {contacts}; stable motions of period 1, over Tm1 alone: "
-        f"{_patterns(over_mean)}; over Te1 alone: {_patterns(over_amplitude)}"
-    )
+    parts = [f"at Te1 = {printed.system['harmonic1.amplitude']:g} {attractor.label}, {contacts}"]
+    for name, walk in zip(("Tm1", "Te1"), walks, strict=False):
+        parts.append(f"stable motions of period 1 over {name} alone: {_patterns(walk)}")
+    return "; ".join(parts)
 
 
 def _contacts(orbit: gw.Orbit) -> str:
@@ -221,10 +223,17 @@ def _place(system: gw.System) -> str:
     return ", ".join(f"{word} = {system[name]:.4g}" for word, name in (_PRINTED | _BETA).items())
 
 
-@claim("6-single", "At Ω = 0.17 the viscous model hits on one side only.", "6", "6-mean", "6-amplitude")
-def _single_sided(printed: gw.Result, over_mean: gw.Result, over_amplitude: gw.Result) -> tuple[bool, str]:
+@claim(
+    "6-single",
+    "At Ω = 0.17 the viscous model hits on one side only.",
+    "6",
+    "6-mean",
+    "6-amplitude",
+    elsewhere=("6",),
+)
+def _single_sided(printed: gw.Result, *walks: gw.Result) -> tuple[bool, str]:
     orbit = attractor_of(printed).orbit
-    return orbit is not None and _hits_one_side(orbit), _at_the_printed(printed, over_mean, over_amplitude)
+    return orbit is not None and _hits_one_side(orbit), _motion_at(printed, *walks)
 
 
 @claim("6-elsewhere", "It does at the place where the impact model hits on both.", "6-near", "5-near", "6-near-rest")
@@ -237,7 +246,7 @@ def _one_sided_there(viscous: gw.Result, impact: gw.Result, from_rest: gw.Result
     return _hits_one_side(one) and one.stable and not _hits_one_side(two), evidence
 
 
-@claim("6-weaker", "Its higher harmonics are much smaller.", "6-near", "5-near")
+@claim("6-weaker", "Its higher harmonics are much smaller.", "6-near", "5-near", elsewhere=("6", "5"))
 def _weaker_lines(viscous: gw.Result, impact: gw.Result) -> tuple[bool, str]:
     high = [float(np.linalg.norm(lines(orbit_of(each), "stage2")[_HIGH - 1 :])) for each in (viscous, impact)]
     evidence = (
@@ -253,7 +262,7 @@ def _accelerations_differ(impact: gw.Result, viscous: gw.Result) -> tuple[bool, 
         [_contacts(orbit) for each in (impact, viscous) if (orbit := attractor_of(each).orbit) is not None]
     )
     evidence = (
-        f"at the printed loads the stage never opens ({patterns}); rms of the difference {apart:.1%}. The higher "
+        f"at Te1 = {impact.system['harmonic1.amplitude']:g} {patterns}; rms of the difference {apart:.1%}. The higher "
         "damping of this figure is not printed"
     )
     return apart > 0.5, evidence
@@ -276,11 +285,18 @@ def _differ_there(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     return force < _ALIKE and acceleration > 1.5 * force, evidence
 
 
-@claim("8-double", "At a light mean load impacts are double-sided, as in measured rattle.", "5", "8-impact")
-def _both_sided(printed: gw.Result, very_low: gw.Result) -> tuple[bool, str]:
-    orbit, low = attractor_of(printed).orbit, orbit_of(very_low)
-    found = _contacts(orbit) if orbit else "no period"
-    evidence = f"with the printed numbers {found}; at {_place(low.system)}: {_contacts(low)}"
+@claim(
+    "8-double",
+    "At a light mean load impacts are double-sided, as in measured rattle.",
+    "5",
+    "8-impact",
+    elsewhere=("5",),
+)
+def _both_sided(printed: gw.Result, *elsewhere: gw.Result) -> tuple[bool, str]:
+    orbit = attractor_of(printed).orbit
+    evidence = _motion_at(printed)
+    for low in map(orbit_of, elsewhere):
+        evidence += f"; at {_place(low.system)}: {_contacts(low)}"
     return orbit is not None and _hits_both_sides(orbit), evidence
 
 

@@ -47,18 +47,28 @@ def _balance(*results: gw.Result) -> tuple[bool, str]:
     return agree, f"with {method.harmonics} harmonics; {'; '.join(parts)}"
 
 
-@claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", "4a", "10b")
+@claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", "4a", "10b", short=True)
 def _shrinks(stiff: gw.Result, soft: gw.Result) -> tuple[bool, str]:
     before, after = flipped(main_branch(stiff)), flipped(main_branch(soft))
     smaller = sum(each.width for each in after) < sum(each.width for each in before)
     return smaller, f"doubled periods at {words(before)} for n1 = 1, at {words(after)} for n1 = 0.8"
 
 
-@claim("10-gone", "With n1 = 0.8 it is gone altogether.", "10b", "10b-softer", others=(AS_PRINTED,), short=True)
-def _disappears(soft: gw.Result, softer: gw.Result) -> tuple[bool, str]:
-    left, further = flipped(main_branch(soft)), flipped(main_branch(softer))
-    evidence = f"at n1 = 0.8 it is still there, at {words(left)}"
-    return not left, f"{evidence}; at n1 = 0.7 there is {words(further)}" if left else "none at n1 = 0.8"
+@claim(
+    "10-gone",
+    "With n1 = 0.8 it is gone altogether.",
+    "10b",
+    "10b-softer",
+    others=(AS_PRINTED,),
+    elsewhere=("10b",),
+    short=True,
+)
+def _disappears(soft: gw.Result, *softer: gw.Result) -> tuple[bool, str]:
+    left = flipped(main_branch(soft))
+    if not left:
+        return True, "none at n1 = 0.8"
+    further = "".join(f"; at n1 = 0.7 there is {words(flipped(main_branch(each)))}" for each in softer)
+    return False, f"at n1 = 0.8 it is still there, at {words(left)}{further}"
 
 
 def resonances(system: gw.System) -> tuple[float, float]:
@@ -113,7 +123,7 @@ def _wider_pair(first: gw.Result, second: gw.Result, mended: gw.Result) -> tuple
     return inside[1] > inside[0] + _NOTABLE, evidence
 
 
-@claim("12-folds", "Under a heavy load the response jumps, and no period doubles.", "12")
+@claim("12-folds", "Under a heavy load the response jumps, and no period doubles.", "12", short=True)
 def _heavy_folds(result: gw.Result) -> tuple[bool, str]:
     branch = main_branch(result)
     flips, folds = flipped(branch), values(branch, gw.Kind.FOLD)
@@ -220,7 +230,7 @@ def _rich(light: gw.Result, before: gw.Result) -> tuple[bool, str]:
     return len(superharmonics) > len(peaks(other, high=below)) and len(flips) > 2 and bool(pairs), evidence
 
 
-@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "15")
+@claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "16")
 def _cascade(result: gw.Result) -> tuple[bool, str]:
     doubled = members(result, 4)
     stable = [member for member in doubled if any(point.stable for point in member.branch.points)]
@@ -245,7 +255,7 @@ _WANTED = ("periodic", "quasi-periodic", "chaotic")
 )
 def _printed_sequence(*results: gw.Result) -> tuple[bool, str]:
     found = [attractor_of(result) for result in results]
-    evidence = f"from rest {words([each.label for each in found])}; 17-elsewhere says where it is"
+    evidence = f"the motions are {words([each.label for each in found])}; 17-elsewhere says where it is"
     return found[0].period == 3 and tuple(each.kind for each in found) == _WANTED, evidence
 
 

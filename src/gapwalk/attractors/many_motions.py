@@ -233,6 +233,11 @@ class BatchMotions:
         self._random = np.random.default_rng(_SEED)
 
     @property
+    def steps(self) -> int:
+        """Steps per forcing period; the motion that needs most sets them for all."""
+        return self._block_plan.steps
+
+    @property
     def error(self) -> float:
         """See `ManyMotions.error`."""
         systems = [system for _, system in self._trials]

@@ -54,6 +54,7 @@ _MODULES = {
     "models": ("System",),
     "rattle_picture": ("RattleBands", "RattleMap"),
     "threshold_picture": ("Threshold",),
+    "scan_picture": ("Scan",),
     "backbone_pictures": ("Backbone", "Backbones"),
     "foretold_picture": ("Foretold",),
     "self_excited_pictures": ("Rests", "SelfExcited"),

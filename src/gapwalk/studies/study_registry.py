@@ -83,6 +83,7 @@ _KINDS: Registry[type[StudyKind]] = Registry(
         "backbone": "gapwalk.studies.backbone_study.BackboneStudy",
         "self-excited": "gapwalk.studies.self_excited_study.SelfExcitedStudy",
         "tori": "gapwalk.studies.tori_study.ToriStudy",
+        "scan": "gapwalk.studies.scan_study.ScanStudy",
     },
 )
 

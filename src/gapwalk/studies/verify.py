@@ -112,12 +112,7 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
         case Diagram():
             _verify_diagram(ledger, what, report)
         case Map():
-            sections = enumerate(what.sections, start=1)
-            groups = [[(f"S{number}-{name}", branch) for name, branch in each.named] for number, each in sections]
-            verify_branches(ledger, list(chain.from_iterable(groups)), report, what.within[0])
-            for group in groups:
-                verify_distinct(ledger, group)
-            verify_loci(ledger, list(zip(what.names, what.loci, strict=True)), report)
+            _verify_map(ledger, what, report)
         case Family():
             for member in what.members:
                 named = [(f"{what.over.name} = {member.value:g}, {name}", branch) for name, branch in member.named]
@@ -134,10 +129,7 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
         case Rests():
             verify_rests(ledger, "the equilibria", what)
         case SelfExcited():
-            named = [(f"motions {number}", cycle) for number, cycle in enumerate(what.cycles, start=1)]
-            verify_branches(ledger, named, report, what.within)
-            for number, line in enumerate(what.rests, start=1):
-                verify_rests(ledger, f"equilibria {number}", line)
+            _verify_self_excited(ledger, what, report)
         case TorusFamily():
             verify_families(ledger, [("the family", what)], report)
         case TorusDiagram():
@@ -154,6 +146,22 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
             else:
                 _verify(ledger, found, report)
+
+
+def _verify_map(ledger: Ledger, chart: Map, report: Advance | None) -> None:
+    sections = enumerate(chart.sections, start=1)
+    groups = [[(f"S{number}-{name}", branch) for name, branch in each.named] for number, each in sections]
+    verify_branches(ledger, list(chain.from_iterable(groups)), report, chart.within[0])
+    for group in groups:
+        verify_distinct(ledger, group)
+    verify_loci(ledger, list(zip(chart.names, chart.loci, strict=True)), report)
+
+
+def _verify_self_excited(ledger: Ledger, found: SelfExcited, report: Advance | None) -> None:
+    named = [(f"motions {number}", cycle) for number, cycle in enumerate(found.cycles, start=1)]
+    verify_branches(ledger, named, report, found.within)
+    for number, line in enumerate(found.rests, start=1):
+        verify_rests(ledger, f"equilibria {number}", line)
 
 
 def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) -> None:

@@ -7,6 +7,7 @@ import gapwalk as gw
 from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS
+from reproductions.padmanabhan_singh_1995.claims.second_reading import CANDIDATES, EXPLANATIONS
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, USUAL, Reading
 from reproductions.padmanabhan_singh_1995.panels import (
@@ -66,7 +67,7 @@ def test_a_job_without_longer_periods() -> None:
     assert (job.key, job.options.max_period, job.case) == ("24-period-1-literal", 1, "24")
     assert job.reading == LITERAL
     assert JOBS["17"].shortest is JOBS["17"]  # a motion, not a branch
-    assert JOBS["27"].shortest.options.search_values == tuple(np.round(np.arange(16) * 0.05 + 0.025, 3))
+    assert JOBS["27"].shortest.options.search_values == tuple(np.round(np.arange(8) * 0.1 + 0.025, 3))
     assert JOBS["28-overlap"].shortest is JOBS["28-overlap"]
 
 
@@ -105,7 +106,9 @@ def test_panels_fit_their_jobs() -> None:
 
 def test_no_job_is_idle() -> None:
     used = {key for figure in FIGURES for panel in figure.panels for key in panel.jobs}
-    used |= {key for claim in CLAIMS for key in claim.rests_on}
+    used |= {key for claim in CLAIMS for key in (*claim.rests_on, *claim.elsewhere)}
+    used |= {key for candidate in CANDIDATES for keys in candidate.jobs.values() for key in keys}
+    used |= {key for explanation in EXPLANATIONS.values() for key in explanation.rests_on}
     assert used == set(JOBS)
 
 

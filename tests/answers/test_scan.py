@@ -1,0 +1,239 @@
+"""Scans: claims and their verdicts against closed forms, and the chance of luck against the binomial distribution."""
+
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import gapwalk as gw
+from gapwalk.answers.parameter_variations import Variations, VariedHow
+from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan
+from gapwalk.attractors.regimes import Regime
+from gapwalk.errors import ModelError
+from tests.studies.jobs import HEAD, SCAN
+
+PERIODIC, TORUS, CHAOS = (int(kind) for kind in (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC))
+CLUTCH = gw.paper.case("15").at(frequency=0.45)
+
+
+def test_claims_about_motions() -> None:
+    three = gw.ask.MotionClaim("period 3")
+    motions = [(PERIODIC, 3), (PERIODIC, 1), (TORUS, 0), (CHAOS, 0)]
+    assert three.judge(motions) == (True, 0.25)
+    assert gw.ask.MotionClaim("periodic", share=0.5).judge(motions) == (True, 0.5)
+    assert gw.ask.MotionClaim("periodic", share=1.0).judge(motions) == (False, 0.5)
+    assert gw.ask.MotionClaim("quasi-periodic").judge(motions[:2]) == (False, 0.0)
+    assert gw.ask.MotionClaim("chaotic", {"mean.q1": 0.5}, 1.0).words == "only chaotic at mean.q1 = 0.5"
+
+
+def test_claims_about_points() -> None:
+    branch = gw.follow(gw.find_orbit(gw.paper.case("12"), frequency=0.7), "frequency", 0.58)
+    (high, low) = (point.value for point in branch.special("fold"))
+    low, high = min(low, high), max(low, high)
+    fold = gw.ask.PointClaim("fold", "frequency", low - 0.001, high + 0.001, over=(0.7, 0.58))
+    assert fold.judge(branch) == (True, 2.0)
+    none = gw.ask.PointClaim("fold", "frequency", 0.65, 0.69, absent=True)
+    assert none.judge(branch) == (True, 0.0)
+    # what the walk has not covered may hold a point
+    assert gw.ask.PointClaim("fold", "frequency", 0.5, 0.55, absent=True).judge(branch) == (None, 0.0)
+    assert gw.ask.PointClaim("fold", "frequency", 0.65, 0.69).judge(branch) == (False, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: gw.ask.MotionClaim("period 0"), 'write "period 3"'),
+        (lambda: gw.ask.MotionClaim("chaotic", share=2.0), "from 0"),
+        (lambda: gw.ask.PointClaim("fold", "frequency", 2.0, 1.0), "lower end first"),
+        (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, over=(1.5, 1.0)), "must cover"),
+        (lambda: gw.ask.PointClaim("fold", "frequency", 1.0, 2.0, at={"frequency": 1.0}), "leave it out"),
+        (lambda: gw.ask.ScanOptions(spread=0.0), "must be > 0"),
+        (lambda: gw.ask.ScanOptions(starts=0), "starts is 0"),
+        (lambda: gw.ask.variations(CLUTCH, ["harmonic1.phase"], factors=[2.0]), "write it in listed"),
+        (lambda: gw.ask.scan(CLUTCH, []), "there are no claims"),
+        (lambda: gw.ask.scan(CLUTCH, [gw.ask.MotionClaim("chaotic", {"mean.q1": 1.0})], ["mean.q1"]), "cannot vary"),
+        (lambda: gw.ask.scan(CLUTCH, [gw.ask.MotionClaim("chaotic", {"mean.q9": 1.0})]), "mean.q9"),
+    ],
+)
+def test_errors_teach(make, text: str) -> None:
+    with pytest.raises(ModelError, match=text):
+        make()
+
+
+def test_variations_are_the_product_of_parameters_and_factors() -> None:
+    found = gw.ask.variations(
+        CLUTCH, ["mean.q1", "mean.q3"], factors=[0.0, 1.0, 2.0], pairs=99, listed=[{"mean.q3": 0.7}], neighbours=500
+    )
+    assert [int((found.how == kind).sum()) for kind in VariedHow] == [1, 4, 4, 1, 500]
+    pairs = {tuple(row) for row in found.values[found.how == VariedHow.PAIR].tolist()}
+    assert pairs == {(a, b) for a in (0.0, 0.5) for b in (0.0, 0.5)}
+    logarithms = np.log(found.values[found.neighbours] / found.values[0])
+    assert abs(logarithms.mean()) < 4.0 * 0.1 / math.sqrt(1000.0)
+    assert logarithms.std() == pytest.approx(0.1, rel=0.1)
+    assert found.words(0) == "as in the model"
+    assert found.words(1) == "mean.q1 = 0"
+
+
+def test_variations_that_are_no_systems_are_named() -> None:
+    found = gw.ask.variations(CLUTCH, ["mass.q1.q1"], factors=[0.0, 2.0])
+    assert len(found) == 2
+    assert "left out: mass.q1.q1 = 0 (mass is singular" in found.left_out[0]
+
+
+def with_scores(*hits: int, neighbours: int, tried: int = 50) -> Scan:
+    """A scan whose first variations that are tried, and random neighbours, fulfil so many of two claims."""
+    how = np.array([0] + [1] * tried + [4] * neighbours)
+    holds = np.zeros((len(how), 2), dtype=int)
+    for place, score in enumerate(hits):
+        holds[1 + tried + place, :score] = HOLDS
+    holds[1, :] = HOLDS
+    claims = (gw.ask.MotionClaim("chaotic"), gw.ask.MotionClaim("periodic"))
+    return Scan(CLUTCH, claims, Variations(("mean.q1",), np.ones((len(how), 1)), how), holds, holds * 1.0)
+
+
+def test_luck_is_that_of_a_binomial_distribution() -> None:
+    luck = with_scores(2, 2, 1, neighbours=200).luck(2)
+    assert (luck.hits, luck.neighbours, luck.tried, luck.share) == (2, 200, 50, 0.01)
+    # so few hits are had with 5 % if the share is at the upper bound
+    assert stats.binom.cdf(2, 200, luck.upper) == pytest.approx(0.05, abs=1e-9)
+    assert luck.chance == pytest.approx(1.0 - stats.binom.pmf(0, 50, 0.01))
+    assert luck.at_most == pytest.approx(1.0 - stats.binom.pmf(0, 50, luck.upper))
+    none = with_scores(neighbours=300).luck(2)
+    assert (none.hits, none.chance) == (0, 0.0)
+    assert (1.0 - none.upper) ** 300 == pytest.approx(0.05)
+    assert with_scores(2, 2, neighbours=2).luck(2).upper == 1.0
+    assert "nothing is known of luck" in with_scores(neighbours=0).luck(2).words
+
+
+def test_the_summary_names_the_best_and_the_chance_of_luck() -> None:
+    found = with_scores(2, 2, 1, neighbours=200)
+    text = str(found.summary())
+    assert "0 of 2 claims hold in the model, 2 with" in text
+    assert "2 of 200 random neighbours fulfil 2 claims or more (1.00%" in text
+    assert found.best[0] == 1
+
+
+def test_a_scan_finds_the_change_that_makes_a_claim_hold() -> None:
+    """A mass on a spring between stops that it reaches only with the larger load; folds by the exact walk."""
+    system = gw.System(
+        ["x"],
+        mass=[1.0],
+        damping=[0.1],
+        stiffness=[1.0],
+        contacts=[gw.stop("stop", {"x": 1.0}, 1.0, 20.0)],
+        harmonics=[gw.Harmonic(0.05, {"x": 1.0})],
+        frequency=1.2,
+    )
+    claims = [
+        gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, over=(1.6, 0.6)),
+        gw.ask.PointClaim("grazing", "frequency", 0.9, 1.6, absent=True, over=(1.6, 0.6)),
+    ]
+    options = gw.ask.ScanOptions(factors=(1.9, 2.1), neighbours=0, starts=1)
+    found = gw.ask.scan(system, claims, ["harmonic1.amplitude"], options=options, workers=1)
+    # the linear response reaches the stop where F > c sqrt(1 - c^2/4) = 0.0999, that is 1.9975 times 0.05
+    assert found.holds.tolist() == [[0, 1], [0, 1], [1, 0]]
+
+
+def test_a_system_that_runs_away_fulfils_nothing_and_holds_up_nothing() -> None:
+    claims = [gw.ask.MotionClaim("period 3", {"frequency": 0.45}), gw.ask.MotionClaim("chaotic", {"frequency": 0.3})]
+    options = gw.ask.ScanOptions(factors=(0.0,), neighbours=0, starts=2, check=1)
+    found = gw.ask.scan(CLUTCH, claims, ["stiffness.q3.q3"], options=options, workers=1)
+    assert found.holds[0, 0] == HOLDS
+    assert found.holds[1].tolist() == [FAILS, FAILS]
+    assert found.check.different == ()
+
+
+def test_verdicts_agree_with_the_exact_flow() -> None:
+    """Each motion from rest is what `classify` finds by the exact flow."""
+    claims = [gw.ask.MotionClaim(kind, {"frequency": 0.45}) for kind in ("period 1", "period 3", "chaotic")]
+    options = gw.ask.ScanOptions(factors=(0.8, 1.25), neighbours=2, starts=1, check=0)
+    found = gw.ask.scan(CLUTCH, claims, ["mean.q1", "harmonic1.amplitude"], options=options, workers=1)
+    for index in range(len(found.variations)):
+        exact = gw.classify(CLUTCH.at(found.variations.of(index)))
+        label = f"period {exact.period}" if exact.orbit else str(exact.kind.value)
+        expected = [int(claim.motion == label) for claim in claims]
+        assert found.holds[index].tolist() == expected, (found.words(index), exact.label)
+
+
+def test_a_walk_that_has_no_beginning_is_unknown(monkeypatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise gw.errors.ConvergenceError("no orbit")
+
+    monkeypatch.setattr("gapwalk.studies.scan_work.find_orbit", fail)
+    claims = [gw.ask.PointClaim("fold", "frequency", 0.5, 0.6)]
+    options = gw.ask.ScanOptions(factors=(0.5,), neighbours=0)
+    found = gw.ask.scan(CLUTCH, claims, ["mean.q1"], options=options, workers=1)
+    assert (found.holds == UNKNOWN).all()
+    assert "2 of 2 verdicts are unknown" in found.notes[0]
+
+
+def test_claims_in_a_file() -> None:
+    text = SCAN.replace(
+        "claim = [",
+        'claim = [{ point = "flip", from = 0.6, to = 0.8, over = [2.0, 0.5], at = { mean = { q3 = 0.3 } } }, '
+        '{ no = "fold", parameter = "harmonic1.amplitude", from = 0.1, to = 0.2 }, ',
+    ).replace('listed = [{ "mean.q3" = 0.3 }]\n', "")
+    claims = gw.read_study(io.StringIO(text)).options.claims
+    assert [claim.words for claim in claims] == [
+        "flip at frequency from 0.6 to 0.8 at mean.q3 = 0.3",
+        "no fold at harmonic1.amplitude from 0.1 to 0.2",
+        "period 3 at frequency = 0.45",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("claim", "text"),
+    [
+        ("{ from = 0.1 }", "names nothing"),
+        ('{ motion = "period 3", point = "fold" }', "names motion and point"),
+        ('{ point = "fold" }', "has no range"),
+        ('{ motion = "period 3", from = 0.1 }', "has no range; write at"),
+        ('{ motion = "period 3", at = 3 }', "at is 3"),
+        ('{ motion = "period 3", at = { frequency = "fast" } }', "write a number"),
+        ('{ point = "knot", from = 0.1, to = 0.2 }', "knot"),
+        ('{ point = "fold", from = 0.1, to = 0.2, over = 3 }', "over is 3"),
+    ],
+)
+def test_a_wrong_claim_in_a_file_is_explained(claim: str, text: str) -> None:
+    with pytest.raises(ModelError, match=text):
+        gw.read_study(io.StringIO(HEAD + f'kind = "scan"\nclaim = [{claim}]\n'))
+
+
+def test_the_picture_has_the_answer_the_best_variations_and_both_groups() -> None:
+    figure = with_scores(2, 2, 1, neighbours=200).plot(title="Clutch")
+    texts = [text.get_text() for ax in figure.axes for text in ax.texts]
+    assert texts.count("holds") == 2  # the one that is best
+    assert texts.count("no") == 2  # the system itself
+    assert {"1", "2", "49", "197"} <= set(texts)  # variations and neighbours that fulfil so many
+    assert [text.get_text() for text in figure.axes[1].get_legend().get_texts()] == [
+        "tried: 50",
+        "random neighbours: 200",
+    ]
+
+
+def test_claims_of_a_drive_train_have_units() -> None:
+    text = Path("examples/drivetrain.toml").read_text(encoding="utf-8").partition("[[study]]")[0]
+    claims = '[{ motion = "period 1", at = { speed = "900 rpm" } }, { no = "fold", from = "800 rpm", to = "1000 rpm" }]'
+    study = f'{text}[study]\nkind = "scan"\nclaim = {claims}\n'
+    assert [claim.words for claim in gw.read_study(io.StringIO(study)).options.claims] == [
+        "period 1 at speed = 900",
+        "no fold at speed from 800 to 1000",
+    ]
+    with pytest.raises(ModelError, match="unit of something else"):
+        gw.read_study(io.StringIO(study.replace("900 rpm", "900 N")))
+
+
+@pytest.mark.slow
+def test_the_example_finds_the_first_stage_left_out(tmp_path) -> None:
+    """Figures 17 to 19 of the paper: of 226 variations, K11 = 0 is the best, as row 12 of its tables prints it."""
+    study = gw.read_study("examples/scan.toml")
+    found = gw.run(study, tmp_path / "scan.gapwalk").finding.record
+    assert int(found.variations.tried.sum()) >= 200
+    assert found.scores[0] == 0
+    assert found.words(found.best[0]) == "stiffness.q1.q1 = 0"
+    assert found.holds[found.best[0]].tolist() == [HOLDS, FAILS, HOLDS]
+    assert found.luck(2).neighbours == 300
+    assert found.check.different == ()
