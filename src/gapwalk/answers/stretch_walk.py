@@ -98,7 +98,7 @@ def walk_stretch(
         orbit = find_orbit(system.at({parameter: start.value}), period, start.state)
         if not start.has(orbit.state, orbit.system):
             return None
-        steps = BranchWalk([start_branch(orbit, parameter, (low, high), int(start.way))], options)
+        steps = BranchWalk([start_branch(orbit, parameter, (low, high), int(start.way))], options, judges=False)
         for _ in steps:
             for special in steps.special_points:
                 met = next((end for end in ends if end.is_at(special, width)), None)

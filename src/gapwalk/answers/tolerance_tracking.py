@@ -31,7 +31,8 @@ from gapwalk.answers.tolerance_records import (
     label_of,
 )
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.branch_start import start_branch
+from gapwalk.bifurcation.follow import BranchWalk
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError, NumericalError
@@ -204,8 +205,12 @@ class Tracker:
         """Walk the branch of a sample; None if the walk fails."""
         asked = self.asked
         try:
-            start = find_orbit(asked.at(sample), asked.first.period, tuple(asked.first.state.tolist()))
-            branch = follow(start, asked.parameter, self._farthest(sample), walk=asked.walk)
+            start, end = find_orbit(asked.at(sample), asked.first.period, asked.first.state), self._farthest(sample)
+            within, way = (min(asked.begin, end), max(asked.begin, end)), 1 if end > asked.begin else -1
+            steps = BranchWalk([start_branch(start, asked.parameter, within, way)], asked.walk, judges=False)
+            for _ in steps:
+                pass
+            branch = steps.branch
         except (ModelError, NumericalError):
             return None
         return branch if branch.ends[-1].reason is EndReason.RANGE else None

@@ -83,6 +83,8 @@ class BranchTracer(Iterator[Step]):
         are as they were yielded, so the one before the last may have been computed before a refinement.
     events
         User-defined kinds of special points.
+    judges
+        False to leave out what only other branches tell, such as the criticality of a flip: it costs a twentieth.
     """
 
     def __init__(
@@ -91,7 +93,10 @@ class BranchTracer(Iterator[Step]):
         walk: WalkOptions | None = None,
         resume: BranchTracerState | None = None,
         events: Sequence[Event] = (),
+        *,
+        judges: bool = True,
     ) -> None:
+        self._judges = judges
         state = resume and resume.walk
         while state is not None and len(beginning.first.x) < len(state.point.x):
             finer = refined(beginning)
@@ -249,7 +254,7 @@ class BranchTracer(Iterator[Step]):
             start, before = beside, None
         parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
         found = self.detector.inspect(start, point, before)
-        special = [each.kind.judged(each, parameter, method) for each in found]
+        special = [each.kind.judged(each, parameter, method) for each in found] if self._judges else found
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
-from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
+from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, Step
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
@@ -156,6 +156,8 @@ class BranchWalk(Iterator[BranchPoint]):
         User-defined special points.
     resume
         State of a stopped walk with the same beginnings.
+    judges
+        False to leave out what only other branches tell, such as the criticality of a flip.
 
     Examples
     --------
@@ -171,8 +173,10 @@ class BranchWalk(Iterator[BranchPoint]):
         options: WalkOptions | None = None,
         events: Sequence[Event] = (),
         resume: WalkProgress | None = None,
+        *,
+        judges: bool = True,
     ) -> None:
-        self._tracing = _tracing(beginnings, options, events, resume)
+        self._tracing = _tracing(beginnings, options, events, resume, judges=judges)
 
     def __next__(self) -> BranchPoint:
         return next(self._tracing)[0]
@@ -231,9 +235,15 @@ def _tracing(
     options: WalkOptions | None,
     events: Sequence[Event] = (),
     resume: WalkProgress | None = None,
+    *,
+    judges: bool = True,
 ) -> BranchTracing:
     check_events(events)
-    return Tracing(beginnings, lambda beginning, state: BranchTracer(beginning, options, state, events), resume)
+
+    def tracer(beginning: BranchStart, state: BranchTracerState | None) -> BranchTracer:
+        return BranchTracer(beginning, options, state, events, judges=judges)
+
+    return Tracing(beginnings, tracer, resume)
 
 
 def _traced(tracing: BranchTracing) -> Branch:

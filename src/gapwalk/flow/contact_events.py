@@ -135,6 +135,7 @@ class Switchboard(BreakpointGeometry):
             layout.contacts[k].stages[j].innermost and layout.contacts[k].form.law.rebounds
             for k, j in equations.switches
         ]
+        self._nowhere = [False] * self.count
         self._inside: list[bool] = []
         self.begun: list[bool] = []
         self._holding = set[int]()  # switches of the stops that are held
@@ -186,7 +187,8 @@ class Switchboard(BreakpointGeometry):
         self._system_directions = directions
         if not self.count:
             self.modes.start(coefficients, theta, unit)
-            self._start_dry(theta)
+            if self.dry.count:
+                self._start_dry(theta)
             return
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
@@ -195,10 +197,13 @@ class Switchboard(BreakpointGeometry):
         self._inside = [depth > 0.0 for depth in depths]
         self._parameters[self._first : self._first + self.count] = self._inside
         self.modes.start(coefficients, theta, unit)
-        self._changed, self._speeds = [theta] * self.count, [math.inf] * self.count
-        self._left, self._opened = self._changed.copy(), [-math.inf] * self.count
-        self._start_dry(theta)
-        near = self._are_near(depths, state, _ON)
+        self._changed, self._left = [theta] * self.count, [theta] * self.count
+        self._speeds, self._opened = [math.inf] * self.count, [-math.inf] * self.count
+        if self.dry.count:
+            self._start_dry(theta)
+        # no motion is larger than that, so nearly always its size need not be known
+        most = _ON * (self._scale + max(map(abs, state)) * max(1.0, coefficients.item(0)))
+        near = self._are_near(depths, state, _ON) if min(map(abs, depths)) <= most else self._nowhere
         if any(near):
             before = self._inside.copy()
             self._leave(
@@ -207,7 +212,7 @@ class Switchboard(BreakpointGeometry):
             )
             if self.modes.mode_count:
                 self.modes.refresh(theta, self._closed())
-            if before != self._inside:
+            if before != self._inside and self.dry.count:
                 self._start_dry(theta)
         self.begun = self._inside.copy()
         for switch in self.dry.stop_reaction:
@@ -217,10 +222,9 @@ class Switchboard(BreakpointGeometry):
 
     def _start_dry(self, theta: float) -> None:
         """Set the modes of friction and stops; where they change later, so do the coefficients."""
-        if self.dry.count:
-            self.dry.closed = self._closed()
-            self.dry.start(self._system, self._system_directions, theta, self._unit)
-            self._holding = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
+        self.dry.closed = self._closed()
+        self.dry.start(self._system, self._system_directions, theta, self._unit)
+        self._holding = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
 
     def is_right(self) -> bool:
         """Return True if no crossing was missed: each event changed its switch, and all are correct at the end."""

@@ -210,7 +210,11 @@ class Flow:
         FlowError
             If the motion diverges, chatters without end, or a contact event is missed.
         """
-        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps))
+        integrator = self._take()
+        try:
+            return integrator.integrate(coefficients, state, start, stop, direction, keeps)
+        finally:
+            self._idle.append(integrator)
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
@@ -294,7 +298,11 @@ class _Integrator:
         if flow.has_survey:
             answer_events(self._turns, taylor.nt_events)
             self._switchboard.listener = WeakMethod(self._turns.at_stop)
-        self._still = np.zeros((self.directions, len(self.equations.pattern)))
+        equations = self.equations
+        self._active, self._length = equations.active, equations.length
+        self._changing = equations.components if self.directions else None
+        self._has_events = bool(equations.switches or equations.modes or equations.dry)
+        self._still = np.zeros((self.directions, len(equations.pattern)))
         self._identity = np.zeros(len(self._state) - self.size)
         if self._width:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
@@ -328,6 +336,8 @@ class _Integrator:
     def _dry_logs(self) -> tuple[list[SlipEvent], list[Hold], list[Kink]]:
         """The logs of friction and rigid stops since the start, in units of the model."""
         dry = self._switchboard.dry
+        if not dry.count:
+            return [], [], []
         return dry.log, dry.hold_log, [kink.scaled(self._unit) for kink in dry.kinks if kink.is_impact]
 
     def _sampled(self, thetas: NDArray[np.float64], longest_step: float = math.inf) -> NDArray[np.float64]:
@@ -392,18 +402,18 @@ class _Integrator:
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         Flow.calls += 1
         self._taylor.time = start
-        if self.equations.switches or self.equations.modes or self.equations.dry:
+        if self._has_events:
             self._taylor.reset_cooldowns()
         unit = self._unit = self._lengths.of_motion(coefficients, state)
         if unit != 1.0:
             coefficients, state = self._lengths.carried(coefficients, unit), state / unit
             direction = None if direction is None else self._lengths.carried(direction, unit)
-        self._parameters[self.equations.length] = unit
+        self._parameters[self._length] = unit
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
-        self._coefficients[:] = coefficients[self.equations.active]
-        if self.directions:
-            self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
+        self._coefficients[:] = coefficients[self._active]
+        if self._changing is not None:
+            self._components[:] = 0.0 if direction is None else direction.ravel()[self._changing]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         if self.has_survey:

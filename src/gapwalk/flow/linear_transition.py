@@ -53,14 +53,16 @@ class _Spectrum(NamedTuple):
     @classmethod
     def of(cls, matrix: Array) -> _Spectrum | None:
         """Return the spectrum of a matrix; None where its eigenvectors hardly differ, as at critical damping."""
-        values, vectors = np.linalg.eig(matrix)
+        pairs = np.linalg.eig(matrix)
+        values: NDArray[np.complex128] = np.asarray(pairs.eigenvalues, dtype=np.complex128)
+        vectors: NDArray[np.complex128] = np.asarray(pairs.eigenvectors, dtype=np.complex128)
         first = np.flatnonzero(values.imag > 0.0)  # LAPACK returns pairs side by side
         basis, partner, turn = vectors.real.copy(), np.arange(len(values)), values.imag.copy()
         basis[:, first + 1] = vectors[:, first].imag
         partner[first], partner[first + 1] = first + 1, first
         turn[first + 1] = -values[first].imag
         try:
-            inverse = np.linalg.inv(basis)
+            inverse = np.asarray(np.linalg.inv(basis), dtype=np.float64)
         except np.linalg.LinAlgError:
             return None
         found = cls(basis, inverse, values.real[:, None].copy(), turn[:, None], partner)
