@@ -94,7 +94,7 @@ BACKBONE = (
 kind = "backbone"
 modes = [1, 2]
 largest_amplitude = 2.0
-load = "harmonic1"
+foretell = "harmonic1"
 """
 )
 SELF_EXCITED = """

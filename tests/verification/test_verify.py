@@ -318,7 +318,7 @@ def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
     assert main(["run", str(model), "--study", "three", "--quiet"]) == 0
     capsys.readouterr()
     assert main(["verify", str(next(tmp_path.glob("*.gapwalk")))]) == 2
-    assert "responses, diagrams, maps, families, tori and self-excited motions" in capsys.readouterr().err
+    assert "responses, diagrams, maps, families, tori, thresholds and self-excited motions" in capsys.readouterr().err
 
 
 def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):

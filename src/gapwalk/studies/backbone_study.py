@@ -40,7 +40,7 @@ class BackboneStudy(StudyKind):
         Range of the frequency (``from``, ``to``); by default a fifth to five times the first frequency.
     largest_amplitude
         Amplitude at which a backbone ends, in clearances (in units of length for a system without gaps).
-    load
+    foretell
         Name of a harmonic load, for which it is foretold at which amplitudes isolated branches are born; by default
         nothing is foretold.
     harmonics
@@ -55,7 +55,7 @@ class BackboneStudy(StudyKind):
     begin: Annotated[Speed, Field(alias="from")] = None
     end: Annotated[Speed, Field(alias="to")] = None
     largest_amplitude: Annotated[float, Gt(0)] = 20.0
-    load: str = ""
+    foretell: str = ""
     harmonics: tuple[Counted, ...] = (1, 2, 3)
 
     def __post_init__(self) -> None:
@@ -70,8 +70,8 @@ class BackboneStudy(StudyKind):
         """Return the study of a table, if the system has free vibrations without losses."""
         asked = cls(**values)
         without_losses(system)
-        if asked.load:
-            check_load(system, asked.load)
+        if asked.foretell:
+            check_load(system, asked.foretell)
         if asked.release and len(asked.release) != system.size:
             raise ModelError(f"release has {len(asked.release)} positions; the system has {system.size} coordinates")
         if not asked.release and max(asked.modes) > system.size:
@@ -157,9 +157,9 @@ class BackboneWork(Work):
 
     def _foretold(self, line: Backbone | None) -> tuple[IslandBirth, ...]:
         """Return what a backbone foretells for the load that was named."""
-        if line is None or not self.asked.load:
+        if line is None or not self.asked.foretell:
             return ()
-        return foretell(self.system, line, self.asked.load, self.asked.harmonics).births
+        return foretell(self.system, line, self.asked.foretell, self.asked.harmonics).births
 
     @property
     def complete(self) -> bool:

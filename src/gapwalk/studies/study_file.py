@@ -297,6 +297,11 @@ def check_study(source: Source, changes: Mapping[str, object] | None = None, nam
     Study
         The study.
 
+    Raises
+    ------
+    ModelError
+        If the source is no model, or has several studies and none of them is named.
+
     Examples
     --------
     >>> from gapwalk.model.model_source import parse_source

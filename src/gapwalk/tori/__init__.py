@@ -1,8 +1,8 @@
 """Quasi-periodic motions: invariant closed curves of the stroboscopic map, and families of them.
 
-Functions: `find_torus`, `follow_tori`.
+Functions: `find_torus`, `follow_tori`, `two_tones`.
 
-Classes: `LockedWindow`, `Torus`, `TorusDiagram`, `TorusEnd`, `TorusEndReason`, `TorusEvent`, `TorusEventKind`,
+Classes: `LockedWindow`, `Tone`, `Torus`, `TorusDiagram`, `TorusEnd`, `TorusEndReason`, `TorusEvent`, `TorusEventKind`,
 `TorusFamily`, `TorusOptions`, `TorusPoint`.
 """
 

@@ -285,8 +285,8 @@ class TorusTracer(Iterator[Step]):
         """Return the step to the other side of a resonance; None if no torus is found there.
 
         Next to it the curve is distorted, and its tangent leads along the resonance. So the leap begins at the last
-        good step. The rotation number must go on in its direction. The resonance between both tori is told even if its
-        denominator is large: it has stopped the walk.
+        good step. The rotation number must go on in its direction. The resonance between both tori is reported even if
+        its denominator is large: it has stopped the walk.
         """
         last = state.point
         good = self._good
