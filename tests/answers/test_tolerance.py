@@ -257,10 +257,12 @@ def test_quantiles_of_clutches_are_those_of_the_campaign():
 
 
 @pytest.mark.slow
-def test_all_points_of_a_thousand_clutches_are_those_of_full_walks():
+@pytest.mark.parametrize(("accuracy", "largest", "quantile"), [(1e-5, 2e-6, 5e-6), (1e-3, 5e-5, 5e-5)])
+def test_all_points_of_a_thousand_clutches_are_those_of_full_walks(accuracy, largest, quantile):
     system = gw.paper.case("13").at(frequency=1.9)
     spreads = Spreads(tuple(spread_in_percent(system, 0.2 * sd, [name])[0] for name, sd in PERCENT.items()))
-    found = tolerance(system, "frequency", (1.9, 0.15), spreads, options=ToleranceOptions(samples=1000, check=0))
+    options = ToleranceOptions(samples=1000, check=0, accuracy=accuracy)
+    found = tolerance(system, "frequency", (1.9, 0.15), spreads, options=options)
     lines = [line.split(",")[1].split() for line in NARROW.read_text().splitlines()[4:]]
     walks = [[(point[0], float(point[1:])) for point in line] for line in lines]
     letters = {"grazing": "G", "flip": "P", "fold": "F", "neimark-sacker": "N"}
@@ -279,10 +281,10 @@ def test_all_points_of_a_thousand_clutches_are_those_of_full_walks():
             unlike.append(k)
     assert not unlike
     rest = np.abs(found.values - exact)
-    assert np.nanmax(rest) < 2e-6
+    assert np.nanmax(rest) < largest
     assert np.nanmax(rest - found.errors) < 1e-7  # the file has seven digits
     shares = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
-    assert found.quantiles(*shares) == pytest.approx(np.nanquantile(exact, shares, axis=0), rel=5e-6)
+    assert found.quantiles(*shares) == pytest.approx(np.nanquantile(exact, shares, axis=0), rel=quantile)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ from gapwalk.orbit.find import find_orbit
 
 Array = NDArray[np.float64]
 
-_BEYOND = 0.02  # share of the range by which a walk goes on beyond the farthest tracked point
+_BEYOND = 0.05  # share of the range by which a walk goes on beyond the farthest tracked point
 _NEAR = 3e-3  # share of the range within which a walked point may always be the counterpart of a nominal one
 _ALIKE = 1e-5  # share of the range within which a point found and one of a walk are the same
 _FAR = 4.0  # the same, as a multiple of its spread over the samples: a form beyond a contact may be so far
