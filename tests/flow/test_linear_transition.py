@@ -107,6 +107,18 @@ def test_without_contact_they_are_the_exponential() -> None:
     assert found.transition == pytest.approx(expm(matrix * PERIOD / 0.7), abs=1e-13)
 
 
+def test_a_system_without_contacts_has_its_linear_response() -> None:
+    names, size = [f"x{k}" for k in range(6)], 6
+    stiffness = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
+    system = System(names, stiffness, 0.05 * stiffness, harmonics=[Harmonic(0.1, {names[0]: 1.0})], frequency=0.7)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.9)
+    for point in (branch.points[0], branch.points[-1]):
+        load, w = 0.1 * np.eye(size)[0], point.value
+        exact = np.linalg.solve(stiffness - w**2 * np.eye(size) + 1j * w * 0.05 * stiffness, load)
+        assert point.orbit.state[:size] == pytest.approx(exact.real, abs=1e-12)
+    assert branch.points[-1].value == pytest.approx(0.9)
+
+
 def test_a_matrix_without_enough_eigenvectors_has_its_exponential_too() -> None:
     n = 6
     system = free(np.eye(n), 2.0 * np.eye(n), 2.0)  # critical damping

@@ -90,7 +90,8 @@ class LinearTransition:
         self._n, self._switches = layout.structure.size, equations.switches
         self._rows = layout.accelerations[:, : 2 * self._n + len(layout.contacts)]
         self._contacts = np.array([contact for contact, _ in equations.switches], dtype=np.intp)
-        self._vectors = np.array([contact.deflection for contact in layout.contacts]).reshape(-1, self._n)
+        vectors = [contact.deflection for contact in layout.contacts]  # there may be none
+        self._vectors = np.array(vectors, dtype=np.intp).reshape(-1, self._n)
         self._terms = [_terms(equations, *switch) or () for switch in equations.switches]
         self._jumps = [jump_of(layout, *switch) for switch in equations.switches]
         self._slots = _slots(equations)
