@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
     )
-    add("--counts", type=Path, nargs="+", default=[], help="with --claims: files whose counts are written anew")
+    add("--counts", type=Path, nargs="+", default=[], help="with --claims: files in which the counts are replaced")
     add("--workers", type=int, help="number of processes; by default one for each core")
     add("--force", action="store_true", help="compute everything again")
     add("--json", action="store_true", help="print one JSON document; of several figures, a list")

@@ -210,11 +210,7 @@ class Flow:
         FlowError
             If the motion diverges, chatters without end, or a contact event is missed.
         """
-        integrator = self._take()
-        try:
-            return integrator.integrate(coefficients, state, start, stop, direction, keeps)
-        finally:
-            self._idle.append(integrator)
+        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps))
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
