@@ -334,7 +334,7 @@ def unexplained_changes(first: Orbit, last: Orbit, explained: Callable[[int], in
     `explained` returns the number of such points of a contact, by its number.
     """
     found = []
-    if not (first.is_exact and last.is_exact):
+    if not (first.system.structure.friction and first.is_exact and last.is_exact):
         return []
     for contact in sorted({*first.friction, *last.friction}):
         texts = [text_of(each.friction.get(contact, [])) for each in (first, last)]
