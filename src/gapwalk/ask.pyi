@@ -1,11 +1,11 @@
 """Public names of `gapwalk.ask`; see `gapwalk.lazy_names`."""
 
 from .answers.design import Design as Design
-from .answers.design_goals import Need as Need
-from .answers.design_goals import NoPoint as NoPoint
-from .answers.design_goals import PeakBelow as PeakBelow
-from .answers.design_goals import Quiet as Quiet
-from .answers.design_goals import Resonance as Resonance
+from .answers.goals.goal import Need as Need
+from .answers.goals.no_point import NoPoint as NoPoint
+from .answers.goals.peak_below import PeakBelow as PeakBelow
+from .answers.goals.quiet import Quiet as Quiet
+from .answers.goals.resonance import Resonance as Resonance
 from .answers.least_change import Change as Change
 from .answers.least_change import LeastChangeOptions as LeastChangeOptions
 from .answers.parameter_variations import Variations as Variations

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.answers.design_goals import EXACT, AnyGoal
+from gapwalk.answers.goals import EXACT, AnyGoal
 from gapwalk.answers.least_change import DesignProblem, Route
 from gapwalk.answers.local_response import LocalResponse, unstable_spans
 from gapwalk.bifurcation.branch import Branch

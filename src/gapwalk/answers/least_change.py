@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.answers.design_goals import EXACT, MARGIN, AnyGoal, Goal, Need
+from gapwalk.answers.goals import EXACT, MARGIN, AnyGoal, Goal, Need
 from gapwalk.answers.local_response import COARSE, LocalResponse
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from gapwalk.answers.design_goals import peaks
+from gapwalk.answers.goals.peak_below import peaks
 from gapwalk.flow.motion import force_of
 from gapwalk.model.system import System
 from gapwalk.model.words import coordinate_words, measure_words, parameter_words, state_words

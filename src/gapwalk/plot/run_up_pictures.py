@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.answers.design_goals import peaks
+from gapwalk.answers.goals.peak_below import peaks
 from gapwalk.answers.jump_delay import JumpDelay
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
