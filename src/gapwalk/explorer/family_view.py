@@ -6,7 +6,8 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.explorer.answer_view import AnswerView, Json, shown
 from gapwalk.model.words import full_measure, parameter_symbol, parameter_words
-from gapwalk.studies.family import Family, SpecialPointPath
+from gapwalk.studies.family import Family
+from gapwalk.studies.special_point_path import SpecialPointPath
 
 
 @shown(Family)

@@ -25,8 +25,9 @@ from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entri
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, write_legend, write_letters
-from gapwalk.studies.family import Connection, Family, Fate
+from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
+from gapwalk.studies.special_point_path import Connection, Fate
 
 _ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
 

@@ -31,7 +31,9 @@ from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
-from gapwalk.studies.family import TURN, Connection, Family, Fate, Member, Passage, Place
+from gapwalk.studies.family import Family
+from gapwalk.studies.family_member import Member, Place
+from gapwalk.studies.special_point_path import TURN, Connection, Fate, Passage
 from gapwalk.studies.study_kind import Finding, Found, Work
 from gapwalk.studies.study_registry import Counted, check_integers
 

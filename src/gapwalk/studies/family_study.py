@@ -26,11 +26,13 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.studies.columns import parameter_headings, point_row, table_rows
 from gapwalk.studies.document import branch_document
-from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
+from gapwalk.studies.family import Family
 from gapwalk.studies.family_joining import FamilyOptions, FamilyWork
+from gapwalk.studies.family_member import Member, MemberParameter, Place
 from gapwalk.studies.options import BranchOptions, kinds_key
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.set_values import leaves_of
+from gapwalk.studies.special_point_path import Connection, SpecialPointPath
 from gapwalk.studies.study_kind import Finding, Rows, values_of
 from gapwalk.studies.tables import Surroundings
 from gapwalk.summary import SummaryParts, Table, summarizes
