@@ -336,3 +336,15 @@ def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(pag
     until(kept, "document.getElementById('movers').hidden")
     assert wrong == []
     kept.context.close()
+
+
+def test_pictures_are_drawn_when_the_page_asks_for_them(folder, client) -> None:
+    gw.run(study_of("self-excited"), folder / "self-excited.gapwalk")
+    assert answer(client, "self-excited")["pictures"] == ["equilibria and motions over the parameter"]
+    asked = {"file": "self-excited.gapwalk", "result": ""}
+    drawn = client.get("/api/picture", params={**asked, "number": 0}).json()
+    assert (drawn["form"], drawn["content"][:5]) == ("svg", "<?xml")
+    missing = client.get("/api/picture", params={**asked, "number": 1})
+    assert missing.status_code == 400
+    assert "the answer has 1 pictures, none of the number 1" in missing.json()["error"]
+    assert answer(client, "rattle")["pictures"] == []

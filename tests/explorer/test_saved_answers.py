@@ -1,5 +1,6 @@
 """Every kind of result is one file that opens without a server: what it draws is what the record says."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,12 +41,14 @@ sections = [0.2]
 """
 )
 
+UNFORCED = ("tori", "backbone", "self-excited")
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory) -> dict[str, object]:
     """A result of each kind of study whose picture is not tested elsewhere."""
     folder = tmp_path_factory.mktemp("kinds")
-    found: dict[str, object] = {kind: gw.run(study_of(kind)) for kind in ("basins", "regimes", "sweep")}
+    found: dict[str, object] = {kind: gw.run(study_of(kind)) for kind in ("basins", "regimes", "sweep", *UNFORCED)}
     for name, text in (("family", FAMILY), ("map", MAP)):
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
         found[name] = gw.run(gw.read_study(folder / f"{name}.toml"))
@@ -54,15 +57,15 @@ def results(tmp_path_factory) -> dict[str, object]:
 
 def test_no_kind_of_study_is_left_out() -> None:
     """Those of `results`, and those of test_answer_page.py and test_kept.py."""
-    known = {"basins", "regimes", "sweep", "family", "map"}
+    known = {"basins", "regimes", "sweep", "family", "map", *UNFORCED}
     others = {"response", "diagram", "locus", "settle", "rattle", "threshold", "design", "tolerance", "run-up"}
     # a saved page does not show them; the message says what to write
-    refused = {"tori", "backbone", "self-excited", "scan"}
+    refused = {"scan"}
     own = {kind for kind in kinds() if kind_of(kind).__module__.startswith("gapwalk.")}  # tests may register others
     assert known | others | refused == own
 
 
-@pytest.mark.parametrize("name", ["basins", "regimes", "sweep", "family", "map"])
+@pytest.mark.parametrize("name", ["basins", "regimes", "sweep", "family", "map", *UNFORCED])
 def test_a_page_of_each_kind_opens_alone_and_draws_something(results, tmp_path, name) -> None:
     file = tmp_path / f"{name}.html"
     gw.save_html(results[name], file)
@@ -79,6 +82,13 @@ def test_a_page_of_each_kind_opens_alone_and_draws_something(results, tmp_path, 
             "(gapwalk.diagram.over?.layers ?? []).reduce((sum, { x }) => sum + x.length, 0)]"
         )
         assert any(drawn), drawn
+        if name in UNFORCED:  # the first picture is there, the others are drawn when they are opened
+            until(page, "document.querySelector('.drawn img')?.naturalWidth > 100")
+            page.evaluate("for (const each of document.querySelectorAll('.drawn')) each.open = true")
+            wide = "each.querySelector('img')?.naturalWidth > 100"
+            until(page, f"[...document.querySelectorAll('.drawn')].every((each) => {wide})")
+            pictures = len(view_of(results[name].finding).pictures())
+            assert page.locator(".drawn img").count() == pictures == (7 if name == "tori" else 1)
         if name in ("family", "map"):
             page.focus("#diagram")
             page.keyboard.press("Home")
@@ -168,3 +178,67 @@ def test_a_saved_run_up_plays_without_a_server(tmp_path: Path) -> None:
     assert len(values) == len(exact)
     assert np.abs(np.array(values) - (exact - exact.mean())).max() < 1e-4 * np.abs(exact).max()
     assert wrong == []
+
+
+def test_the_tori_of_a_page_are_those_of_the_record(results) -> None:
+    found = results["tori"].finding.record
+    (family,) = found.families
+    view = view_of(results["tori"].finding)
+    content = view.content()
+    assert content["axes"] == ("frequency", "half.q1")
+    assert [name for name, _ in view.curves()] == [member.name for member in found.diagram.members]
+    (layer,) = (each for each in content["layers"] if each["axes"] == ["frequency", "half.q1"])
+    np.testing.assert_allclose(layer["x"], family.values, rtol=1e-6)
+    np.testing.assert_allclose(layer["y"], family.measure("half.q1"), rtol=1e-6)
+    (panel,) = content["below"]
+    np.testing.assert_allclose(panel["series"][0]["y"], family.rotations, rtol=1e-6)
+    assert content["within"] == {"frequency": [1.194, 1.198]}
+
+
+def test_a_family_of_both_kinds_is_drawn_in_two_looks_that_meet(results) -> None:
+    (family,) = results["tori"].finding.record.families
+    count = len(family.points)
+    lost = replace(  # as if deviations grew on the first five tori
+        family,
+        points=tuple(
+            replace(point, torus=replace(point.torus, exponents=point.torus.exponents + 9.0)) if number < 5 else point
+            for number, point in enumerate(family.points)
+        ),
+    )
+    content = view_of(Alone(lost)).content()
+    stable, unstable = (each for each in content["layers"] if each["axes"] == ["frequency", "half.q1"])
+    assert (stable["text"], unstable["text"]) == ("torus, stable", "torus, unstable")
+    heights = lost.measure("half.q1")
+    np.testing.assert_allclose(stable["y"][5:], heights[5:], rtol=1e-6)
+    np.testing.assert_allclose(unstable["y"][:6], heights[:6], rtol=1e-6)
+    assert stable["y"][:5] == [None] * 5
+    assert unstable["y"][6:] == [None] * (count - 6)
+
+
+def test_backbones_lie_over_the_frequency_of_responses() -> None:
+    spring = gw.Contact("spring", {"x": 1.0}, (gw.Stage(clearance=0.0, stiffness=0.0, cubic=1.0),))
+    duffing = gw.System(["x"], [[1.0]], [[0.1]], contacts=[spring], harmonics=[gw.Harmonic(0.3, {"x": 1.0})])
+    line = gw.free.backbone(duffing, 1)
+    content = view_of(Alone(line)).content()
+    (layer,) = content["layers"]
+    assert layer["axes"] == ["frequency", "half.x"] == list(content["axes"])
+    np.testing.assert_allclose(layer["y"], line.half("x"), rtol=1e-6)
+    (chart,) = content["charts"]
+    # the energy of Duffing's oscillator at rest at x is x^2/2 + x^4/4
+    half = line.half("x")
+    np.testing.assert_allclose(chart["series"][0]["x"], np.log10(half**2 / 2 + half**4 / 4), atol=1e-5)
+    assert content["complete"]
+
+
+def test_self_excited_motions_are_branches_and_equilibria_lines(results) -> None:
+    found = results["self-excited"].finding.record
+    view = view_of(results["self-excited"].finding)
+    content = view.content()
+    assert content["sentences"] == ["1 branch of self-excited motions; Hopf point, frequency 1 at damper.mu = 0"]
+    assert [curve for _, curve in view.curves()] == list(found.cycles)
+    stable, unstable, hopf = (each for each in content["layers"] if each["axes"] == ["damper.mu", "max.x"])
+    assert max(x for x, y in zip(stable["x"], stable["y"], strict=True) if y is not None) <= 0.0
+    assert max(unstable["x"]) == 0.4
+    assert hopf["mark"] == "stars"
+    frequencies = content["below"][0]["series"][0]["y"]
+    assert frequencies[-1] == pytest.approx(found.cycles[0].points[-1].orbit.system.frequency, rel=1e-6)

@@ -1,7 +1,7 @@
 """Answers on the page: the protocol by which a record of a study says what the page draws of it, and its registry.
 
-An answer has sentences, curves with points to choose, what is drawn over the diagram and below it, and tables. A record
-whose type is not registered has its sentences and tables alone.
+An answer has sentences, curves with points to choose, what is drawn over the diagram and below it, tables, and
+pictures. A record whose type is not registered has its sentences and tables alone.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.explorer.answer_picture import AnswerPicture
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_words
 from gapwalk.studies.study_kind import Finding
@@ -69,6 +70,10 @@ class AnswerView:
         """Names of the contacts of which one is chosen."""
         return ()
 
+    def pictures(self) -> Sequence[AnswerPicture]:
+        """Return pictures of the record and of its parts by `gapwalk.plot`; each is drawn when it is asked for."""
+        return ()
+
     @property
     def system(self) -> System:
         """The system of the record."""
@@ -106,6 +111,7 @@ class AnswerView:
             "contacts": list(self.contacts),
             "axes": self.axes,
             "complete": self.finding.complete,
+            "pictures": [each.text for each in self.pictures()],
             **self.drawn(),
         }
 
@@ -168,9 +174,18 @@ def view_of(finding: Finding) -> AnswerView:
 
 def _views() -> dict[type, Maker]:
     # they register themselves
-    from gapwalk.explorer import cell_views, change_views, family_view, rattle_views, run_up_view, sweep_view
+    from gapwalk.explorer import (
+        cell_views,
+        change_views,
+        family_view,
+        free_views,
+        rattle_views,
+        run_up_view,
+        sweep_view,
+        torus_views,
+    )
 
-    del cell_views, change_views, family_view, rattle_views, run_up_view, sweep_view
+    del cell_views, change_views, family_view, free_views, rattle_views, run_up_view, sweep_view, torus_views
     return _VIEWS
 
 
@@ -184,6 +199,11 @@ class Alone(Finding):
     def record(self) -> Any:
         """The record."""
         return self._record
+
+    @property
+    def complete(self) -> bool:
+        """True unless the record says that something is missing; one that cannot be unfinished does not say."""
+        return getattr(self._record, "complete", True)
 
     @property
     def stored(self) -> str:
@@ -236,10 +256,13 @@ class Series(NamedTuple):
         return {**self._asdict(), "x": numbers(self.x), "y": numbers(self.y), "axes": list(self.axes)}
 
 
-def panel(title: str, over: str, system: System, series: Iterable[Series], of: str = "") -> Json:
-    """Return a panel of series over a parameter."""
+def panel(
+    title: str, over: str, system: System, series: Iterable[Series], of: str = "", *, fitted: bool = False
+) -> Json:
+    """Return a panel of series over a parameter; a fitted one shows their range alone, others also zero."""
     across = parameter_words(over, system.units)
-    return {"title": title, "over": over, "across": across, "series": [each.plain for each in series], "of": of}
+    lines = [each.plain for each in series]
+    return {"title": title, "over": over, "across": across, "series": lines, "of": of, "fitted": fitted}
 
 
 def numbers(values: ArrayLike) -> list[float | None]:

@@ -45,6 +45,9 @@ from gapwalk.explorer.result_titles import verdict
 from gapwalk.explorer.run_up_view import RunUpView
 from gapwalk.explorer.what_next import at_special
 from gapwalk.flow.motion import force_of
+from gapwalk.free.backbone_record import Backbone
+from gapwalk.free.backbones import Backbones
+from gapwalk.free.self_excitation import SelfExcited
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure, signal_words
 from gapwalk.orbit.orbit import Orbit
@@ -56,6 +59,9 @@ from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep import Sweep
 from gapwalk.studies.sweep_study import SweepFinding
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_diagram import TorusDiagram
+from gapwalk.tori.torus_family import TorusFamily
 
 Found = (
     Result
@@ -77,6 +83,12 @@ Found = (
     | Locus
     | Map
     | Sweep
+    | TorusDiagram
+    | TorusFamily
+    | Torus
+    | Backbones
+    | Backbone
+    | SelfExcited
 )
 """Records that can be saved."""
 
@@ -198,6 +210,7 @@ def content_of(
     if lines.axes is not None:
         x, y = lines.axes
     answer = None if lines.answer is None else lines.answer.content()
+    pictures = [] if lines.answer is None else [each.content() for each in lines.answer.pictures()]
     if answer is not None and answer["axes"]:
         x, y = answer["axes"]
         layers = [name for layer in answer.get("layers", ()) for name in layer["axes"]]
@@ -218,6 +231,7 @@ def content_of(
         "verdict": lines.verdict,
         "loci": locus_lines() if any(line.kind is not None for line in lines.named) else [],
         "answer": blob.packed(answer),
+        "pictures": pictures,
         "heard": _heard(lines.answer, answer, blob) if answer and isinstance(lines.answer, RunUpView) else None,
         "branches": [
             {
@@ -339,7 +353,8 @@ def save_html(
     found
         A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
         map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep, basins
-        of attraction or their shares, a map of regimes.
+        of attraction or their shares, a map of regimes; tori, a family of them or one torus; backbones; self-excited
+        motions.
     path
         The file to write.
     measure

@@ -20,6 +20,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.explorer.answer_view import AnswerView
 from gapwalk.explorer.axis_quantities import MEASURE, quantity
 from gapwalk.explorer.curve_data import Quantities, curve_of
 from gapwalk.explorer.edit_requests import checks, edit
@@ -57,6 +58,7 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         Route("/api/motion", api.motion),
         Route("/api/details", api.details),
         Route("/api/answer", api.answer),
+        Route("/api/picture", api.picture),
         Route("/api/gradient", api.gradient),
         Route("/api/next", api.next),
         Route("/api/events", api.events),
@@ -161,11 +163,23 @@ class _Api:
 
     async def answer(self, request: Request) -> Response:
         """Return the sentences and curves of a result, if it is an answer."""
+        return _Json(await self.session.flows.do(self._answer_of(request).content))
+
+    async def picture(self, request: Request) -> Response:
+        """Return a picture of an answer by its number; a click on a point waits for one picture at most."""
+        pictures, number = self._answer_of(request).pictures(), _count(request, "number")
+        if number >= len(pictures):
+            raise ModelError(f"the answer has {len(pictures)} pictures, none of the number {number}; reload the page")
+        found: list[dict[str, str]] = []
+        await self.session.flows.do_behind([lambda: found.append(pictures[number].content())])
+        return _Json(found[0])
+
+    def _answer_of(self, request: Request) -> AnswerView:
         entry = self.session.exploration(_text(request, "file")).entry(_text(request, "result"))
         view = entry.answer
         if view is None:
             raise ModelError(f"{entry.title} is no answer; its branches are in the diagram")
-        return _Json(await self.session.flows.do(view.content))
+        return view
 
     async def gradient(self, request: Request) -> Response:
         """Return the gradient of a special point; of several requests of a tab only the last one is answered."""

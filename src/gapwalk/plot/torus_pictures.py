@@ -71,11 +71,20 @@ def draw_torus_diagram(
     finish = draw_branches(branches, upper, measure, labels=labels, legend=False, within=within)
     for family in found.families:
         _draw_lines(upper, family, family.measure(measure))
+    _make_room(upper, [family.measure(measure) for family in found.families])
     upper.set_xlabel("")
     _draw_rotations(lower, found.families, labels=labels)
     lower.set_xlabel(parameter_words(found.diagram.parameter, branches[0].system.units))
     write_legend(figure, [*line_entries(branches), *_entries(found.families)])
     return finish
+
+
+def _make_room(ax: Axes, heights: Sequence[np.ndarray]) -> None:
+    """Extend the range of the axes, which is that of the branches, to the tori."""
+    low, high = ax.get_ylim()
+    least, most = (extreme([low, high, *np.concatenate([*heights, [low]])]) for extreme in (min, max))
+    room = 0.04 * (most - least)
+    ax.set_ylim(least - room * (least < low), most + room * (most > high))
 
 
 def _within(found: TorusDiagram) -> tuple[float, float] | None:

@@ -21,7 +21,7 @@ export class Answer {
   /** Show the answer of a result; return it. */
   async show(file, { key, version }) {
     const asked = {}; // results of two files may have one key
-    Object.assign(this, { key, version, asked });
+    Object.assign(this, { file, key, version, asked });
     const content = await get("/api/answer", { file, result: key });
     if (this.asked !== asked) return null;
     Object.assign(this, { content, hadRoom: false });
@@ -88,7 +88,30 @@ export class Answer {
     for (const chart of this.own("charts")) place.append(Object.assign(document.createElement("div"), { className: "free", chart }));
     for (const part of content.parts) place.append(typeof part === "string" ? text("p", "line", part) : table(part));
     for (const note of content.notes) place.append(text("p", "hint", `Note: ${note}`));
+    for (const [number, words] of (content.pictures ?? []).entries()) place.append(this.picture(number, words));
     this.drawCharts();
+  }
+
+  /** A picture of the answer, which is asked for when it is opened; the first one is open. */
+  picture(number, words) {
+    const made = Object.assign(document.createElement("details"), { className: "drawn", open: number === 0 });
+    const { file, key } = this, image = Object.assign(document.createElement("img"), { alt: words }), state = text("p", "hint", "It is drawn \u2026");
+    const fetchOnce = async () => {
+      if (!made.open || made.asked) return;
+      made.asked = true;
+      try {
+        const { form, content } = await get("/api/picture", { file, result: key, number });
+        image.src = form === "svg" ? `data:image/svg+xml,${encodeURIComponent(content)}` : `data:image/${form};base64,${content}`;
+        state.replaceWith(image);
+      } catch (error) {
+        made.asked = false;
+        state.textContent = error.message;
+      }
+    };
+    made.append(text("summary", "", words), state);
+    made.addEventListener("toggle", fetchOnce);
+    fetchOnce();
+    return made;
   }
 
   drawCharts() {

@@ -4,6 +4,7 @@
 const TINTS = { one: "--tint-one", both: "--tint-both", quiet: "--tint-quiet", goal: "--tint-goal", closed: "--tint-closed", open: "--tint-open", none: "--stop", undone: "--page" };
 const LOOKS = {
   wild: "--below", run: "--below", main: "--accent", middle: "--above", most: "--pair", largest: "--below", worst: "--ink", rising: "--above", falling: "--below", measured: "--ink", other: "--pair",
+  torus: "--pair", "torus-unstable": "--pair", backbone: "--above",
   "kind-fold": "--above", "kind-flip": "--below", "kind-neimark-sacker": "--pair", "kind-grazing": "--stop",
 };
 const MANY = 600; // dots that are drawn small, as in the clouds of a sweep
@@ -87,7 +88,7 @@ export function tracesOf(over, view, placed, color) {
     const shade = color(LOOKS[look] ?? "--accent"), starred = mark === "stars";
     return {
       type: "scatter", mode: mark === "line" ? "lines" : "markers", name: text || look, x, y, hoverinfo: text ? "text" : "skip", text,
-      line: { color: shade, width: 1.6, dash: ["most", "falling"].includes(look) ? "6px,3px" : "solid" },
+      line: { color: shade, width: 1.6, dash: ["most", "falling", "torus-unstable"].includes(look) ? "6px,3px" : "solid" },
       marker: { symbol: marks[mark], size: starred ? 15 : mark === "crosses" ? 7 : x.length > MANY ? 2.4 : 4.5, color: starred ? GOLD : shade, line: { width: x.length > MANY ? 0 : 1.2, color: starred ? color("--ink") : shade } },
     };
   });

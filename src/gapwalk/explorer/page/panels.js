@@ -6,16 +6,16 @@ const TOP = 6, BOTTOM = 34, LOW = 20; // below a panel with and without the name
 let count = 0;
 
 /**
- * Draw a panel: { title, across, series: [{ x, y, mark, look }] }.
+ * Draw a panel: { title, across, series: [{ x, y, mark, look }], fitted }.
  *
  * `range`: the values at its left and right end; `left`, `right`: pixels beside it; `shades`: [{ low, high, tint }];
  * `lines`: [{ at, exact }]; `named`: with the name of the axis.
  */
-export function drawPanel(place, { title, across, series }, { range = null, left = 44, right = 8, height = 118, shades = [], lines = [], named = true } = {}) {
+export function drawPanel(place, { title, across, series, fitted = false }, { range = null, left = 44, right = 8, height = 118, shades = [], lines = [], named = true } = {}) {
   const larger = zoom();
   [left, right] = [left / larger, right / larger];
   const width = Math.max(160, Math.round(place.clientWidth / larger) || 300), bottom = height - (named ? BOTTOM : LOW), clip = `clip-${(count += 1)}`;
-  const [x0, x1] = range ?? extent(series, "x"), [y0, y1] = extent(series, "y");
+  const [x0, x1] = range ?? extent(series, "x"), [y0, y1] = extent(series, "y", fitted);
   const px = (v) => left + ((v - x0) / (x1 - x0)) * (width - left - right), py = (v) => bottom - ((v - y0) / (y1 - y0)) * (bottom - TOP);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": `${title} over ${across}` });
   const clipping = element("clipPath", { id: clip });
@@ -66,12 +66,12 @@ function star(a, b) {
   }).join("L")}Z`;
 }
 
-/** The range of all series; from zero where nothing is negative. */
-function extent(series, axis) {
+/** The range of all series; from zero where nothing is negative, unless it is fitted. */
+function extent(series, axis, fitted = false) {
   let low = Infinity, high = -Infinity;
   for (const each of series) for (const v of each[axis]) if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); }
   if (!(low <= high)) return [0, 1];
-  if (axis === "y" && low >= 0) return [0, high * 1.3 || 1]; // with room for the title
+  if (axis === "y" && low >= 0 && !fitted) return [0, high * 1.3 || 1]; // with room for the title
   const pad = 0.05 * (high - low || Math.abs(high) || 1);
   return [low - pad, high + (axis === "y" ? 6 : 1) * pad];
 }

@@ -25,6 +25,7 @@ export async function get(path, query = {}) {
   if (path === "/api/curve") return data.shown.motion ? { settled: null } : curve(query);
   if (path === "/api/motion") return withScenes(unpacked(motionAt(query)));
   if (path === "/api/answer") return unpacked(data.shown.answer);
+  if (path === "/api/picture") return data.shown.pictures[query.number];
   if (path === "/api/gradient") return data.shown.branches[query.branch].gradients[query.special] ?? null;
   if (path === "/api/next") return next(query);
   if (path === "/api/details") return details(query);
