@@ -77,6 +77,12 @@ class Strides:
         most = max((abs(stride.turned) for stride in self._last), default=0.0)
         return next((each for each in reversed(self._last) if abs(each.turned) >= _GOOD * most), None)
 
+    def leads_past(self, last: BranchPoint, ratio: float) -> bool:
+        """Return True if a few good steps from the last point would pass a rotation number."""
+        good = self.good
+        away = ratio - torus_at(last).rotation
+        return good is not None and 0.0 <= away * np.sign(good.turned) <= FEW[-1] * abs(good.turned)
+
     def leap(self, last: BranchPoint, count: int, lengths: tuple[float, ...]) -> Stride | None:
         """Return a step from the last good one to the other side of a resonance; None if no torus is found there.
 
@@ -103,6 +109,9 @@ class Strides:
             corrector, point = posed
         for longer in lengths:
             step = far_from_fractions(longer * good.length, None, None, point, corrector)
+            expected = torus_at(point).rotation + step * point.tangent[-2] * corrector.scales[-2]
+            if (expected - torus_at(last).rotation) * good.turned <= 0.0:
+                continue  # it would land before the last point
             beyond = _landed(corrector, point, step)
             if beyond is None:
                 continue

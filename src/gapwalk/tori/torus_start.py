@@ -17,12 +17,13 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import TURN, odd, phases
 from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.torus import Torus, reversed_torus
+from gapwalk.tori.torus_corrector import TorusCorrector
 from gapwalk.tori.torus_doubling import change_at
 from gapwalk.tori.torus_equation import TorusEquation
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
@@ -123,10 +124,7 @@ def starts_at(
 
 def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest: float, within: Range) -> Corrector:
     """Return the corrector of the tori near a curve."""
-    return Corrector(
-        cast(Equation, cast(object, equation)),
-        powers_of_two(np.append(equation.scales(states, smallest), within.width)),
-    )
+    return TorusCorrector(equation, powers_of_two(np.append(equation.scales(states, smallest), within.width)))
 
 
 def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second: Second | None) -> list[TorusStart]:

@@ -211,7 +211,9 @@ class TorusTracer(Iterator[Step]):
         if leapt is not None:
             return leapt
         near = self._near_resonance(torus_at(state.point))
-        return None if near is None else self._past_window(state.point, near, self._window(state.point, near))
+        if near is None or not self._strides.leads_past(state.point, float(near)):
+            return None
+        return self._past_window(state.point, near, self._window(state.point, near))
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
