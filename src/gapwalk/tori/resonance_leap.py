@@ -1,8 +1,10 @@
 """Steps of a family of tori past resonances: where the next torus should be, and leaps over windows in which none is.
 
 Near a resonance p/q curves are distorted, and need the more samples the nearer it is; in a window around it there is
-no torus at all. So the length of each step is varied a little, such that its rotation number is far from fractions. And
-where steps become short, or the samples are no longer enough, a leap is tried from the last good step.
+no torus at all. So the length of each step is varied a little, such that its rotation number is far from fractions.
+Where steps become short, or the samples are no longer enough, a leap is tried from the last good step: to a torus of a
+given rotation number, with the parameter free. For numbers that are far from all fractions such tori exist on both
+sides of a window, and depend on the number as if there were none.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ _REMEMBERED = 32  # steps among which a good one is looked for, before the walk 
 _GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
 _SHARES = np.linspace(1.0, 0.7, 25)  # of a step, among which the rotation number is chosen
 _DENOMINATORS = np.arange(1.0, 61.0)  # of the fractions that it avoids
+_AROUND = np.linspace(0.8, 1.25, 31)  # of a leap, among which the rotation number is chosen
+_ALONG = 0.5  # change of the rotation number along a tangent, over that along a good step, below which it is distorted
 _FAR = 0.5  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
 
 
@@ -77,26 +81,17 @@ class Strides:
         most = max((abs(stride.turned) for stride in self._last), default=0.0)
         return next((each for each in reversed(self._last) if abs(each.turned) >= _GOOD * most), None)
 
-    def leads_past(self, last: BranchPoint, ratio: float) -> bool:
-        """Return True if a few good steps from the last point would pass a rotation number."""
-        good = self.good
-        away = ratio - torus_at(last).rotation
-        return good is not None and 0.0 <= away * np.sign(good.turned) <= FEW[-1] * abs(good.turned)
-
     def leap(self, last: BranchPoint, count: int, lengths: tuple[float, ...]) -> Stride | None:
         """Return a step from the last good one to the other side of a resonance; None if no torus is found there.
-
-        Next to it the curve is distorted, and its tangent leads along the resonance. So the leap begins at the last
-        good step. The rotation number must go on in its direction.
 
         Parameters
         ----------
         last
-            The last point.
+            The last point; its rotation number must be passed, in the direction of the good step.
         count
             Number of samples of a curve now.
         lengths
-            Lengths to try, over that of the good step.
+            Changes of the rotation number to try, over that of the good step.
         """
         good = self.good
         if good is None or good.turned == 0.0:
@@ -107,32 +102,52 @@ class Strides:
             if posed is None:
                 return None
             corrector, point = posed
+        begun, passed = torus_at(point).rotation, torus_at(last).rotation
         for longer in lengths:
-            step = far_from_fractions(longer * good.length, None, None, point, corrector)
-            expected = torus_at(point).rotation + step * point.tangent[-2] * corrector.scales[-2]
-            if (expected - torus_at(last).rotation) * good.turned <= 0.0:
-                continue  # it would land before the last point
-            beyond = _landed(corrector, point, step)
-            if beyond is None:
+            turns = begun + good.turned * longer * _AROUND
+            turns = turns[(turns - passed) * good.turned > 0.0]
+            if not len(turns):
                 continue
-            torus = torus_at(beyond)
-            goes_on = (torus.rotation - torus_at(last).rotation) * good.turned > 0.0
-            if goes_on and self.options.accepts(torus) and beyond.value in self.within:
-                length = max(last.arclength, point.arclength) + step
-                return Stride(corrector, point, replace(beyond, arclength=length), good.length)
+            aim = float(turns[int(np.argmin(nearness_to_fractions(turns)))])
+            beyond = self._landed(good, corrector, point, aim)
+            if beyond is not None and self.options.accepts(torus_at(beyond)) and beyond.value in self.within:
+                length = float(np.linalg.norm(beyond.x - point.x))
+                # the arclength of the family does not go back to the good step
+                start = replace(point, arclength=max(last.arclength, point.arclength))
+                return Stride(corrector, start, replace(beyond, arclength=start.arclength + length), good.length)
         return None
 
+    def _landed(self, good: Stride, corrector: Corrector, point: BranchPoint, aim: float) -> BranchPoint | None:
+        """Return the torus of a rotation number, from a point along its tangent; None if there is none nearby.
 
-def _landed(corrector: Corrector, point: BranchPoint, step: float) -> BranchPoint | None:
-    """Return the point one step along the tangent; None if there is none, or one too far away."""
-    guess = point.x + step * point.tangent
-    found = corrector.correct(guess, point.tangent)
-    if found is None or np.linalg.norm(found.x - guess) > _FAR * step:
-        return None
-    try:
-        return corrector.point(found, point.tangent, point.arclength + step)
-    except NumericalError:
-        return None
+        Next to a resonance the tangent leads along it: then the guess is along the good step.
+        """
+        scale = float(corrector.scales[-2])
+        change = (aim - torus_at(point).rotation) / scale
+        along = point.tangent
+        if abs(along[-2] * scale) * good.length < _ALONG * abs(good.turned):
+            along = _secant(good, corrector)
+        guess = point.x + along * (change / along[-2])
+        normal = np.zeros(len(guess))
+        normal[-2] = 1.0
+        found = corrector.correct(guess, normal)
+        if found is None or np.linalg.norm(found.x - guess) > _FAR * np.linalg.norm(guess - point.x):
+            return None
+        try:
+            return corrector.point(found, point.tangent, point.arclength)
+        except NumericalError:
+            return None
+
+
+def _secant(stride: Stride, corrector: Corrector) -> NDArray[np.float64]:
+    """Return the change of all unknowns in a step, as a vector of another corrector."""
+    count = equation_of(corrector).count
+    ends = []
+    for point in (stride.start, stride.end):
+        unscaled = point.x * stride.corrector.scales
+        curve = unscaled[:-2].reshape(equation_of(stride.corrector).count, -1)
+        ends.append(np.append(resampled(curve, count).ravel(), unscaled[-2:]) / corrector.scales)
+    return ends[1] - ends[0]
 
 
 def far_from_fractions(

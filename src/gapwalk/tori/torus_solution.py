@@ -72,7 +72,7 @@ class TorusOptions:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 
     def finer(self, count: int) -> int | None:
-        """Return the next number of samples, about twice as many; None if that would be too many.
+        """Return the next number of samples, half as many more; None if that would be too many.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class TorusOptions:
         int or None
             An odd number.
         """
-        more = min(odd(2 * count - 1), odd(self.max_samples - 1))
+        more = min(odd(3 * count // 2), odd(self.max_samples - 1))
         return more if more > count else None
 
     def accepts(self, torus: Torus) -> bool:

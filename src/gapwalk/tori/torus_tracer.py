@@ -16,7 +16,7 @@ from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.resonance_leap import FEW, MANY, Stride, Strides, far_from_fractions, posed_with
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
-from gapwalk.tori.torus_events import events_between, window_at
+from gapwalk.tori.torus_events import events_between, simplest, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import TorusStart, equation_of, start_beyond, torus_at
@@ -135,7 +135,7 @@ class TorusTracer(Iterator[Step]):
         """Pose the equation again if the curve has moved far from its reference, or has more samples than it needs."""
         torus = torus_at(point)
         if torus.error < _MUCH * self.options.accuracy and torus.count > self.options.samples:
-            fewer = odd(torus.count // 2)
+            fewer = odd(2 * torus.count // 3)
             if tail(resampled(torus.states, fewer) / torus.system.state_scales()) < _MUCH * self.options.accuracy:
                 self._pose(point, fewer, state)
                 return
@@ -169,6 +169,13 @@ class TorusTracer(Iterator[Step]):
         """Return the resonance next to a torus; None if there is none, or the rotation number is kept."""
         return resonance_near(torus.rotation) if self.beginning.second is None else None
 
+    def _resonance_ahead(self, torus: Torus) -> Fraction | None:
+        """Return the strongest resonance that a few good steps would pass; None if there is none."""
+        good = self._strides.good
+        if good is None or good.turned == 0.0 or self.beginning.second is not None:
+            return None
+        return simplest(*sorted((torus.rotation, torus.rotation + FEW[-1] * good.turned)))
+
     def _creeps_to(self, before: BranchPoint, after: BranchPoint) -> Fraction | None:
         """Return the fraction that the rotation number approaches while the parameter stands still; None otherwise."""
         moved = abs(after.value - before.value)
@@ -196,12 +203,13 @@ class TorusTracer(Iterator[Step]):
             return None
         leapt = self._pass(state, MANY)
         if leapt is None:
-            near = self._near_resonance(torus_at(state.point))
-            window = None if near is None else self._window(state.point, near)
-            if near is None or window is None:
-                self.end = rough(state.point, torus_at(rejected))
-            else:
-                self.end = locked(state.point, near, window)
+            torus = torus_at(state.point)
+            for near in (self._near_resonance(torus), self._resonance_ahead(torus)):
+                window = None if near is None else self._window(state.point, near)
+                if near is not None and window is not None:
+                    self.end = locked(state.point, near, window)
+                    return None
+            self.end = rough(state.point, torus_at(rejected))
         return leapt
 
     def _pass(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
@@ -210,10 +218,8 @@ class TorusTracer(Iterator[Step]):
         leapt = self._leap(state, lengths)
         if leapt is not None:
             return leapt
-        near = self._near_resonance(torus_at(state.point))
-        if near is None or not self._strides.leads_past(state.point, float(near)):
-            return None
-        return self._past_window(state.point, near, self._window(state.point, near))
+        near = self._resonance_ahead(torus_at(state.point))
+        return None if near is None else self._past_window(state.point, near, self._window(state.point, near))
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
@@ -236,6 +242,7 @@ class TorusTracer(Iterator[Step]):
     def _past_window(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
         """Return the first step beyond a window in which the motion locks; None if no torus is found there."""
         good = self._strides.good
+        length = self.steps.first_step if good is None else good.length
         way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
         if window is None or not way:
             return None
@@ -245,9 +252,9 @@ class TorusTracer(Iterator[Step]):
             return None
         self.corrector, self._moved = beyond.corrector, 0.0
         self._strides.clear()
-        length = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
-        first = replace(beyond.first, arclength=last.arclength + length, memo={})
-        self.walk = self._walk_from(WalkState(None, first, self.steps.first_step, self.walk.state.count + 1))
+        away = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
+        first = replace(beyond.first, arclength=last.arclength + away, memo={})
+        self.walk = self._walk_from(WalkState(None, first, length, self.walk.state.count + 1))
         torus, before = torus_at(first), torus_at(last)
         middle = 0.5 * (window.low + window.high)
         event = TorusEvent(
