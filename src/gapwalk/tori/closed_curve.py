@@ -6,6 +6,8 @@ and cosine, so that interpolation, rotation and differentiation are circulant ma
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +56,20 @@ def at_phases(states: NDArray[np.float64], psi: NDArray[np.float64]) -> NDArray[
     found = amplitudes(states)
     waves = np.exp(1j * np.outer(psi, np.arange(len(found))))
     return (waves @ found).real
+
+
+def in_steps(states: NDArray[np.float64], step: float, first: int, count: int) -> NDArray[np.float64]:
+    """Return the states of a curve at `count` successive multiples of a step of the phase, from `first` times it on.
+
+    The shape is (count, size). Waves of such phases are products of those of few phases: place ``a`` in one of the rows
+    of `width` phases, and row ``b``.
+    """
+    found = amplitudes(states)
+    harmonics, width = np.arange(len(found)), math.isqrt(count - 1) + 1
+    inside = np.exp(1j * np.outer(step * np.arange(width), harmonics))
+    rows = np.exp(1j * np.outer(step * (first + width * np.arange(width)), harmonics))
+    terms = (inside.T[:, :, None] * found[:, None, :]).reshape(len(found), -1)
+    return (rows @ terms).real.reshape(width * width, -1)[:count]
 
 
 def resampled(states: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from gapwalk.attractors.lyapunov import birkhoff_weights
-from gapwalk.tori.closed_curve import TURN, at_phases, tangents
+from gapwalk.tori.closed_curve import TURN, in_steps, tangents
 
 _SETTLING = 200  # returns until the frames have aligned
 _AVERAGED = (600, 2400, 9600)  # returns over which the growth is averaged, until the error is small
 _ENOUGH = 1e-7  # error of an exponent that is small
 _LEAST = 1e-300  # growth below which a direction counts as lost at once
+_SPREAD = 12.0  # logarithm of the largest ratio of growths in a product of returns that keeps 10 digits of the least
+_BLOCKS = (8, 4, 2)  # returns whose product is factorised at once, if the growths in it differ no more
 
 
 def normal_exponents(
@@ -48,33 +51,52 @@ def normal_exponents(
     scaled = (transitions * unit / unit[:, None]).reshape(count, -1)
     slopes = tangents(states / unit)
     frame, growth = np.eye(size - 1), np.zeros((0, size - 1))
-    done, exponents, error = 0, np.zeros(size - 1), np.inf
+    done, block, exponents, error = 0, 0, np.zeros(size - 1), np.inf
     for averaged in _AVERAGED:
-        psi = TURN * rotation * np.arange(done, _SETTLING + averaged + 1, dtype=np.float64)
-        along = at_phases(slopes, psi)
+        returns = _SETTLING + averaged - done
+        along = in_steps(slopes, TURN * rotation, done, returns + 1)
         frames = _frames(along / np.linalg.norm(along, axis=1)[:, None])
-        maps = at_phases(scaled, psi[:-1]).reshape(-1, size, size)
+        maps = in_steps(scaled, TURN * rotation, done, returns).reshape(-1, size, size)
         normal = (frames[1:].transpose(0, 2, 1) @ maps @ frames[:-1])[:, 1:, 1:]
-        frame, grown = _carried(normal, frame)
-        growth, done = np.vstack((growth, grown)), _SETTLING + averaged
-        logarithms = np.log(np.maximum(growth[_SETTLING:], _LEAST))
-        half = birkhoff_weights(averaged // 2) @ logarithms[: averaged // 2]
-        exponents = birkhoff_weights(averaged) @ logarithms
+        block, done = block or _block(normal), _SETTLING + averaged
+        frame, grown = _carried(_products(normal, block), frame)
+        growth = np.vstack((growth, grown))
+        logarithms = np.log(np.maximum(growth[_SETTLING // block :], _LEAST)) / block
+        half = birkhoff_weights(averaged // block // 2) @ logarithms[: averaged // block // 2]
+        exponents = birkhoff_weights(averaged // block) @ logarithms
         error = float(abs(half.max() - exponents.max()))
         if error < _ENOUGH:
             break
     return np.sort(exponents)[::-1], error
 
 
+def _block(matrices: NDArray[np.float64]) -> int:
+    """Return how many successive matrices to multiply before their product is factorised."""
+    sizes = np.linalg.svd(matrices[:_SETTLING], compute_uv=False)
+    spread = float(np.log(sizes[:, 0] / np.maximum(sizes[:, -1], _LEAST)).max())
+    return next((block for block in _BLOCKS if block * spread < _SPREAD), 1)
+
+
+def _products(matrices: NDArray[np.float64], block: int) -> NDArray[np.float64]:
+    """Return the products of each so many successive matrices, a power of two, the last one on the left."""
+    while block > 1:
+        matrices, block = matrices[1::2] @ matrices[::2], block // 2
+    return matrices
+
+
 def _carried(
     matrices: NDArray[np.float64], frame: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Carry a frame through matrices by QR factors; return it, and how far each of its vectors grew in each."""
+    """Carry a frame through matrices by QR factors; return it, and how far each of its vectors grew in each.
+
+    LAPACK is called directly: ``numpy.linalg.qr`` takes eight times as long for matrices of this size.
+    """
     growth = np.empty(matrices.shape[:2])
     for place, matrix in enumerate(matrices):
-        frame, upper = np.linalg.qr(matrix @ frame)
-        growth[place] = np.abs(np.diagonal(upper))
-    return frame, growth
+        factors, scales, _, _ = lapack.dgeqrf(matrix.dot(frame))
+        growth[place] = factors.diagonal()
+        frame = lapack.dorgqr(factors, scales)[0]
+    return frame, np.abs(growth)
 
 
 def _frames(along: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import rotation_matrices, tangents
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_equation import TorusEquation
@@ -49,9 +48,9 @@ def _spectrum(torus: Torus) -> tuple[NDArray[np.complex128], NDArray[np.complex1
     """Return eigenvalues and eigenvectors, shape (N size, N, size), of the operator on deviations, in scaled states."""
     system = torus.system
     equation = TorusEquation(system, system.structure.names[0], torus.curves, torus.states)
-    arcs = equation.evaluate(np.append(torus.states, torus.rotation), float(system.values[0])).evidence
+    found = equation.linearise(np.append(torus.states, torus.rotation), float(system.values[0]))
     unit = system.state_scales()
-    maps = np.array([transition_of(arc) * unit / unit[:, None] for arc in arcs])
+    maps = found.transitions * unit / unit[:, None]
     back, _ = rotation_matrices(torus.count, -torus.rotation)
     count, size = torus.states.shape
     operator = np.einsum("jk,kab->jakb", back, maps).reshape(count * size, count * size)

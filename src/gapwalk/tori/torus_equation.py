@@ -30,6 +30,55 @@ from gapwalk.tori.closed_curve import rotation_matrices, tangents
 
 
 @dataclass(frozen=True, eq=False)
+class TorusLinearisation:
+    """Residual and derivatives of a `TorusEquation` at some unknowns, without the zeros of its Jacobian.
+
+    Attributes
+    ----------
+    arcs
+        The arcs over m forcing periods from each state.
+    residual : shape (N * size + 1,)
+        The residual, and that of the phase condition.
+    transitions : shape (N, size, size)
+        The transition matrices of the arcs.
+    rotation : shape (N, N)
+        The matrix that rotates the samples.
+    columns : shape (N * size + 1, 2)
+        Derivatives of the residual by the last unknown and by the parameter.
+    phase_row : shape (N * size,)
+        Derivatives of the phase condition.
+    """
+
+    arcs: list[Arc]
+    residual: NDArray[np.float64]
+    transitions: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    phase_row: NDArray[np.float64]
+
+    def dense(self) -> NDArray[np.float64]:
+        """Return the Jacobian by the unknowns, without the parameter."""
+        count, size = self.transitions.shape[:2]
+        jacobian = np.zeros((count * size + 1, count * size + 1))
+        blocks = jacobian[:-1, :-1].reshape(count, size, count, size)
+        for entry in range(size):
+            blocks[:, entry, :, entry] = -self.rotation
+        places = np.arange(count)
+        blocks[places, :, places, :] += self.transitions
+        jacobian[:, -1] = self.columns[:, 0]
+        jacobian[-1, :-1] = self.phase_row
+        return jacobian
+
+    def product(self, changes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the changes of the residual with some changes of all unknowns and the parameter, in columns."""
+        count, size = self.transitions.shape[:2]
+        curves = changes[:-2].reshape(count, size, -1)
+        rotated = (self.rotation @ curves.reshape(count, -1)).reshape(curves.shape)
+        moved = (self.transitions @ curves - rotated).reshape(count * size, -1)
+        return np.vstack((moved, self.phase_row @ changes[:-2])) + self.columns @ changes[-2:]
+
+
+@dataclass(frozen=True, eq=False)
 class TorusEquation:
     """Equations of a torus of N samples in N states and the rotation number, or in N states and a second parameter.
 
@@ -112,32 +161,35 @@ class TorusEquation:
         return self._plane.system_at(*self.split(unknowns, value)[2])
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; the evidence are the arcs over m forcing periods.
+        """Return residual and derivatives; the evidence is the `TorusLinearisation`.
 
         Raises
         ------
         FlowError
             If a motion diverges.
         """
+        found = self.linearise(unknowns, value)
+        return Evaluation(found.residual, found.dense(), found.columns[:, 1], found)
+
+    def linearise(self, unknowns: NDArray[np.float64], value: float) -> TorusLinearisation:
+        """Return residual and derivatives as they are: blocks along the curve, and a rotation; errors as `evaluate`."""
         states, rotation, point = self.split(unknowns, value)
         coefficients, slopes = self._plane.coefficients(*point)
         stop = PERIOD * self.curves
         arcs: list[Arc] = [self._flow.integrate(coefficients, state, 0.0, stop, slopes) for state in states]
-        count, size = states.shape
-        matrix, slope = rotation_matrices(count, rotation)
-        residual = np.array([arc.state for arc in arcs]) - matrix @ states
-        along = np.array([arc.sensitivity for arc in arcs]).reshape(count * size, -1)
-        jacobian = np.zeros((count * size + 1, count * size + 1))
-        blocks = jacobian[:-1, :-1].reshape(count, size, count, size)
-        for entry in range(size):
-            blocks[:, entry, :, entry] = -matrix
-        for place, arc in enumerate(arcs):
-            blocks[place, :, place, :] += transition_of(arc)
-        jacobian[:-1, -1] = -(slope @ states).ravel() if self.kept is None else along[:, 1]
-        jacobian[-1, :-1] = self._phase_row
+        matrix, slope = rotation_matrices(self.count, rotation)
+        residual = (np.array([arc.state for arc in arcs]) - matrix @ states).ravel()
+        along = np.array([arc.sensitivity for arc in arcs]).reshape(residual.size, -1)
+        last = -(slope @ states).ravel() if self.kept is None else along[:, 1]
         phase = float(self._phase_row @ (states - self.reference).ravel())
-        by_parameter = np.append(along[:, 0], 0.0)
-        return Evaluation(np.append(residual.ravel(), phase), jacobian, by_parameter, arcs)
+        return TorusLinearisation(
+            arcs,
+            np.append(residual, phase),
+            np.array([transition_of(arc) for arc in arcs]),
+            matrix,
+            np.vstack((np.column_stack((last, along[:, 0])), np.zeros(2))),
+            self._phase_row,
+        )
 
     def scales(self, states: NDArray[np.float64], smallest: float) -> NDArray[np.float64]:
         """Return the scales of the unknowns: a motion of its own size counts as 1, whatever the number of samples."""

@@ -69,7 +69,7 @@ def events_between(
         found.append(_graze(before, after, corrector))
     ratios = _between(first.rotation, last.rotation)
     if leapt and not ratios:
-        ratios = [_simplest(*sorted((first.rotation, last.rotation)))]
+        ratios = [simplest(*sorted((first.rotation, last.rotation)))]
     for ratio in ratios:
         event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
         near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
@@ -131,7 +131,7 @@ def _between(first: float, last: float) -> list[Fraction]:
     return sorted(found, reverse=last < first)
 
 
-def _simplest(low: float, high: float) -> Fraction:
+def simplest(low: float, high: float) -> Fraction:
     """Return the fraction of the smallest denominator between two numbers from 0 to 1, along the Stern-Brocot tree."""
     below, above = Fraction(0), Fraction(1)
     while True:

@@ -19,7 +19,6 @@ from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit_equation import Evaluation
-from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import odd, of_quasi_periodic, resampled
 from gapwalk.tori.normal_stability import normal_exponents
 from gapwalk.tori.torus import Torus, error_of
@@ -57,7 +56,7 @@ class TorusOptions:
 
     accuracy: Annotated[float, Gt(0)] = 1e-9
     samples: Annotated[int, Ge(9)] = 33
-    max_samples: Annotated[int, Ge(9)] = 257
+    max_samples: Annotated[int, Ge(9)] = 513
     tolerated: Annotated[float, Gt(0)] = 1e-5
 
     def __post_init__(self) -> None:
@@ -73,7 +72,7 @@ class TorusOptions:
             raise ModelError(f"samples is {self.samples}, more than max_samples = {self.max_samples}")
 
     def finer(self, count: int) -> int | None:
-        """Return the next number of samples, about twice as many; None if that would be too many.
+        """Return the next number of samples, half as many more; None if that would be too many.
 
         Parameters
         ----------
@@ -85,7 +84,7 @@ class TorusOptions:
         int or None
             An odd number.
         """
-        more = min(odd(2 * count - 1), odd(self.max_samples - 1))
+        more = min(odd(3 * count // 2), odd(self.max_samples - 1))
         return more if more > count else None
 
     def accepts(self, torus: Torus) -> bool:
@@ -217,9 +216,8 @@ def solve(system: System, curves: int, turns: float, curve: NDArray[np.float64])
 def torus_of(equation: TorusEquation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Torus:
     """Return the record of a solution, with its error between the samples and its stability."""
     states, turns, _ = equation.split(unknowns, value)
-    system, arcs = equation.system_at(unknowns, value), evaluation.evidence
-    transitions = np.array([transition_of(arc) for arc in arcs])
-    growth = normal_exponents(states, transitions, turns, system.state_scales())
-    touches = [len(arc.contacts) for arc in arcs]
+    system, found = equation.system_at(unknowns, value), evaluation.evidence
+    growth = normal_exponents(states, found.transitions, turns, system.state_scales())
+    touches = [len(arc.contacts) for arc in found.arcs]
     error = error_of(system, equation.curves, turns, states)
     return Torus(system, equation.curves, turns % 1.0, states.copy(), error, *growth, (min(touches), max(touches)))

@@ -17,12 +17,13 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk_scales import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import TURN, odd, phases
 from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.torus import Torus, reversed_torus
+from gapwalk.tori.torus_corrector import TorusCorrector
 from gapwalk.tori.torus_doubling import change_at
 from gapwalk.tori.torus_equation import TorusEquation
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusPoint
@@ -35,6 +36,7 @@ _NEAR = 0.02  # distance of a rotation number from a fraction of small denominat
 _GRAZES = "a contact grazes along the smallest tori, which are not smooth"
 _UNKNOWN = "its tori may be locked, or not smooth"
 _BESIDE = 0.1  # distance from a fraction, times its denominator, at which the torus beyond a locked window is expected
+_PAST = (0.3, 1.0)  # places beyond a window, in widths or in distances from the last torus, where a motion settles
 _STRONG = 4  # the largest denominator of such a fraction
 
 
@@ -123,10 +125,7 @@ def starts_at(
 
 def corrector_of(equation: CurveEquation, states: NDArray[np.float64], smallest: float, within: Range) -> Corrector:
     """Return the corrector of the tori near a curve."""
-    return Corrector(
-        cast(Equation, cast(object, equation)),
-        powers_of_two(np.append(equation.scales(states, smallest), within.width)),
-    )
+    return TorusCorrector(equation, powers_of_two(np.append(equation.scales(states, smallest), within.width)))
 
 
 def _from_torus(torus: Torus, parameter: str, within: Range, both: bool, second: Second | None) -> list[TorusStart]:
@@ -215,21 +214,30 @@ def start_beyond(
         Accuracy of the torus.
     """
     near, far = (window.low, window.high) if way > 0.0 else (window.high, window.low)
-    place = far + way * max(window.width, abs(far - value))
-    if not window.is_whole or way * (near - value) < 0.0 or place not in within:
+    if not window.is_whole or way * (near - value) < 0.0:
         return None
+    for share in _PAST:
+        place = far + way * share * max(window.width, abs(far - value))
+        found = _settled_torus(torus, window, parameter, place, options) if place in within else None
+        if found is not None:
+            return _from_torus(found, parameter, within, True, None)[int(way > 0.0)]
+    return None
+
+
+def _settled_torus(
+    torus: Torus, window: LockedWindow, parameter: str, place: float, options: TorusOptions
+) -> Torus | None:
+    """Return the torus on which the locked motion settles at a place beyond its window; None if it is another one."""
     try:
-        motion = settle(torus.system.at({parameter: place}), window.orbit.state)
-        found = find_torus(motion, options)
+        found = find_torus(settle(torus.system.at({parameter: place}), window.orbit.state), options)
     except NumericalError:
         return None
     ratio = float(window.ratio)
     if abs(found.rotation - ratio) > abs(1.0 - found.rotation - ratio):
         found = reversed_torus(found)
     crossed = (found.rotation - ratio) * (torus.rotation - ratio) < 0.0
-    if found.curves != torus.curves or not crossed or abs(found.rotation - ratio) > _BESIDE / window.ratio.denominator:
-        return None
-    return _from_torus(found, parameter, within, True, None)[int(way > 0.0)]
+    near = abs(found.rotation - ratio) <= _BESIDE / window.ratio.denominator
+    return found if found.curves == torus.curves and crossed and near else None
 
 
 def _next_to(

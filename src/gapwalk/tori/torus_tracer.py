@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
-from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
 from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.resonance_leap import FEW, MANY, Stride, Strides, far_from_fractions, posed_with
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
-from gapwalk.tori.torus_events import events_between, window_at
+from gapwalk.tori.torus_events import events_between, simplest, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
-from gapwalk.tori.torus_start import TorusStart, corrector_of, equation_of, start_beyond, torus_at
+from gapwalk.tori.torus_start import TorusStart, equation_of, start_beyond, torus_at
 
 _MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
 _GROWN = 5.0  # growth of a curve beyond which its reference is another
 _STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
 _SHORTEST = 1e-3  # step, as a share of the longest, to which the end of smoothness is located
-_LEAPS = (1.5, 2.0, 3.0, 4.0, 8.0, 16.0)  # lengths, over that of a good step, by which a resonance is leapt over
-_REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
-_GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
+_SHORT = 0.3  # step, over a good one, at which a leap over a resonance is tried
+_SHORTER = 0.2  # factor on the step after which it is tried again
 _AHEAD = (0.1, 0.3, 1.0, 3.0)  # places ahead at which locked motions are looked for, in good steps
 _REASONS = {
     EndReason.RANGE: TorusEndReason.RANGE,
@@ -43,20 +39,6 @@ _REASONS = {
 }
 
 Step = tuple[TorusPoint, list[TorusEvent]]
-
-
-class _Stride(NamedTuple):
-    """An accepted step, with the corrector that made it."""
-
-    corrector: Corrector
-    start: BranchPoint
-    end: BranchPoint
-    length: float
-
-    @property
-    def turned(self) -> float:
-        """Change of the rotation number."""
-        return torus_at(self.end).rotation - torus_at(self.start).rotation
 
 
 class TorusTracer(Iterator[Step]):
@@ -77,7 +59,8 @@ class TorusTracer(Iterator[Step]):
         walk = replace(walk, initial_step=fine * first, smallest_step=fine * walk.smallest_step) if fine < 1.0 else walk
         self.beginning, self.options, self.steps = beginning, options, walk
         self.corrector, self._moved = beginning.corrector, 0.0
-        self._strides: deque[_Stride] = deque(maxlen=_REMEMBERED)
+        self._strides = Strides(beginning.within, options)
+        self._untried = np.inf  # step below which a leap has not been tried since the last good step
         self.end: TorusEnd | None = None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
         self._pose_again(self.walk.state, beginning.first)
@@ -98,6 +81,11 @@ class TorusTracer(Iterator[Step]):
             if self.end is not None:
                 raise StopIteration
             state = self.walk.state
+            if self._is_short(state):
+                leapt = self._pass(state, FEW)
+                if leapt is not None:
+                    return leapt
+            self._place_step(state)
             try:
                 point = next(self.walk)
             except StopIteration:
@@ -122,7 +110,7 @@ class TorusTracer(Iterator[Step]):
                 break
         if self.end is not None:
             raise StopIteration
-        self._strides.append(_Stride(self.corrector, state.point, point, point.arclength - state.point.arclength))
+        self._strides.add(Stride(self.corrector, state.point, point, point.arclength - state.point.arclength))
         events = events_between(state.point, point, self.corrector, self.beginning.within)
         self._pose_again(self.walk.state, point)
         return TorusPoint(point.value, torus, point.arclength), events
@@ -130,11 +118,24 @@ class TorusTracer(Iterator[Step]):
     def _walk_from(self, state: WalkState) -> Walk:
         return Walk(state.point, self.beginning.within, self.corrector, self.steps, state, trust=0.0, branched=True)
 
+    def _place_step(self, state: WalkState) -> None:
+        """Vary the next step a little, so that its torus is not next to a resonance."""
+        if self.beginning.second is None:
+            self.walk.step = far_from_fractions(state.step, state.earlier, state.previous, state.point, self.corrector)
+
+    def _is_short(self, state: WalkState) -> bool:
+        """Return True if steps have become short, or much shorter since a leap was tried."""
+        good = self._strides.good
+        if good is None or state.step >= _SHORT * good.length:
+            self._untried = np.inf
+            return False
+        return state.step < self._untried
+
     def _pose_again(self, state: WalkState, point: BranchPoint) -> None:
         """Pose the equation again if the curve has moved far from its reference, or has more samples than it needs."""
         torus = torus_at(point)
         if torus.error < _MUCH * self.options.accuracy and torus.count > self.options.samples:
-            fewer = odd(torus.count // 2)
+            fewer = odd(2 * torus.count // 3)
             if tail(resampled(torus.states, fewer) / torus.system.state_scales()) < _MUCH * self.options.accuracy:
                 self._pose(point, fewer, state)
                 return
@@ -148,24 +149,10 @@ class TorusTracer(Iterator[Step]):
 
     def _pose(self, point: BranchPoint, count: int, state: WalkState) -> bool:
         """Pose the equation with another number of samples, or reference, and continue at a point; return if it did."""
-        torus = torus_at(point)
-        curve = resampled(torus.states, count)
-        old = self.corrector
-        equation = replace(equation_of(old), reference=curve)
-        corrector = corrector_of(equation, curve, 1e-3 * torus.size, self.beginning.within)
-        unscaled, unscaled_point = point.tangent * old.scales, point.x * old.scales
-        along = resampled(unscaled[:-2].reshape(torus.count, -1), count).ravel()
-        tangent = np.append(along, unscaled[-2:]) / corrector.scales
-        tangent /= np.linalg.norm(tangent)
-        x = np.append(curve.ravel(), unscaled_point[-2:]) / corrector.scales
-        found = corrector.correct(x, tangent)
-        if found is None:
+        posed = posed_with(self.corrector, point, count, self.beginning.within)
+        if posed is None:
             return False
-        try:
-            lifted = corrector.point(found, tangent, point.arclength)
-        except NumericalError:
-            return False
-        self.corrector = corrector
+        self.corrector, lifted = posed
         self.walk = self._walk_from(WalkState(None, lifted, state.step, state.count))
         return True
 
@@ -182,6 +169,13 @@ class TorusTracer(Iterator[Step]):
         """Return the resonance next to a torus; None if there is none, or the rotation number is kept."""
         return resonance_near(torus.rotation) if self.beginning.second is None else None
 
+    def _resonance_ahead(self, torus: Torus) -> Fraction | None:
+        """Return the strongest resonance that a few good steps would pass; None if there is none."""
+        good = self._strides.good
+        if good is None or good.turned == 0.0 or self.beginning.second is not None:
+            return None
+        return simplest(*sorted((torus.rotation, torus.rotation + FEW[-1] * good.turned)))
+
     def _creeps_to(self, before: BranchPoint, after: BranchPoint) -> Fraction | None:
         """Return the fraction that the rotation number approaches while the parameter stands still; None otherwise."""
         moved = abs(after.value - before.value)
@@ -195,28 +189,41 @@ class TorusTracer(Iterator[Step]):
     def _refine(self, state: WalkState, rejected: BranchPoint) -> Step | None:
         """Return to a state with more samples, or with a shorter step if they are the most.
 
-        If nothing helps, a resonance may be in the way: leap over it and return the step, or end.
+        A resonance may be in the way: leap over it and return the step, or end if nothing helps.
         """
+        if state.step < self._untried:
+            leapt = self._pass(state, FEW)
+            if leapt is not None:
+                return leapt
         more = self.options.finer(torus_at(state.point).count)
         if more is not None and self._pose(state.point, more, state):
             return None
         if more is None and rejected.arclength - state.point.arclength > _SHORTEST * self.steps.largest_step:
             self.walk.go_back(state, rejected)
             return None
-        leapt = self._leap(state)
+        leapt = self._pass(state, MANY)
+        if leapt is None:
+            torus = torus_at(state.point)
+            for near in (self._near_resonance(torus), self._resonance_ahead(torus)):
+                window = None if near is None else self._window(state.point, near)
+                if near is not None and window is not None:
+                    self.end = locked(state.point, near, window)
+                    return None
+            self.end = rough(state.point, torus_at(rejected))
+        return leapt
+
+    def _pass(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
+        """Return the step over a resonance, by a leap, or from the motion beyond a locked window; None if none is."""
+        self._untried = _SHORTER * state.step
+        leapt = self._leap(state, lengths)
         if leapt is not None:
             return leapt
-        last = state.point
-        near = self._near_resonance(torus_at(last))
-        window = None if near is None else self._window(last, near)
-        if near is None or window is None:
-            self.end = rough(last, torus_at(rejected))
-            return None
-        return self._lock(last, near, window)
+        near = self._resonance_ahead(torus_at(state.point))
+        return None if near is None else self._past_window(state.point, near, self._window(state.point, near))
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
-        good = self._good
+        good = self._strides.good
         ahead = 0.0 if good is None else good.end.value - good.start.value
         for value in (last.value, *(last.value + share * ahead for share in _AHEAD)):
             if value in self.beginning.within:
@@ -227,22 +234,27 @@ class TorusTracer(Iterator[Step]):
 
     def _lock(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
         """Continue beyond a window in which the motion locks, and return the first step there; else record the end."""
-        good = self._good
-        way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
-        parameter = equation_of(self.corrector).parameter
-        beyond = None
-        if window is not None and way:
-            beyond = start_beyond(
-                torus_at(last), window, parameter, way, self.beginning.within, last.value, self.options
-            )
-        if beyond is None or window is None:
+        leapt = self._past_window(last, ratio, window)
+        if leapt is None:
             self.end = locked(last, ratio, window)
+        return leapt
+
+    def _past_window(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
+        """Return the first step beyond a window in which the motion locks; None if no torus is found there."""
+        good = self._strides.good
+        length = self.steps.first_step if good is None else good.length
+        way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
+        if window is None or not way:
+            return None
+        parameter, within = equation_of(self.corrector).parameter, self.beginning.within
+        beyond = start_beyond(torus_at(last), window, parameter, way, within, last.value, self.options)
+        if beyond is None:
             return None
         self.corrector, self._moved = beyond.corrector, 0.0
         self._strides.clear()
-        length = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
-        first = replace(beyond.first, arclength=last.arclength + length, memo={})
-        self.walk = self._walk_from(WalkState(None, first, self.steps.first_step, self.walk.state.count + 1))
+        away = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
+        first = replace(beyond.first, arclength=last.arclength + away, memo={})
+        self.walk = self._walk_from(WalkState(None, first, length, self.walk.state.count + 1))
         torus, before = torus_at(first), torus_at(last)
         middle = 0.5 * (window.low + window.high)
         event = TorusEvent(
@@ -266,51 +278,31 @@ class TorusTracer(Iterator[Step]):
                 _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
             )
             return None
-        near = self._near_resonance(torus)
-        leapt = self._leap(state)
+        leapt = self._pass(state, MANY)
         if leapt is not None:
             return leapt
+        near = self._near_resonance(torus)
         if near is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
-            return None
-        return self._lock(state.point, near, self._window(state.point, near))
-
-    @property
-    def _good(self) -> _Stride | None:
-        """The last step in which the rotation number changed much, before the walk crept into a resonance."""
-        most = max((abs(stride.turned) for stride in self._strides), default=0.0)
-        return next((each for each in reversed(self._strides) if abs(each.turned) >= _GOOD * most), None)
-
-    def _leap(self, state: WalkState) -> Step | None:
-        """Return the step to the other side of a resonance; None if no torus is found there.
-
-        Next to it the curve is distorted, and its tangent leads along the resonance. So the leap begins at the last
-        good step. The rotation number must go on in its direction. The resonance between both tori is reported even if
-        its denominator is large: it has stopped the walk.
-        """
-        last = state.point
-        good = self._good
-        if good is None or good.turned == 0.0:
-            return None
-        corrector, point = good.corrector, good.end
-        for longer in _LEAPS:
-            step = longer * good.length
-            guess = point.x + step * point.tangent
-            found = corrector.correct(guess, point.tangent)
-            if found is None or np.linalg.norm(found.x - guess) > 0.5 * step:
-                continue
-            try:
-                beyond = corrector.point(found, point.tangent, last.arclength + step)
-            except NumericalError:
-                continue
-            torus = torus_at(beyond)
-            goes_on = (torus.rotation - torus_at(last).rotation) * good.turned > 0.0
-            if not goes_on or not self.options.accepts(torus) or beyond.value not in self.beginning.within:
-                continue
-            events = events_between(point, beyond, corrector, self.beginning.within, leapt=True)
-            self.corrector = corrector
-            self._strides.clear()
-            self._strides.append(_Stride(corrector, point, beyond, good.length))
-            self.walk = self._walk_from(WalkState(None, beyond, good.length, state.count + 1))
-            return TorusPoint(beyond.value, torus, beyond.arclength), events
+        else:
+            self.end = locked(state.point, near, self._window(state.point, near))
         return None
+
+    def _leap(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
+        """Return the step to the other side of a resonance, with what happens on the way; None if there is none.
+
+        The resonance between both tori is reported even if its denominator is large: it has stopped the walk.
+        """
+        last, count = state.point, equation_of(self.corrector).count
+        leap = self._strides.leap(last, count, lengths)
+        if leap is None:
+            return None
+        events = events_between(leap.start, leap.end, leap.corrector, self.beginning.within, leapt=True)
+        self.corrector, self._untried = leap.corrector, np.inf
+        self._strides.clear()
+        self._strides.add(leap)
+        self.walk = self._walk_from(WalkState(None, leap.end, leap.length, state.count + 1))
+        way = leap.end.value - last.value
+        return TorusPoint(leap.end.value, torus_at(leap.end), leap.end.arclength), [
+            each for each in events if (each.value - last.value) * way > 0.0
+        ]
