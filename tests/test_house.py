@@ -23,6 +23,7 @@ ORDER = (
     "lazy_names",
     "errors",
     "files",
+    "bracketed_root",
     "summary",
     "notebook",
     "model",

@@ -1,6 +1,7 @@
 """A branch walked point by point: looked at, stopped, and resumed."""
 
 import pickle
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -64,3 +65,14 @@ def test_a_branch_that_leaves_a_special_point_is_walked_too():
     steps = gw.walk(first, "frequency", (0.6, 1.0))
     assert next(steps).orbit.period in (1, 2)
     assert steps.branch.ends[0].reason is EndReason.BRANCHED
+
+
+def test_an_isolated_branch_is_walked_once():
+    """Newton's method failed from the chord that passes the start, and the branch was walked 92 times."""
+    start = [1.7393025818988646, -0.1308810692485267, -0.5480666393837627, 0.00721262586600034]
+    orbit = gw.find_orbit(gw.paper.case("15"), 7, start, frequency=0.19958333333333333)
+    branch = gw.follow(orbit, "frequency", (0.15, 1.9), walk=gw.WalkOptions(max_points=500))
+    assert [end.reason for end in branch.ends] == [EndReason.START, EndReason.CLOSED]
+    assert Counter(str(each.kind) for each in branch.special_points) == {"fold": 4, "flip": 4, "grazing": 4}
+    values = sorted(each.value for each in branch.special_points)
+    assert np.diff(values).min() > 1e-9  # each was met once

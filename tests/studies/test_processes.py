@@ -1,6 +1,7 @@
 """Processes that several threads start leave this one as it was."""
 
 import os
+import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -33,3 +34,23 @@ def test_threads_that_start_processes_take_turns(monkeypatch: pytest.MonkeyPatch
         list(pool.map(start, (0, 1)))
     assert sys.modules["__main__"] is main
     assert not any(name in os.environ for name in THREAD_VARIABLES)
+
+
+def modules_of(_: object) -> list[str]:
+    """The modules of the process that does it, before any piece of work that needs more."""
+    return list(sys.modules)
+
+
+def test_processes_begin_with_what_their_work_needs() -> None:
+    """Each loaded it again with its first piece: a second of CPU time."""
+    script = (
+        "import sys, gapwalk as gw\n"
+        "from tests.studies.test_processes import modules_of\n"
+        "with gw.parallel.local_workers(1 + 1) as workers:\n"
+        "    import gapwalk.studies.regime_study\n"  # a job that comes after the workers
+        "    own = {name for name in sys.modules if name.startswith('gapwalk.')} - {'gapwalk.__main__'}\n"
+        "    for _, found in workers.each(modules_of, [0, 1]):\n"
+        "        print(sorted(own - set(found)), 'numba' in found, 'numba' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["[] True False"] * 2

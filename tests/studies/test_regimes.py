@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.regime_judge import RegimeOptions
+from gapwalk.attractors.regime_judge import RegimeOptions, Verdicts
 from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.parallel.workers import local_workers
-from gapwalk.studies.regime_study import Carry, RegimeMapOptions, regimes
+from gapwalk.studies import regime_study
+from gapwalk.studies.regime_study import Carry, RegimeChunk, RegimeMapOptions, regimes
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
 
@@ -158,3 +159,19 @@ def test_what_makes_no_sense_is_refused(call, words):
 
 def test_options_may_be_given_as_words():
     assert RegimeMapOptions(carry="up").carry is Carry.UP
+
+
+def test_doubtful_cells_are_pieces_of_their_own() -> None:
+    """Half of the time of a map is theirs, and most are in few chunks; those that are carried over cannot wait."""
+    count, none = 50, np.full((1, 50, 0), np.nan)
+    found = np.full((1, count), int(Regime.PERIODIC))
+    found[0, 10:30] = int(Regime.UNDECIDED)
+    exponents, states = np.zeros((1, count)), np.arange(100.0).reshape(1, count, 2)
+    verdicts = Verdicts(found, np.ones((1, count), dtype=int), exponents, none, none, states)
+    values = np.random.default_rng(0).normal(size=(1, count, 2))
+    parts = regime_study._doubts_in((0, values), RegimeChunk(0, verdicts, 0.0))
+    assert [len(each.which) for each in parts] == [8, 8, 4]
+    assert np.concatenate([each.which for each in parts]).tolist() == [*range(10, 30)]
+    assert np.array_equal(np.concatenate([each.values for each in parts]), values[0, 10:30])
+    assert np.array_equal(np.concatenate([each.verdicts.states for each in parts]), states[0, 10:30])
+    assert regime_study._doubts_in((0, np.concatenate((values, values))), RegimeChunk(0, verdicts, 0.0)) == []

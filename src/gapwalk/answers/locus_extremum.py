@@ -15,6 +15,7 @@ from gapwalk.bifurcation.loci.follow_locus import follow_locus
 from gapwalk.bifurcation.loci.locus import Locus, LocusPoint
 from gapwalk.bifurcation.loci.locus_start import equation_of, plane_of
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import powers_of_two
@@ -121,9 +122,8 @@ class _Curve:
         ConvergenceError
             If a point cannot be found.
         """
-        from scipy.optimize import brentq  # imported late, because the import is slow
-
-        at = float(brentq(lambda value: self._solved(value)[1], low, high, xtol=_EXACT * abs(high - low), rtol=1e-14))
+        finest = _EXACT * abs(high - low)
+        at = zero_between_signs(lambda value: self._solved(value)[1], low, high, absolute=finest, relative=1e-14)
         return at, self._solved(at)[0]
 
     def point(self, at: float) -> LocusPoint:

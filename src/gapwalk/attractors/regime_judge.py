@@ -99,6 +99,10 @@ class Verdicts(NamedTuple):
         regimes, periods = self.regimes.copy(), self.periods.copy()
         return Verdicts(regimes, periods, *(part.copy() for part in self[2:]))
 
+    def some(self, which: NDArray[np.intp] | int) -> Verdicts:
+        """Return those at some places, or of one row of a chunk."""
+        return Verdicts(self.regimes[which], self.periods[which], *(part[which] for part in self[2:]))
+
 
 class Waited(NamedTuple):
     """Many motions that were followed until they are periodic.
@@ -272,6 +276,11 @@ _CONTRACTING = -1e-3
 """Exponent per forcing period below which a motion that seems quasi-periodic may be locked to a long period."""
 
 
+def is_doubtful(verdicts: Verdicts) -> NDArray[np.bool_]:
+    """Mark the motions that seem quasi-periodic or are undecided."""
+    return np.isin(verdicts.regimes, (Regime.QUASI_PERIODIC, Regime.UNDECIDED))
+
+
 def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
     """Search for a stable orbit near each motion that seems quasi-periodic or is undecided.
 
@@ -284,7 +293,7 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
     """
     found = verdicts.copy()
     is_locked = (verdicts.regimes == Regime.UNDECIDED) | (verdicts.exponents < _CONTRACTING)
-    for place in np.flatnonzero(np.isin(verdicts.regimes, (Regime.QUASI_PERIODIC, Regime.UNDECIDED))).tolist():
+    for place in np.flatnonzero(is_doubtful(verdicts)).tolist():
         system = systems[place]()
         with suppress(FlowError):
             orbit = settle(system, verdicts.states[place], _LOCKED if is_locked[place] else _SLOW).orbit

@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
@@ -281,11 +282,7 @@ class _Crossings:
 
 
 def _root(function: Callable[[float], float], start: float, stop: float) -> float:
-    from scipy.optimize import brentq  # imported late: it takes long
-
-    value = brentq(function, start, stop, xtol=_EXACT, rtol=4 * np.finfo(float).eps)
-    assert isinstance(value, float)
-    return value
+    return zero_between_signs(function, start, stop, absolute=_EXACT)
 
 
 def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = True) -> Plane:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from gapwalk.bracketed_root import Root, find_root
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
@@ -273,14 +274,12 @@ class Search:
         return kept
 
 
-def zero_between(function: Callable[[float], float], low: float, high: float) -> tuple[float, bool]:
+def zero_between(function: Callable[[float], float], low: float, high: float) -> Root:
     """Return the zero of a function of arclength between two places where its signs differ, by Brent's method.
 
     Each evaluation is a motion to be computed, and Brent's method spends its last one on the other side of a zero that
     it has reached. Here a secant to a place nearby tells that it has. The second result is False without convergence.
     """
-    from scipy.optimize import brentq  # imported late, because the import is slow
-
     known: dict[float, float] = {}
 
     def value(place: float) -> float:
@@ -292,8 +291,7 @@ def zero_between(function: Callable[[float], float], low: float, high: float) ->
         known[place] = found
         return found
 
-    root, report = brentq(value, low, high, xtol=_EXACT, rtol=1e-14, full_output=True, disp=False)
-    return float(root), bool(report.converged)
+    return find_root(value, low, high, absolute=_EXACT, relative=1e-14)
 
 
 def _apart(points: list[BranchPoint]) -> list[BranchPoint]:

@@ -23,6 +23,7 @@ from gapwalk.bifurcation.error_estimate import ROUNDING
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
@@ -342,8 +343,6 @@ class _Corner:
 
         A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
         """
-        from scipy.optimize import brentq  # imported late, because the import is slow
-
         pairs = pairwise(nodes)
         changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
         if kind.target is None and self._is_several:  # a product of real multipliers, one of them huge: rounding
@@ -356,7 +355,7 @@ class _Corner:
                 zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])
                 continue
-            zero = float(brentq(lambda label: kind.at(self._at(label)), a, b, xtol=_SHARP))
+            zero = zero_between_signs(lambda label: kind.at(self._at(label)), a, b, absolute=_SHARP)
             if kind.is_genuine(self._at(zero), _CIRCLE):
                 zeros.append(zero)
         return zeros

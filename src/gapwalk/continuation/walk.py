@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
+from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import GOAL, WalkOptions, next_step, shorter_step
 from gapwalk.continuation.walk_scales import Range
@@ -304,7 +304,7 @@ class Walk(Iterator[BranchPoint]):
         if length_of(gap - along * chord) > 0.3 * np.sqrt(length2):
             return False
         flat = self.origin.tangent
-        guess = self.point.x + along * chord
+        guess = hermite(self.point, point, along)  # from a chord Newton's method fails beside a sharp turn
         found = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
         return found is not None and length_of(found.x - self.origin.x) < 1e-6
 

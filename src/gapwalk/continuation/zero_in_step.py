@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
@@ -35,8 +36,6 @@ def zero_in_step(
     before: BranchPoint, after: BranchPoint, corrector: Corrector, function: Callable[[BranchPoint], float]
 ) -> Zero:
     """Locate the zero of a function that changes its sign in a step, by Brent's method; else its nearest point."""
-    from scipy.optimize import brentq  # imported late: it takes long
-
     length = after.arclength - before.arclength
     tried: list[tuple[float, float, BranchPoint]] = []
 
@@ -52,8 +51,8 @@ def zero_in_step(
         return tried[-1][1]
 
     try:
-        brentq(height, 0.0, 1.0, xtol=_LOCATED, maxiter=_ATTEMPTS)
-    except (NumericalError, RuntimeError):
+        zero_between_signs(height, 0.0, 1.0, absolute=_LOCATED, most=_ATTEMPTS)
+    except NumericalError:
         share, _, point = min(tried, key=lambda each: abs(each[1]))
         return Zero(share, point, abs(after.value - before.value))
     share, _, point = tried[-1]

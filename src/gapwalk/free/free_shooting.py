@@ -22,6 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.length_unit import magnitude
@@ -322,8 +323,6 @@ def at_rest(system: System, state: NDArray[np.float64], coordinate: int) -> NDAr
     turns = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
     if not len(turns):
         return state
-    from scipy.optimize import brentq  # imported late: it takes long
-
     first = int(turns[0])
 
     def rate(theta: float) -> float:
@@ -333,7 +332,7 @@ def at_rest(system: System, state: NDArray[np.float64], coordinate: int) -> NDAr
         return flow.integrate(coefficients, states[first], 0.0, theta).state if theta > 0.0 else states[first]
 
     step = float(thetas[1])
-    found = beyond(brentq(rate, 0.0, step, xtol=1e-14)) if rate(step) < 0.0 else states[first + 1]
+    found = beyond(zero_between_signs(rate, 0.0, step, absolute=1e-14)) if rate(step) < 0.0 else states[first + 1]
     return np.asarray(found, dtype=np.float64)
 
 

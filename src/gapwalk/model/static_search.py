@@ -17,6 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from gapwalk.bracketed_root import find_root
 from gapwalk.model.coefficients import coefficients_of, layout_of, static_load
 from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.static_force import StaticForce, static_forces_of
@@ -329,14 +330,10 @@ def real_roots(polynomial: Polynomial) -> list[float]:
 
 def _bracket(function: Callable[[float], float], low: float, high: float) -> float:
     """Return the zero of a function between two values of different sign, to rounding even if it is tiny."""
-    from scipy.optimize import brentq  # slow to import
-
-    accuracy = 4 * np.finfo(float).eps
     try:
-        found = brentq(function, low, high, xtol=1e-300, rtol=accuracy, maxiter=2000, full_output=True, disp=False)
+        return find_root(function, low, high, absolute=1e-300, most=2000).place
     except ValueError:  # at a pole the function has no value
         return math.nan
-    return float(found[0])
 
 
 def _is_rounding(parts: NDArray[Any], x: float) -> bool:

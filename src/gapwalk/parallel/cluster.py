@@ -65,6 +65,9 @@ class Cluster:
             self._size, self._seen = self._count(), time.monotonic()
         return self._size
 
+    def prepare(self) -> None:
+        """Do nothing, because the workers run already."""
+
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
         """Have a worker do a piece."""
         return self._executor.submit(do_piece, function, piece, self._versions)

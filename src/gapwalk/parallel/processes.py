@@ -10,11 +10,14 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import forkserver, get_context
 from types import ModuleType
 from typing import Any
 
 from gapwalk.parallel.threads import THREAD_VARIABLES, children_in_one_thread
+
+_IN_USE = {"gapwalk.ensemble.kernel": ("numba",)}
+"""Packages that modules of gapwalk load with their first piece of work: half a second for each process."""
 
 _starting = threading.Lock()  # what a process inherits is changed for this process as a whole
 
@@ -31,8 +34,8 @@ class Processes:
 
     Each is a separate pool, because in a larger pool the death of one process ends all the others. They are not forked
     from this process, because the compiled flows of a forked process are not its own. On Linux they are forked from a
-    server that has only loaded gapwalk, so that each takes some hundredths of a second instead of seconds to start;
-    the server ends with this process. They die with this one, however it dies.
+    server that has only loaded what this process has loaded of gapwalk, so that each takes some hundredths of a second
+    instead of seconds to start; the server ends with this process. They die with this one, however it dies.
 
     Parameters
     ----------
@@ -48,13 +51,25 @@ class Processes:
 
     def __init__(self, count: int) -> None:
         self.size = count
-        self._context = _context()
+        self._context = get_context("forkserver" if sys.platform == "linux" else "spawn")
         self._held, self._control = self._context.Pipe(duplex=False)
         self._pools = [self._pool() for _ in range(count)]
         self._last: list[Future[Any] | None] = [None] * count
 
+    def prepare(self) -> None:
+        """Start the server, unless there is one; it loads gapwalk while this process prepares the first piece.
+
+        Once there is a server it stays as it is, with what it has loaded. So it starts as late as possible: when work
+        begins, and the modules of that work are loaded here.
+        """
+        if sys.platform == "linux":
+            self._context.set_forkserver_preload(_to_load())
+            with undisturbed():
+                forkserver.ensure_running()
+
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
         """Give a piece to an idle process; if none is idle, all are busy only with abandoned pieces."""
+        self.prepare()
         places = range(self.size)
         place = next((i for i in places if (last := self._last[i]) is None or last.done()), 0)
         try:
@@ -90,16 +105,10 @@ class Processes:
             return self._pools[place].submit(function, piece)
 
 
-def _context() -> Any:
-    """Return how processes are started: forked from a server that loads what this process has loaded of gapwalk.
-
-    Once there is a server it stays as it is, with what it has loaded.
-    """
-    if sys.platform != "linux":
-        return get_context("spawn")
-    context = get_context("forkserver")
-    context.set_forkserver_preload(sorted(name for name in sys.modules if name.startswith("gapwalk.")))
-    return context
+def _to_load() -> list[str]:
+    """Return the modules of gapwalk that this process has loaded, and the packages that they import when in use."""
+    own = sorted(name for name in sys.modules if name.startswith("gapwalk."))
+    return own + [name for owner, names in _IN_USE.items() if owner in own for name in names]
 
 
 def _begin(held: Any, environment: Mapping[str, str]) -> None:

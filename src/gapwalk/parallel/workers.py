@@ -41,6 +41,10 @@ class Executor(Protocol):
         """Number of pieces that should be in progress at the same time."""
         ...
 
+    def prepare(self) -> None:
+        """Begin to start the processes, without waiting for them; called again for each job."""
+        ...
+
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
         """Have a piece of work done; its result, or its error, comes in the future."""
         ...
@@ -79,6 +83,11 @@ class Workers:
     def count(self) -> int:
         """Number of pieces that are worked on at the same time."""
         return 1 if self.executor is None else self.executor.size
+
+    def prepare(self) -> None:
+        """Begin to start other processes while this one prepares the pieces; `each` does so too, but later."""
+        if self.executor is not None:
+            self.executor.prepare()
 
     def each(
         self,

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import partial
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.box import centres
 from gapwalk.attractors.many_motions import has_kernel, motions_of
-from gapwalk.attractors.regime_judge import Finding, RegimeOptions, Verdicts, judge, settle_doubts, take_another_look
+from gapwalk.attractors.regime_judge import (
+    Finding,
+    RegimeOptions,
+    Verdicts,
+    is_doubtful,
+    judge,
+    settle_doubts,
+    take_another_look,
+)
 from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes, regime_word
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import initial_state
+from gapwalk.parallel.work_chunks import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
@@ -151,6 +160,7 @@ ROWS = 64
 """Rows in a chunk whose states are carried over from column to column."""
 
 _CHECKED = 4  # cells of a piece that are checked
+_DOUBTED = 8  # doubtful cells of a piece: each takes some hundredths of a second, up to one second
 
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows and columns of cells, shape (turns, cells side by side): each turn starts where the turn before came to."""
@@ -173,6 +183,14 @@ class RegimeChunk:
     number: int
     verdicts: Verdicts
     error: float
+
+
+class _Doubts(NamedTuple):
+    """Some doubtful cells of a chunk: their places in it, the values of both parameters, and the verdicts."""
+
+    which: NDArray[np.intp]
+    values: NDArray[np.float64]
+    verdicts: Verdicts
 
 
 _LONGEST_LISTED = 12  # longest period that the summary lists separately
@@ -273,11 +291,16 @@ class RegimeWork(CellWork):
         """Number of chunks."""
         return len(self.places)
 
-    def follow(self, workers: Workers, numbers: list[int]) -> Iterable[tuple[int, RegimeChunk]]:
-        """Judge the cells of some chunks."""
+    def follow(self, workers: Workers, numbers: list[int]) -> Iterator[tuple[int, RegimeChunk]]:
+        """Judge the cells of some chunks; the doubtful ones of a chunk, which may take most of the time, in parts."""
         pieces = [(number, self.values[self.places[number]]) for number in numbers]
         judge_one = partial(_judge_piece, self.system, self.asked.names, self.start, self.asked.judging)
-        return workers.each(judge_one, pieces, in_order=False)
+        settle_some = partial(_settle_some, self.system, self.asked.names)
+        for _, chunk, doubts in do_in_stages(judge_one, pieces, _doubts_in, settle_some, workers):
+            for which, verdicts in doubts:
+                for whole, part in zip(chunk.verdicts, verdicts, strict=True):
+                    whole[0, which] = part
+            yield chunk.number, chunk
 
     def note(self, chunk: RegimeChunk) -> None:
         """Enter the verdicts of a chunk."""
@@ -292,8 +315,12 @@ class RegimeWork(CellWork):
         chosen = np.sort(random.permutation(decided)[: self.asked.check])
         systems = [_system_at(self.system, self.asked.names, pair) for pair in self.values.reshape(-1, 2)[chosen]]
         states = self.verdicts.states.reshape(len(regimes), -1)[chosen]
-        jobs = [list(zip(systems, states, strict=True))[k : k + _CHECKED] for k in range(0, len(chosen), _CHECKED)]
-        exact = [found for _, some in workers.each(_classify_some, jobs) for found in some]
+        exact: list[Finding] = [(0, 0)] * len(chosen)
+        groups = _by_cost(regimes[chosen])
+        jobs = [[(systems[k], states[k]) for k in group] for group in groups]
+        for number, some in workers.each(_classify_some, jobs, in_order=False):
+            for k, found in zip(groups[number], some, strict=True):
+                exact[k] = found
         mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
         both = zip(systems, mine, exact, strict=True)
         sentences = []
@@ -355,11 +382,37 @@ def _judge_piece(
         motions = motions_of(system, states, by_name)
         scales = np.array([system.state_scales(1.0, structure.frequency * pace) for pace in paces.tolist()])
         verdicts = judge(motions, states, scales, judging)
-        found.append(settle_doubts(verdicts, [partial(_system_at, system, names, pair) for pair in values]))
+        if len(turns) > 1:  # the next turn starts from the states of this one
+            verdicts = settle_doubts(verdicts, [partial(_system_at, system, names, pair) for pair in values])
+        found.append(verdicts)
         error = max(error, motions.error)
         finite = np.isfinite(verdicts.states).all(axis=1, keepdims=True)
         states = np.where(finite, verdicts.states, start)
     return RegimeChunk(number, Verdicts(*(np.array(parts) for parts in zip(*found, strict=True))), error)
+
+
+def _doubts_in(piece: tuple[int, NDArray[np.float64]], chunk: RegimeChunk) -> list[_Doubts]:
+    """Return the cells of a chunk that are to be examined again, in parts; none if that has been done."""
+    _, turns = piece
+    if len(turns) > 1:
+        return []
+    verdicts = chunk.verdicts.some(0)
+    which = np.flatnonzero(is_doubtful(verdicts))
+    parts = [which[first : first + _DOUBTED] for first in range(0, len(which), _DOUBTED)]
+    return [_Doubts(part, turns[0][part], verdicts.some(part)) for part in parts]
+
+
+def _settle_some(system: System, names: tuple[str, str], doubts: _Doubts) -> tuple[NDArray[np.intp], Verdicts]:
+    systems = [partial(_system_at, system, names, pair) for pair in doubts.values]
+    return doubts.which, settle_doubts(doubts.verdicts, systems)
+
+
+def _by_cost(regimes: NDArray[np.int_]) -> list[list[int]]:
+    """Return cells to be checked in groups: first, alone, those of motions without period, which take longest."""
+    is_periodic = regimes == Regime.PERIODIC
+    quick = np.flatnonzero(is_periodic).tolist()
+    groups = [quick[first : first + _CHECKED] for first in range(0, len(quick), _CHECKED)]
+    return [*([k] for k in np.flatnonzero(~is_periodic).tolist()), *groups]
 
 
 def _classify_some(jobs: list[tuple[System, NDArray[np.float64]]]) -> list[Finding]:

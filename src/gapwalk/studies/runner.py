@@ -156,6 +156,7 @@ def _carry_out(
             # this process does the work where the options say nothing of others
             count = getattr(asked, "workers", 1) if workers is None else workers
             with local_workers(count) as executor, closing(work.parts(executor)) as parts:
+                executor.prepare()
                 for found in parts:
                     file = file or stack.enter_context(opened())
                     if found.entries:

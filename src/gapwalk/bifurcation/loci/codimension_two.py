@@ -35,6 +35,7 @@ from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
@@ -188,10 +189,9 @@ def _search(
     if not max(abs(at_a), abs(at_b)) >= _NOISE:
         return []  # undefined, or zero everywhere, as with multipliers on the unit circle without damping
     if at_a * at_b < 0.0:
-        from scipy.optimize import brentq  # imported late, because the import is slow
-
-        root = brentq(lambda s: function(interval.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
-        return [interval.at(float(root))]
+        ends = a.arclength, b.arclength
+        root = zero_between_signs(lambda s: function(interval.at(s)), *ends, absolute=_EXACT, relative=1e-14)
+        return [interval.at(root)]
     bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
     if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
         return []
