@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -218,8 +219,6 @@ def _refined(
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
     """Locate the zero of the margin of one change; None if its margin cannot be tracked over the step."""
-    from scipy.optimize import brentq  # imported late, because the import is slow
-
     if change.alone:
         stuck, far = (first, last) if never_slips(first.orbit, change.contact) else (last, first)
         try:
@@ -248,7 +247,10 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         # where a bound vanishes, the margin is zero wherever the phase is not, and its sign there is only rounding
         if sizes[0] * sizes[1] >= 0.0 or min(map(abs, sizes)) <= _TOUCH * max(map(abs, sizes)):
             return None
-        root = float(brentq(value, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
+        # where the margin jumps, it has no zero, and the step is divided
+        root, converged = zero_between(value, first.arclength, last.arclength, jumps=False)
+        if not converged:
+            return None
         # where the margin jumps, one of several phases was tracked on one side, and another one on the other side
         around = [size for place, (_, size) in tracked.items() if abs(place - root) <= _JUMPS]
         if max(map(abs, [value(root), *around])) > _TOUCH * max(map(abs, sizes)):
