@@ -241,12 +241,11 @@ class DrySwitches(LoneFriction):
         acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
         return side * acceleration < -NEAR * largest(now.accelerations)
 
-    def at_slip(self, event: int, direction: int) -> None:
-        """Change the mode of friction at one of its two events."""
+    def at_slip(self, event: int, direction: int, theta: float) -> None:
+        """Change the mode of friction at one of its two events, which happens at an angle."""
         place, second = divmod(event, 2)
-        if self.keeps == self.equations.dry[place]:
+        if self.keeps is not None and self.keeps == self.equations.dry[place]:
             return
-        theta = self.integrator.time
         if self.memory_of[place] is not None:
             if self._spring_changes_alone(place, bool(second), direction, theta):
                 return

@@ -36,6 +36,7 @@ VALUES = 7
 """Number of values of `Equations.decisions` for each friction."""
 ON = 1e-12
 """Share of a limit within which a force is at it."""
+_CLEAR = 1e-3  # share of the size of the velocities above which a slip rate keeps its sign for far more than `SETTLING`
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -172,8 +173,11 @@ class LoneFriction(DryState):
             return False
         if side and theta - self._begun[place] <= SETTLING:
             return True  # its rate begins at 0
+        if not side and len(self.slots) == 1 and self._moves_on(place, -1 if second else 1):
+            self._slip_at_limit(place, memory, -1 if second else 1, theta)
+            return True
         n, found = self.n, self.decide(theta)
-        rate, limit, _, acceleration = found[VALUES * place : VALUES * place + 4]
+        rate, _, _, acceleration = found[VALUES * place : VALUES * place + 4]
         if len(self.slots) > 1 and self._others_stop(place, found, theta):
             return False
         if side:
@@ -197,12 +201,25 @@ class LoneFriction(DryState):
                 return False
         if side * leading <= 0.0:  # slip has just ended at the limit, and the force leaves it
             return theta - self._begun[place] <= PAUSE or direction < 0
-        self._own[memory] = side * limit / self.stiffness(place)
+        self._slip_at_limit(place, memory, side, theta)
+        return True
+
+    def _moves_on(self, place: int, side: int) -> bool:
+        """Return True if a deflection moves to a side so fast that no acceleration need be known to tell it."""
+        factors = self.rate_factors[place]
+        if factors is None:
+            return False
+        numbers = self._own.tolist()
+        rate = sum([factor * numbers[i] for i, factor in factors])
+        return side * rate > _CLEAR * self._speed_of(numbers)
+
+    def _slip_at_limit(self, place: int, memory: int, side: int, theta: float) -> None:
+        """Let a spring in series slip to a side, with the extension of its constant limit."""
+        self._own[memory] = side * self.base.item(self.slots[place].numbers["limit"]) / self.stiffness(place)
         if self.columns:
             self._rows[:, memory] = side * extension_changes(self, place, theta) if self.is_strained[place] else 0.0
         self._change_alone(place, side, theta)
         self._begun[place] = theta - 1.0  # its rate does not begin at 0
-        return True
 
     def _is_slow(self, turning: float, found: list[float]) -> bool:
         """Return True if slip may turn round at once with a deceleration of its rate, by the values that decide."""
