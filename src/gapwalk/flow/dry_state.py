@@ -6,7 +6,6 @@ While contacts are held, the motion is that of a system with other coefficients 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -357,11 +356,9 @@ class DryState:
         entry, modes = self.entry, [*self.slips, *self.sticks]
         if self.sign_of:
             modes += [number in self.held for number in self.sign_of]
-        if modes != self._applied_modes:  # a few numbers, one by one, are faster than an array of them
-            for place, (mode, known) in enumerate(zip_longest(modes, self._applied_modes), start=self._first_slip):
-                if mode != known:
-                    self._parameters[place] = mode
+        if modes != self._applied_modes:
             self._applied_modes = modes
+            self._parameters[self._first_slip : self._first_slip + len(modes)] = modes
         if self._applied is not entry:
             equations, self._applied, self.coefficients = self.equations, entry, entry.coefficients
             self._parameters[self._first_coefficient :] = entry.active
@@ -369,6 +366,12 @@ class DryState:
                 self._parameters[: equations.first_switch] = entry.components
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
+
+    def apply_alone(self, place: int) -> None:
+        """Give the integrator the mode of one friction: nothing else has changed, and what is held has not."""
+        first, stick = self._first_slip, len(self.slips) + place
+        self._parameters[first + place] = self._applied_modes[place] = self.slips[place]
+        self._parameters[first + stick] = self._applied_modes[stick] = self.sticks[place]
 
     def read(self, theta: float, known: Readings | None = None) -> Readings:
         """Return the values at the present state under the present modes.
@@ -450,7 +453,7 @@ class DryState:
 
     def stiffness(self, place: int) -> float:
         """Return the stiffness of the spring of friction with a memory."""
-        return float(self.base[self.slots[place].numbers["stiffness"]])
+        return self.base.item(self.slots[place].numbers["stiffness"])
 
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""

@@ -155,6 +155,8 @@ class DrySwitches(LoneFriction):
         Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
         """
         self.slips[place], self.sticks[place] = side, False
+        if self.has_constant_limit[place] and (moves := self.moves(place)):
+            return moves == side
         if known is None:
             self.apply()
             rate, _, _, change = self.decide(theta)[VALUES * place : VALUES * place + 4]
@@ -472,6 +474,8 @@ class DrySwitches(LoneFriction):
         if not any(self.sticks) and not self._springs:
             least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
             return least >= 0.0 or least >= -NEAR * self.speed()
+        if not self.held and len(self._springs) == len(self.slots) and all(map(self._is_clearly_right, self._springs)):
+            return True
         velocity, found = self.speed(), self.decide(theta)
         for place, memory in enumerate(self.memory_of):
             rate, _, bound, _, force, *_ = found[VALUES * place : VALUES * (place + 1)]
@@ -484,3 +488,12 @@ class DrySwitches(LoneFriction):
                 if abs(force) > bound * (1.0 + NEAR):
                     return False
         return True
+
+    def _is_clearly_right(self, place: int) -> bool:
+        """Return True if a spring with a constant limit sticks within it, or slips on fast: nothing else need decide."""
+        if not self.has_constant_limit[place]:
+            return False
+        if self.slips[place]:
+            return self.moves(place) == self.slips[place]
+        memory, limit = self.memory_of[place], self.base.item(self.slots[place].numbers["limit"])
+        return memory is not None and self.sticks[place] and self.stiffness(place) * abs(self._own.item(memory)) < limit

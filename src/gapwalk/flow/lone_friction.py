@@ -173,7 +173,7 @@ class LoneFriction(DryState):
             return False
         if side and theta - self._begun[place] <= SETTLING:
             return True  # its rate begins at 0
-        if not side and len(self.slots) == 1 and self._moves_on(place, -1 if second else 1):
+        if not side and len(self.slots) == 1 and self.moves(place) == (-1 if second else 1):
             self._slip_at_limit(place, memory, -1 if second else 1, theta)
             return True
         n, found = self.n, self.decide(theta)
@@ -204,14 +204,16 @@ class LoneFriction(DryState):
         self._slip_at_limit(place, memory, side, theta)
         return True
 
-    def _moves_on(self, place: int, side: int) -> bool:
-        """Return True if a deflection moves to a side so fast that no acceleration need be known to tell it."""
+    def moves(self, place: int) -> int:
+        """Return the side to which a deflection moves so fast that no acceleration need be known; 0 if it may not."""
         factors = self.rate_factors[place]
         if factors is None:
-            return False
+            return 0
         numbers = self._own.tolist()
         rate = sum([factor * numbers[i] for i, factor in factors])
-        return side * rate > _CLEAR * self._speed_of(numbers)
+        if abs(rate) <= _CLEAR * self._speed_of(numbers):
+            return 0
+        return 1 if rate > 0.0 else -1
 
     def _slip_at_limit(self, place: int, memory: int, side: int, theta: float) -> None:
         """Let a spring in series slip to a side, with the extension of its constant limit."""
@@ -282,13 +284,12 @@ class LoneFriction(DryState):
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
         number = self.reaction_of[place]
-        if side:
-            self._slip(place, side, theta)
-        else:
-            self._stick(place, theta)
+        self.slips[place], self.sticks[place], self._begun[place] = side, not side, theta
         if number is not None and (self.held or not side):
             self.hold(() if side else (number,))
-        self.apply()
+            self.apply()
+        else:
+            self.apply_alone(place)
         self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def _push_of(self, place: int) -> Push:
