@@ -100,7 +100,7 @@ class DrySwitches(LoneFriction):
 
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
-        still = STILL * self.speed()
+        still = STILL * self.speed() if self.layout.structure.reactions else 0.0
         candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
             if number is None:
@@ -126,14 +126,14 @@ class DrySwitches(LoneFriction):
         Return the values at the state, unless that has changed; `known` are those under other modes, if they are known.
         """
         self.slips[place], self.sticks[place] = 0, False
-        force = self.stiffness(place) * float(self.state[memory])
+        force = self.stiffness(place) * self._own.item(memory)
         if self.has_constant_limit[place]:  # then the rate does not matter
             now, rate, limit = known, 0.0, self.base.item(self.slots[place].numbers["limit"])
         else:
             now = self.read(theta, known)
             rate, limit, _ = now.friction[place]
-        tiny = ON * self.stiffness(place) * largest(self.state[: self.n])
-        begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
+        # the contact that presses has just closed
+        begins = self._grows(place) and limit <= ON * self.stiffness(place) * largest(self.state[: self.n])
         if limit > 0.0 and abs(force) < limit * (1.0 - ON) and not begins:
             self.sticks[place] = True
             return now
@@ -182,8 +182,10 @@ class DrySwitches(LoneFriction):
 
     def _grows(self, place: int) -> bool:
         """Return True if the limit of friction is not constant, and the contact that presses is closed."""
+        if self.laws[place].by != "normal":
+            return False
         host = self.layout.structure.host(self.equations.dry[place])
-        return self.laws[place].by == "normal" and host is not None and any(self.closed[host])
+        return host is not None and any(self.closed[host])
 
     def _reset_extension(self, place: int, side: int, theta: float, limit: float = 0.0) -> None:
         """Set the extension of a Jenkins element to its limit on one side (0: to zero), with its derivatives."""
