@@ -103,9 +103,10 @@ class ErrorEstimator:
         NumericalError
             If the Jacobian is singular, or there is no motion so far aside.
         """
-        evaluation, x = self._own.evaluate(point.x), point.x * self._known
+        evaluation = self._own.evaluate(point.x) if rounding is None else self._own.evaluated_near(point.x)
         assert evaluation.by_parameter is not None
         if rounding is None:
+            x = point.x * self._known
             rounding = roundings(self._equation, x[:-1], float(x[-1]), evaluation)
         jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self._known
         right = np.column_stack((rounding, np.zeros(len(rounding)))).T

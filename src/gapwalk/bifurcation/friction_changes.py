@@ -18,9 +18,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
@@ -247,7 +247,10 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
         # where a bound vanishes, the margin is zero wherever the phase is not, and its sign there is only rounding
         if sizes[0] * sizes[1] >= 0.0 or min(map(abs, sizes)) <= _TOUCH * max(map(abs, sizes)):
             return None
-        root = zero_between_signs(value, first.arclength, last.arclength, absolute=1e-13, relative=1e-14)
+        # where the margin jumps, it has no zero, and the step is divided
+        root, converged = zero_between(value, first.arclength, last.arclength, jumps=False)
+        if not converged:
+            return None
         # where the margin jumps, one of several phases was tracked on one side, and another one on the other side
         around = [size for place, (_, size) in tracked.items() if abs(place - root) <= _JUMPS]
         if max(map(abs, [value(root), *around])) > _TOUCH * max(map(abs, sizes)):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from gapwalk.bracketed_root import Root, find_root
+from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
@@ -34,9 +34,6 @@ _CROWDED = 1e-6  # arclength over which rates of test functions would be dominat
 _BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
 _NOISE = 1e-10  # absolute value of a test function that is only rounding
 _AT_CORNER = 1e-10  # arclength within which a change of sign is at a corner
-_EXACT = 1e-13  # arclength to which zeros are located
-_SECANT = 1e-6  # arclength of a secant that tells how far a zero is
-_SHARE_LEFT = 0.25  # share of that arclength, by the secant, at which a zero is reached
 
 
 @dataclass(frozen=True)
@@ -247,8 +244,10 @@ class Search:
         def function(arclength: float) -> float:
             return _deflated(kind, self.interval.at(arclength), known)
 
-        root, converged = zero_between(function, a.arclength, b.arclength)
-        return Zero(kind, self.interval.at(root), _EXACT if converged else math.inf, kind.at)
+        others = [each for each in (self.before, *self.interval.points) if each is not None and kind in each.memo]
+        beside = {each.arclength: _deflated(kind, each, known) for each in others if each is not a and each is not b}
+        root, converged = zero_between(function, a.arclength, b.arclength, beside)
+        return Zero(kind, self.interval.at(root), EXACT if converged else math.inf, kind.at)
 
     def _resolved(self, kind: Kind, zeros: list[Zero]) -> list[Zero]:
         """Return the distinguishable zeros of one test function.
@@ -272,26 +271,6 @@ class Search:
                     continue
             kept.append(min(group, key=lambda zero: abs(kind.at(zero.point))))
         return kept
-
-
-def zero_between(function: Callable[[float], float], low: float, high: float) -> Root:
-    """Return the zero of a function of arclength between two places where its signs differ, by Brent's method.
-
-    Each evaluation is a motion to be computed, and Brent's method spends its last one on the other side of a zero that
-    it has reached. Here a secant to a place nearby tells that it has. The second result is False without convergence.
-    """
-    known: dict[float, float] = {}
-
-    def value(place: float) -> float:
-        found = function(place)
-        nearest = min(known, key=lambda each: abs(each - place), default=math.inf)
-        away = abs(nearest - place)
-        if 0.0 < away <= _SECANT and abs(found) * away <= _SHARE_LEFT * _EXACT * abs(found - known[nearest]):
-            return 0.0
-        known[place] = found
-        return found
-
-    return find_root(value, low, high, absolute=_EXACT, relative=1e-14)
 
 
 def _apart(points: list[BranchPoint]) -> list[BranchPoint]:

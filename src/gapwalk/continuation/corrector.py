@@ -32,6 +32,7 @@ _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is return
 _ACROSS = 0.3  # cosine of the angle to the direction of travel below which the tangent is solved for again
 _ALONG = 0.5  # cosine of the angle between tangents up to which points are interpolated along one of them
 _AGREES = 0.3  # distance of the quintic from the cubic, as a share of that of the cubic from the tangent
+_FEW, _KEPT = 50, 32  # unknowns up to which evaluations are kept, and how many of them
 _TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
@@ -96,6 +97,7 @@ class Corrector:
         self._unknown_scales = scales[:-1]
         self._smallest = min(1.0, _largest(self._unknown_scales))  # smaller unknowns count as zero
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
+        self._recent: dict[bytes, Evaluation] = {}  # of the last points, if they have few unknowns
 
     def correct(
         self,
@@ -158,6 +160,14 @@ class Corrector:
         """Evaluate the equation at scaled variables; errors as `Equation.evaluate`."""
         return self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
 
+    def evaluated_near(self, x: NDArray[np.float64]) -> Evaluation:
+        """Return the evaluation at a point, or at most a last Newton step away from it, where its derivatives do too.
+
+        Errors as `Equation.evaluate`.
+        """
+        known = self._recent.get(x.tobytes())
+        return self.evaluate(x) if known is None else known
+
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> Course:
         """Return the unit tangent at a point, oriented along `along`, and the determinant bordered by it."""
         matrix = self._bordered(evaluation, along)
@@ -200,6 +210,10 @@ class Corrector:
 
     def _placed(self, x: NDArray[np.float64], evaluation: Evaluation, course: Course, arclength: float) -> BranchPoint:
         value = float(x[-1] * self.scales[-1])
+        if len(x) <= _FEW:
+            if len(self._recent) >= _KEPT:
+                del self._recent[next(iter(self._recent))]
+            self._recent[x.tobytes()] = evaluation
         orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
         return BranchPoint(value, orbit, x, *course, arclength)
 

@@ -135,14 +135,14 @@ class Switchboard(BreakpointGeometry):
             layout.contacts[k].stages[j].innermost and layout.contacts[k].form.law.rebounds
             for k, j in equations.switches
         ]
-        self._nowhere = [False] * self.count
+        self._nowhere, self._all = [False] * self.count, range(self.count)
         self._inside: list[bool] = []
         self.begun: list[bool] = []
         self._holding = set[int]()  # switches of the stops that are held
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
-        self.listener: Callable[[], Callable[[float], None] | None] = lambda: None  # (weak) of every event
+        self.listener: Callable[[], Callable[[float], None] | None] | None = None  # (weak) of every event
 
     def attach(self, integrator, columns: int, readings: Any = None) -> None:
         """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns.
@@ -150,7 +150,7 @@ class Switchboard(BreakpointGeometry):
         `readings` are those of friction and rigid stops, if there are any.
         """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
-        self._columns = columns
+        self._columns, self._moving = columns, self._state[: 2 * self.n]
         self.modes.attach(integrator)
         self.dry.attach(integrator, columns, readings, self._coefficient_change())
         if self.count or self.modes.mode_count or self.dry.count:
@@ -191,7 +191,7 @@ class Switchboard(BreakpointGeometry):
                 self._start_dry(theta)
             return
         self._read_geometry(coefficients)
-        state = self._state[: 2 * self.n].tolist()
+        state = self._moving.tolist()
         self._speed = _SLOW * max(map(abs, state[self.n :]))
         depths = self._depths(state, theta)
         self._inside = [depth > 0.0 for depth in depths]
@@ -236,7 +236,7 @@ class Switchboard(BreakpointGeometry):
             return False
         if not self.count:
             return True
-        state = self._state[: 2 * self.n].tolist()
+        state = self._moving.tolist()
         depths = self._depths(state, self._integrator.time)
         if [depth > 0.0 for depth in depths] == self._inside:
             return True
@@ -314,7 +314,7 @@ class Switchboard(BreakpointGeometry):
 
     def _rounding(self, switch: int) -> float:
         """Return the product of speed and angle of a motion that has hardly left a breakpoint."""
-        near = 4.0 * _ON * (self._scales[switch] + self._size(self._state[: 2 * self.n].tolist()))
+        near = 4.0 * _ON * (self._scales[switch] + self._size(self._moving.tolist()))
         return near / float(self._coefficients[0])
 
     def _refresh_modes(self, theta: float) -> None:
@@ -327,7 +327,7 @@ class Switchboard(BreakpointGeometry):
         If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
         Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
-        state = self._state[: 2 * self.n].tolist()
+        state = self._moving.tolist()
         depths = self._depths(state, theta)
         # no motion is larger than that, so its size need not be known
         most = _ON * (self._scale + max(map(abs, state)) * max(1.0, self._coefficients.item(0)))
@@ -358,7 +358,7 @@ class Switchboard(BreakpointGeometry):
         then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
         left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
         """
-        distance = 2.0 * _ON * (self._scale + self._size(self._state[: 2 * self.n].tolist()))
+        distance = 2.0 * _ON * (self._scale + self._size(self._moving.tolist()))
         for _ in range(self.count):
             self._integrator.step(max_delta_t=0.0, write_tc=True)
             series, longest = self._integrator.tc[: self.n, 1:], taylor_reach(self._integrator.tc[: 2 * self.n])
@@ -429,12 +429,13 @@ class Switchboard(BreakpointGeometry):
 
     def at_slip(self, event: int, direction: int) -> bool:
         """Change a mode of friction at one of its events; return whether the integrator continues."""
-        self.dry.at_slip(event, direction)
+        theta = self._integrator.time
+        self.dry.at_slip(event, direction, theta)
         if self.modes.mode_count:  # a law with abs(v) of the same deflection: only one of both events is reported
             self.modes.set_simultaneous(self._closed() if self.count else None, dry=self.dry.present)
         if self.count:
-            self._settle_simultaneous(range(self.count), self._integrator.time)
-        return self._go_on(self._integrator.time)
+            self._settle_simultaneous(self._all, theta)
+        return self._go_on(theta)
 
     def at_guard(self, mode: int, direction: int) -> bool:
         """Set a mode whose guard changes its sign in a direction; return whether the integrator continues."""
@@ -462,7 +463,7 @@ class Switchboard(BreakpointGeometry):
         """Return whether the integrator continues after an event."""
         if self.dry.sign_of:
             self._log_released(theta)
-        if (listener := self.listener()) is not None:
+        if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
         return self.event_limit > 0

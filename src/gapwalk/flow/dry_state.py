@@ -197,6 +197,9 @@ class DryState:
         Signs with which the columns of coefficients enter accelerations and reactions.
     is_moved
         For each of them, True if a direction changes its deflection, or the rate of its base.
+    rate_factors
+        For each friction the places in a state, and the factors, of the velocities that are its slip rate; None if it
+        depends on more than these.
     is_strained
         For each friction with a spring whose limit is constant, True if a direction changes the extension in slip.
     has_base
@@ -211,6 +214,7 @@ class DryState:
     vectors: dict[int, Array]
     is_moved: dict[int, bool]
     has_base: dict[int, bool]
+    rate_factors: list[list[tuple[int, float]] | None]
     is_strained: list[bool]
     velocity_rows: Array
 
@@ -307,6 +311,7 @@ class DryState:
                 entry.active[self._rate_place], entry.components[self._rate_changes] = rate, changes[self._with_rate]
         else:
             self._known = {}
+            self.rate_factors = [self._factors_of(place) for place in range(len(self.slots))]
             self.vectors = {contact: base[self.layout.contacts[contact].deflection] for contact in self._contacts}
             self.has_base = {contact: bool(base[slots[self.n :]].any()) for contact, slots in self._contacts.items()}
             self.is_strained = [bool(directions[:, slots].any()) for slots in self._strains]
@@ -318,6 +323,13 @@ class DryState:
         self._applied = None if was_held else self.entry
         self.coefficients = self.entry.coefficients
         self._changed(self.coefficients)
+
+    def _factors_of(self, place: int) -> list[tuple[int, float]] | None:
+        """Return which velocities of a state make up a slip rate; None if it depends on more, as with a moving base."""
+        slots = self.slots[place]
+        if slots.sway is not None or self.base[slots.numbers["speed"]]:
+            return None
+        return [(self.n + i, factor) for i, factor in enumerate(self.base[slots.deflection].tolist()) if factor]
 
     def _entry_of(self, held: tuple[int, ...]) -> _Held:
         """Return the coefficients and the rest for a set of held contacts."""
@@ -354,6 +366,12 @@ class DryState:
                 self._parameters[: equations.first_switch] = entry.components
             self._changed(entry.coefficients)
             self.hold_log.append(Hold(self.integrator.time, self.held))
+
+    def apply_alone(self, place: int) -> None:
+        """Give the integrator the mode of one friction: nothing else has changed, and what is held has not."""
+        first, stick = self._first_slip, len(self.slips) + place
+        self._parameters[first + place] = self._applied_modes[place] = self.slips[place]
+        self._parameters[first + stick] = self._applied_modes[stick] = self.sticks[place]
 
     def read(self, theta: float, known: Readings | None = None) -> Readings:
         """Return the values at the present state under the present modes.
@@ -435,7 +453,7 @@ class DryState:
 
     def stiffness(self, place: int) -> float:
         """Return the stiffness of the spring of friction with a memory."""
-        return float(self.base[self.slots[place].numbers["stiffness"]])
+        return self.base.item(self.slots[place].numbers["stiffness"])
 
     def acceleration(self, contact: int, now: Readings, theta: float) -> float:
         """Return the second derivative of a deflection over time."""
@@ -471,10 +489,12 @@ class DryState:
 
     def speed(self) -> float:
         """Return the size of the velocities, now or a quarter of a period later."""
-        n, numbers = self.n, self._own.tolist()
-        if self.size > 2 * n:
-            numbers = numbers[: 2 * n]
-        return max(*map(abs, numbers[n:]), max(map(abs, numbers[:n])) / self.base.item(0))
+        return self._speed_of(self._own.tolist())
+
+    def _speed_of(self, numbers: list[float]) -> float:
+        """Return the same for the numbers of a state."""
+        n = self.n
+        return max(*map(abs, numbers[n : 2 * n]), max(map(abs, numbers[:n])) / self.base.item(0))
 
     def keeps_still(self, vector: Array) -> bool:
         """Return True if what is held determines the rate of a deflection, which then has no turning points."""

@@ -100,7 +100,7 @@ class DrySwitches(LoneFriction):
 
     def _restart(self, theta: float) -> None:
         """Decide all modes from the state alone, and project the state on what is held."""
-        still = STILL * self.speed()
+        still = STILL * self.speed() if self.layout.structure.reactions else 0.0
         candidates = self._touching(theta, still) if self.sign_of else []
         for place, number in enumerate(self.reaction_of):
             if number is None:
@@ -126,14 +126,14 @@ class DrySwitches(LoneFriction):
         Return the values at the state, unless that has changed; `known` are those under other modes, if they are known.
         """
         self.slips[place], self.sticks[place] = 0, False
-        force = self.stiffness(place) * float(self.state[memory])
+        force = self.stiffness(place) * self._own.item(memory)
         if self.has_constant_limit[place]:  # then the rate does not matter
             now, rate, limit = known, 0.0, self.base.item(self.slots[place].numbers["limit"])
         else:
             now = self.read(theta, known)
             rate, limit, _ = now.friction[place]
-        tiny = ON * self.stiffness(place) * largest(self.state[: self.n])
-        begins = limit <= tiny and self._grows(place)  # the contact that presses has just closed
+        # the contact that presses has just closed
+        begins = self._grows(place) and limit <= ON * self.stiffness(place) * largest(self.state[: self.n])
         if limit > 0.0 and abs(force) < limit * (1.0 - ON) and not begins:
             self.sticks[place] = True
             return now
@@ -155,6 +155,8 @@ class DrySwitches(LoneFriction):
         Where the rate vanishes, the acceleration decides, and where that does too, the acceleration a little later.
         """
         self.slips[place], self.sticks[place] = side, False
+        if self.has_constant_limit[place] and (moves := self.moves(place)):
+            return moves == side
         if known is None:
             self.apply()
             rate, _, _, change = self.decide(theta)[VALUES * place : VALUES * place + 4]
@@ -180,8 +182,10 @@ class DrySwitches(LoneFriction):
 
     def _grows(self, place: int) -> bool:
         """Return True if the limit of friction is not constant, and the contact that presses is closed."""
+        if self.laws[place].by != "normal":
+            return False
         host = self.layout.structure.host(self.equations.dry[place])
-        return self.laws[place].by == "normal" and host is not None and any(self.closed[host])
+        return host is not None and any(self.closed[host])
 
     def _reset_extension(self, place: int, side: int, theta: float, limit: float = 0.0) -> None:
         """Set the extension of a Jenkins element to its limit on one side (0: to zero), with its derivatives."""
@@ -241,12 +245,11 @@ class DrySwitches(LoneFriction):
         acceleration = self.acceleration(self.layout.structure.reactions[number][0], now, theta)
         return side * acceleration < -NEAR * largest(now.accelerations)
 
-    def at_slip(self, event: int, direction: int) -> None:
-        """Change the mode of friction at one of its two events."""
+    def at_slip(self, event: int, direction: int, theta: float) -> None:
+        """Change the mode of friction at one of its two events, which happens at an angle."""
         place, second = divmod(event, 2)
-        if self.keeps == self.equations.dry[place]:
+        if self.keeps is not None and self.keeps == self.equations.dry[place]:
             return
-        theta = self.integrator.time
         if self.memory_of[place] is not None:
             if self._spring_changes_alone(place, bool(second), direction, theta):
                 return
@@ -473,6 +476,8 @@ class DrySwitches(LoneFriction):
         if not any(self.sticks) and not self._springs:
             least = min([side * self.rigid_rate(place, theta) for place, side in enumerate(self.slips)], default=0.0)
             return least >= 0.0 or least >= -NEAR * self.speed()
+        if not self.held and len(self._springs) == len(self.slots) and all(map(self._is_clearly_right, self._springs)):
+            return True
         velocity, found = self.speed(), self.decide(theta)
         for place, memory in enumerate(self.memory_of):
             rate, _, bound, _, force, *_ = found[VALUES * place : VALUES * (place + 1)]
@@ -485,3 +490,12 @@ class DrySwitches(LoneFriction):
                 if abs(force) > bound * (1.0 + NEAR):
                     return False
         return True
+
+    def _is_clearly_right(self, place: int) -> bool:
+        """Return True if a spring with a constant limit sticks within it, or slips on fast: nothing else need decide."""
+        if not self.has_constant_limit[place]:
+            return False
+        if self.slips[place]:
+            return self.moves(place) == self.slips[place]
+        memory, limit = self.memory_of[place], self.base.item(self.slots[place].numbers["limit"])
+        return memory is not None and self.sticks[place] and self.stiffness(place) * abs(self._own.item(memory)) < limit

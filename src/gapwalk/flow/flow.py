@@ -286,6 +286,7 @@ class _Integrator:
         self._state, self._parameters = taylor.state, taylor.pars
         self._coefficients = self._parameters[self.equations.first_coefficient :]
         self._components = self._parameters[: self.equations.first_switch]
+        self._own, self._rest = self._state[: self.size], self._state[self.size :]
         self._switchboard = Switchboard(self.equations)
         self._linear = LinearTransition(self.equations) if flow.is_linear else None
         self._width = self.size * (self.has_transition and not flow.is_linear)  # columns of the transition matrix
@@ -405,11 +406,12 @@ class _Integrator:
             coefficients, state = self._lengths.carried(coefficients, unit), state / unit
             direction = None if direction is None else self._lengths.carried(direction, unit)
         self._parameters[self._length] = unit
-        self._state[: self.size] = state
-        self._state[self.size :] = self._identity
-        self._coefficients[:] = coefficients[self._active]
-        if self._changing is not None:
-            self._components[:] = 0.0 if direction is None else direction.ravel()[self._changing]
+        self._own[:], self._rest[:] = state, self._identity
+        coefficients.take(self._active, out=self._coefficients, mode="clip")
+        if self._changing is not None and direction is not None:
+            direction.take(self._changing, out=self._components, mode="clip")
+        elif self._changing is not None:
+            self._components[:] = 0.0
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         if self.has_survey:
@@ -478,7 +480,7 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
+        return Arc(self._own * unit, transition, sensitivity, self._switchboard.log, steps, *self._dry_logs)
 
 
 def flow_of(system: System, *parameters: str | tuple[str, ...], transition: bool = False, survey: bool = False) -> Flow:

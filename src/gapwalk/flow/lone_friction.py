@@ -36,6 +36,7 @@ VALUES = 7
 """Number of values of `Equations.decisions` for each friction."""
 ON = 1e-12
 """Share of a limit within which a force is at it."""
+_CLEAR = 1e-3  # share of the size of the velocities above which a slip rate keeps its sign for far more than `SETTLING`
 _TOGETHER = 1e-9  # radians within which two slip rates vanish together
 
 Array = NDArray[np.float64]
@@ -172,8 +173,11 @@ class LoneFriction(DryState):
             return False
         if side and theta - self._begun[place] <= SETTLING:
             return True  # its rate begins at 0
+        if not side and len(self.slots) == 1 and self.moves(place) == (-1 if second else 1):
+            self._slip_at_limit(place, memory, -1 if second else 1, theta)
+            return True
         n, found = self.n, self.decide(theta)
-        rate, limit, _, acceleration = found[VALUES * place : VALUES * place + 4]
+        rate, _, _, acceleration = found[VALUES * place : VALUES * place + 4]
         if len(self.slots) > 1 and self._others_stop(place, found, theta):
             return False
         if side:
@@ -197,12 +201,27 @@ class LoneFriction(DryState):
                 return False
         if side * leading <= 0.0:  # slip has just ended at the limit, and the force leaves it
             return theta - self._begun[place] <= PAUSE or direction < 0
-        self._own[memory] = side * limit / self.stiffness(place)
+        self._slip_at_limit(place, memory, side, theta)
+        return True
+
+    def moves(self, place: int) -> int:
+        """Return the side to which a deflection moves so fast that no acceleration need be known; 0 if it may not."""
+        factors = self.rate_factors[place]
+        if factors is None:
+            return 0
+        numbers = self._own.tolist()
+        rate = sum([factor * numbers[i] for i, factor in factors])
+        if abs(rate) <= _CLEAR * self._speed_of(numbers):
+            return 0
+        return 1 if rate > 0.0 else -1
+
+    def _slip_at_limit(self, place: int, memory: int, side: int, theta: float) -> None:
+        """Let a spring in series slip to a side, with the extension of its constant limit."""
+        self._own[memory] = side * self.base.item(self.slots[place].numbers["limit"]) / self.stiffness(place)
         if self.columns:
             self._rows[:, memory] = side * extension_changes(self, place, theta) if self.is_strained[place] else 0.0
         self._change_alone(place, side, theta)
         self._begun[place] = theta - 1.0  # its rate does not begin at 0
-        return True
 
     def _is_slow(self, turning: float, found: list[float]) -> bool:
         """Return True if slip may turn round at once with a deceleration of its rate, by the values that decide."""
@@ -265,13 +284,12 @@ class LoneFriction(DryState):
     def _change_alone(self, place: int, side: int, theta: float) -> None:
         """Let one friction slip to a side (0: stick) where nothing else is held."""
         number = self.reaction_of[place]
-        if side:
-            self._slip(place, side, theta)
-        else:
-            self._stick(place, theta)
+        self.slips[place], self.sticks[place], self._begun[place] = side, not side, theta
         if number is not None and (self.held or not side):
             self.hold(() if side else (number,))
-        self.apply()
+            self.apply()
+        else:
+            self.apply_alone(place)
         self.log.append(SlipEvent(theta, self.equations.dry[place], side))
 
     def _push_of(self, place: int) -> Push:

@@ -68,8 +68,8 @@ class TurningPoints:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
         if self._switches.dry.held and event in self._keeping_still():
             return  # its rate is 0 all the time, and changes its sign by rounding
-        positions = self._taylor.update_d_output(theta)[: self._size] * self._unit
-        self._turns.append(Turn(event, theta, positions.tolist()))
+        positions = self._taylor.update_d_output(theta)[: self._size]
+        self._turns.append(Turn(event, theta, (positions if self._unit == 1.0 else positions * self._unit).tolist()))
 
     def at_stop(self, theta: float) -> None:
         """Note an event of friction or stops, which stops the integrator: it may report no other at the same time."""

@@ -120,11 +120,14 @@ def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     count = max(sum(abs(value) > _SMALL for value in each) for each in (first, second))
     if count > _FEW:
         return _largest_of_many(np.array(first[:count]), np.array(second[:count]))
-    moves = sorted(
-        (abs(one - other) / max(1.0, min(abs(one), abs(other))), row, column)
-        for row, one in enumerate(first[:count])
-        for column, other in enumerate(second[:count])
-    )
+    if not count:
+        return 0.0
+    first, second = first[:count], second[:count]
+    ways = [[abs(one - other) / max(1.0, min(abs(one), abs(other))) for other in second] for one in first]
+    nearest = [min(own) for own in ways]
+    if len({own.index(least) for own, least in zip(ways, nearest, strict=True)}) == count:
+        return max(nearest)  # each has another nearest one: these are the pairs
+    moves = sorted((move, row, column) for row, own in enumerate(ways) for column, move in enumerate(own))
     rows, columns, largest = set(range(count)), set(range(count)), 0.0
     for move, row, column in moves:
         if row in rows and column in columns:

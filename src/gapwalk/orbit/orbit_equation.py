@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -427,12 +427,18 @@ def roundings(
     x = np.append(unknowns, value)
     sizes = np.append(np.full(len(unknowns), float(np.abs(unknowns).max())), abs(value))
     samples = []
-    for way in np.random.default_rng(0).uniform(-1.0, 1.0, (_SAMPLES, len(x))):
+    for way in _ways(len(x)):
         beside = x + _BESIDE * sizes * way
         off = beside - x
         linear = evaluation.by_unknowns @ off[:-1] + evaluation.by_parameter * off[-1]
         samples.append(equation.evaluate(beside[:-1], float(beside[-1])).residual - evaluation.residual - linear)
     return np.array(samples)
+
+
+@lru_cache(maxsize=16)
+def _ways(size: int) -> NDArray[np.float64]:
+    """Return the directions in which a residual is sampled, shape (samples, size)."""
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (_SAMPLES, size))
 
 
 def is_solved(equation: OrbitEquation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:

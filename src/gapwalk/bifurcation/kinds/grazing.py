@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero, zero_between
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
