@@ -44,7 +44,7 @@ tests: kernels
 
 # The kernels of harmonic balance are compiled before: each process of the tests would compile them again.
 kernels: $(STAMP)
-	@PYTHONDONTWRITEBYTECODE= $(PY) -c "import gapwalk.orbit.harmonic_balance.kernels"
+	@PYTHONDONTWRITEBYTECODE= $(PY) -m gapwalk.orbit.harmonic_balance.compile_kernels
 
 # The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
 browser:
@@ -120,6 +120,7 @@ $(STAMP): requirements.lock pyproject.toml | $(PY)
 	@echo "Installing the pinned packages into $(VENV); this takes some minutes, once."
 	$(PY) -m pip install --quiet --require-hashes --only-binary :all: -r requirements.lock
 	$(PY) -m pip install --quiet --no-build-isolation --no-deps --editable .
+	$(PY) -m gapwalk.orbit.harmonic_balance.compile_kernels
 	@touch $@
 
 # A command named python3.11 may be a shim with nothing behind it, so each candidate is tried.

@@ -1,4 +1,4 @@
-"""How long a flow takes to compile: the first time ever, and from heyoka's cache on disk."""
+"""How long a flow takes to compile, the first time ever and from heyoka's cache on disk; and harmonic balance."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import heyoka as hy
 
 from benchmarks.clutch import ScipyClutch
 from benchmarks.effort import Effort
-from benchmarks.row import Row
+from benchmarks.row import Row, Target
+from benchmarks.start import once
 from benchmarks.stopwatch import cpu_seconds, fastest
 from gapwalk import find_orbit, paper
 from gapwalk.flow import flow as flows
 
 GROUP = "Compiling the flow of figure 13"
+_KERNELS = ["-m", "gapwalk.orbit.harmonic_balance.compile_kernels"]
 _COLD = 3  # repeats; a compilation is long enough to measure with few
 
 Build = Callable[[], object]
@@ -36,7 +38,17 @@ def rows(effort: Effort) -> list[Row]:
             full,
             repeats,
         ),
+        kernels_row(),
     ]
+
+
+def kernels_row() -> Row:
+    """Measure a process that compiles the kernels of harmonic balance, and one that finds them stored."""
+    with tempfile.TemporaryDirectory() as folder:
+        cold = once(_KERNELS, NUMBA_CACHE_DIR=folder)
+        warm = once(_KERNELS, NUMBA_CACHE_DIR=folder)
+    note = "`make` compiles them while it installs, so that the first harmonic balance finds them stored"
+    return Row(GROUP, "kernels of harmonic balance: stored", warm, cold, "cold", (Target(2.0),), note=note)
 
 
 def cold_seconds(build: Build, repeats: int = 1) -> float:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -10,12 +12,15 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.clutch import ScipyClutch
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
-from gapwalk import Branch, DiagramOptions, Orbit, diagram, find_orbit, follow, paper
+from gapwalk import Branch, DiagramOptions, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
+from gapwalk.continuation import walk as walks
+from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.orbit.orbit import true_period
 
@@ -23,6 +28,11 @@ GROUP = "Diagram of figure 15"
 _RANGE = (0.15, 1.9)
 _NARROWEST = (_RANGE[1] - _RANGE[0]) / 300  # isolated branch to find; the same in any part of the range
 _AT, _EIGHT = 0.408896, (3.70, 0.83, 0.74, 0.95)  # a frequency, and a state there near a motion of period 8
+_SEVEN, _AT_SEVEN = (
+    (1.7393025818988646, -0.1308810692485267, -0.5480666393837627, 0.00721262586600034),
+    0.19958333333333333,
+)
+_MOST = 500  # points of a walk that does not see that it has gone round
 _AGREE = 1e-6
 
 
@@ -35,6 +45,7 @@ def rows(effort: Effort) -> list[Row]:
     return [
         measure_walk(one, Target(15.0, "ratio"), effort),
         measure_walk(eight, Target(50.0, "ratio"), effort),
+        measure_isola(),
         measure(one, effort),
     ]
 
@@ -60,6 +71,31 @@ def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
     )
 
 
+def measure_isola() -> Row:
+    """Measure an isolated branch of period 7 with sharp turns, beside walks that look for their start from a chord."""
+    orbit = find_orbit(paper.case("15"), 7, _SEVEN, frequency=_AT_SEVEN)
+    found: list[Branch] = []
+
+    def walk() -> None:
+        found.append(follow(orbit, "frequency", to=_RANGE, walk=WalkOptions(max_points=_MOST)))
+
+    def chord(before: BranchPoint, after: BranchPoint, share: float) -> NDArray[np.float64]:
+        return before.x + share * (after.x - before.x)
+
+    seconds = cpu_seconds(walk)
+    with patch.object(walks, "hermite", chord):
+        baseline = cpu_seconds(walk)
+    ours, theirs = (len(branch.points) for branch in found)
+    note = (
+        f"{ours} points, and it closes: {'yes' if found[0].closed else 'no'}. The baseline misses its start and goes "
+        f"round until it has {_MOST} points in each direction, {theirs} of 10,000 that a walk may have"
+    )
+    targets = (Target(2.0, "ratio"),)
+    return Row(
+        GROUP, "an isolated branch of period 7", seconds, baseline, "from a chord", targets, {"points": ours}, note
+    )
+
+
 def measure(start: Orbit, effort: Effort) -> Row:
     """Measure the whole diagram in one process, once: period 1 to 8, with the search for isolated branches."""
     low, high = effort.diagram_from, _RANGE[1]
@@ -72,19 +108,32 @@ def measure(start: Orbit, effort: Effort) -> Row:
             count_periods(lambda: diagram(start.system, "frequency", (low, high), start=start, options=options))
         )
 
-    seconds = cpu_seconds(ours)
+    searching: list[float] = []
+    searches = sys.modules[search.__module__]
+    search_chunk = vars(searches)["search_chunk"]
+
+    def timed(chunk: Any) -> Any:
+        begun = time.process_time()
+        result = search_chunk(chunk)
+        searching.append(time.process_time() - begun)
+        return result
+
+    with patch.object(searches, "search_chunk", timed):
+        seconds = cpu_seconds(ours)
     tree, periods = found[0]
     points = sum(len(branch.points) for branch in tree.branches)
-    counts = {
+    counts: dict[str, float] = {
         "branches": len(tree.members),
         "points": points,
         "periods": round(sum(periods.values())),
         "search values": values,
         "search starts": values * options.search.starts,
+        "seconds of the search": round(sum(searching), 2),
     }
     note = (
         f"{counts['branches']} branches of {points} points; the search tries {counts['search starts']} starts at "
-        f"{values} values of W. The baseline is an estimate: as many periods, {counts['periods']}, by DOP853"
+        f"{values} values of W, in {sum(searching) / seconds:.0%} of the time. The baseline is an estimate: as many "
+        f"periods, {counts['periods']}, by DOP853"
     )
     targets = (Target(60.0, "ratio"),) if low == _RANGE[0] else ()
     what = f"P1 to P8 with search, W = {low:g} to {high:g}"

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks import history, mass, period, start
 from benchmarks.__main__ import main
+from benchmarks.busy import MeasuredProcesses
 from benchmarks.chain import ScipyChain, chain
 from benchmarks.clutch import ScipyClutch
 from benchmarks.diagram import count_periods, estimate
@@ -19,6 +20,7 @@ from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.parallel.workers import Workers
 
 LEAST = Effort(repeats=1, burst=0.0)
 
@@ -147,3 +149,14 @@ def test_the_baseline_of_the_chain_is_the_same_motion():
     orbit = find_orbit(chain(3))
     assert orbit.events
     assert ScipyChain(3).period(orbit.state) == pytest.approx(orbit.state, abs=1e-7)
+
+
+def test_the_busier_of_two_processes_is_measured():
+    processes = MeasuredProcesses(2)
+    try:
+        found = dict(Workers(processes).each(abs, [-1.0, 2.0, -3.0], in_order=False))
+    finally:
+        processes.close(at_once=False)
+    assert found == {0: 1.0, 1: 2.0, 2: 3.0}
+    assert 1 <= len(processes.busy) <= 2
+    assert all(used > 0.0 for used in processes.busy.values())

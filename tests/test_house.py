@@ -24,6 +24,7 @@ ORDER = (
     "errors",
     "files",
     "bracketed_root",
+    "linear_algebra",
     "summary",
     "notebook",
     "model",

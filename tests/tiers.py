@@ -6,6 +6,7 @@ file joins them that takes less than about three seconds of processor time.
 
 from collections.abc import Iterable
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,7 @@ QUICK = (
 """Patterns of files below the folder of the tests."""
 
 
+@cache
 def is_quick(file: Path) -> bool:
     """Whether the tests of a file are quick."""
     name = file.relative_to(TESTS).as_posix() if file.is_relative_to(TESTS) else ""

@@ -2,6 +2,8 @@ import os
 import shutil
 import signal
 import sqlite3
+import subprocess
+import sys
 import time
 
 import pytest
@@ -124,3 +126,15 @@ def test_progress_is_told_four_times_a_second_at_most(client, session, long) -> 
     job(client, "stop", long, key)
     wait(client, long, key)
     assert reports <= 4 * seconds + 1
+
+
+def test_the_process_that_computes_starts_before_the_server_is_loaded() -> None:
+    """It began to load its modules when the server had loaded its own: a second later."""
+    script = (
+        "import sys\n"
+        "from gapwalk.explorer.engine import Engine\n"
+        "with Engine():\n"
+        "    print({'numpy', 'heyoka', 'starlette', 'pydantic'} & {*sys.modules})\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

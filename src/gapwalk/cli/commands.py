@@ -396,9 +396,12 @@ def explore(
     browser
         Open the page in the browser.
     """
-    from gapwalk.explorer.serve import serve
+    from gapwalk.explorer.engine import Engine
 
-    serve(file, host, port, browser=browser)
+    with Engine() as engine:  # it starts while this process loads the server
+        from gapwalk.explorer.serve import serve
+
+        serve(file, host, port, browser=browser, engine=engine)
     return 0
 
 

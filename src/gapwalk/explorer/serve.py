@@ -14,6 +14,7 @@ from pathlib import Path
 import uvicorn
 
 from gapwalk.errors import ModelError
+from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.request_guard import is_loopback, new_token
 from gapwalk.explorer.session import Session
@@ -23,7 +24,14 @@ from gapwalk.explorer.workspace import Workspace
 _GRACE = 1  # seconds that open connections have when the server ends
 
 
-def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser: bool = True) -> None:
+def serve(
+    file: Path | None,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    *,
+    browser: bool = True,
+    engine: Engine | None = None,
+) -> None:
     """Serve the explorer until Ctrl-C.
 
     Parameters
@@ -36,6 +44,8 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
         The port; 0 for a free one.
     browser
         True to open the page.
+    engine
+        The process that computes; by default a new one.
 
     Raises
     ------
@@ -47,7 +57,7 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
         Exploration(Workspace(root), name)  # errors of the file are reported here, not on a page
     with _listen(host, port) as listener:
         token = "" if is_loopback(host) else new_token()
-        session = Session(root, name)
+        session = Session(root, name, engine)
         address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
         config = uvicorn.Config(
             application(session, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False

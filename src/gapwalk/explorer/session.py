@@ -10,6 +10,7 @@ from typing import Any
 from gapwalk.errors import ModelError
 from gapwalk.explorer.axis_quantities import contact_quantities, measure_name, quantity_words
 from gapwalk.explorer.curve_data import locus_lines
+from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.exploration import Entry, Exploration
 from gapwalk.explorer.jobs import Jobs
 from gapwalk.explorer.live_response import LiveResponses
@@ -37,16 +38,18 @@ class Session:
         The workspace.
     name
         The file to show first; empty for none.
+    engine
+        The process that computes; by default a new one.
     """
 
-    def __init__(self, root: Path, name: str = "") -> None:
+    def __init__(self, root: Path, name: str = "", engine: Engine | None = None) -> None:
         self.workspace, self.first = Workspace(root), name
         self.mark = secrets.token_hex(4)  # by which pages notice that the server was restarted
         self._guard, self._opening = threading.Lock(), threading.Lock()
         self._explorations: dict[str, Exploration] = {}
         self.flows = Flows()
         self.events = Events(self.progress)
-        self.jobs = Jobs(self.events.changed)
+        self.jobs = Jobs(self.events.changed, engine)
         self.live = LiveResponses()
 
     def exploration(self, name: str) -> Exploration:

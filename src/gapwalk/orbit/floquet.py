@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from gapwalk.errors import NumericalError
+from gapwalk.linear_algebra import eig, lapack
 
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
@@ -96,7 +95,7 @@ def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -
         if k + 1 < count:
             a[k * size : (k + 1) * size, (k + 1) * size : (k + 2) * size] = -np.eye(size)
     b[(count - 1) * size :, :size] = np.eye(size)
-    alpha, beta = scipy.linalg.eig(a, b, right=False, homogeneous_eigvals=True)
+    alpha, beta = eig(a, b, right=False, homogeneous_eigvals=True)
     finite = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta)))[:size]
     return (alpha[finite] / beta[finite]).astype(complex)
 

@@ -31,7 +31,6 @@ from gapwalk.studies.read_result import (
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.study_kind import Work
-from gapwalk.studies.verify import with_checks, with_verification
 
 Report = Callable[..., object]
 """Called with each part when it is done and is in the file; with what, says `gapwalk.studies.study_kind.Found`."""
@@ -241,4 +240,6 @@ def run(
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, load_result(output).study)
     result = run_study(study, output, resume=resume, force=force, report=report)
+    from gapwalk.studies.verify import with_checks, with_verification  # only now: it loads all that can be verified
+
     return with_verification(with_checks(result, output), study.options, output)

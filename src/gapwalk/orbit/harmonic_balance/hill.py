@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
+from gapwalk.linear_algebra import expm
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
 
@@ -49,7 +49,7 @@ def projected_monodromy(
     matrix = blocks.transpose(0, 2, 1, 3).reshape(len(k) * size, len(k) * size)
     rates = 2j * np.pi / length * (k - count)
     matrix[np.diag_indices(len(matrix))] += np.repeat(rates, size)
-    spread = scipy.linalg.expm(matrix * length)
+    spread = expm(matrix * length)
     middle = spread[count * size : (count + 1) * size]
     return middle.reshape(size, len(k), size).sum(axis=1).real
 

@@ -2,7 +2,7 @@
 
 At every point harmonic balance computes with a few hundred numbers: the overhead of NumPy calls would cost many times
 as much as the arithmetic. Machine code is stored next to the file of each kernel, or in numba's folder of the user, so
-that a process loads it in a fraction of a second; only the first one compiles it, in about 20 seconds.
+that a process loads it in a fraction of a second; only the first one compiles it, in about 15 seconds.
 
 Three rules. Kernels are in one file with the parts that they call: numba compiles again when the file of a kernel
 changes, but does not look at other files. They are written in numbers, not in whole arrays: each expression of arrays
