@@ -193,7 +193,7 @@ class BranchTracer(Iterator[Step]):
 
     def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
         """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
-        if len(point.orbit.stuck) > len(first.orbit.stuck):
+        if point.orbit.slips:
             point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
         return point
 

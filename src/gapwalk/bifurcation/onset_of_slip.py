@@ -157,7 +157,7 @@ class Rest(NamedTuple):
     thetas
         For each direction, the angle at which the force reaches its bound.
     shift : shape (N + 1,)
-        Change of the scaled variables by which friction gets to the position that it has there.
+        Change of the scaled variables of the point at which friction sticks, to the position that it has there.
     spread
         Arclength to which the place is known.
     """
@@ -192,7 +192,7 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
     """
     search = _RestSearch(corrector, stuck, far, contact)
     here, matrix = search.at(np.zeros(2)), search.slopes()
-    reserves = here.reserves
+    reserves, step, left = here.reserves, np.zeros(2), math.inf
     for _ in range(_APPROACHES):
         step = np.linalg.solve(matrix, -reserves) if abs(np.linalg.det(matrix)) > 0.0 else np.full(2, np.nan)
         if not np.all(np.isfinite(step)) or not -_AT_REST <= here.place[0] + step[0] <= 1.5 * search.length:
@@ -201,7 +201,7 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
         if left < _REACHED:
             break
         ahead = search.near(here.place + share * step)
-        for _ in range(_HALVINGS):
+        for _ in range(_HALVINGS if left > _CLOSE else 0):
             if ahead is not None:
                 break
             share *= 0.5
@@ -213,7 +213,7 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
         here, reserves = ahead, ahead.reserves
     if left > _AT_REST:
         raise LookupError
-    return Rest(here.point, here.thetas, (here.place[1] + step[1]) * search.way, left)
+    return Rest(here.point, here.thetas, search.shift_to(here.point), left)
 
 
 class _Tried(NamedTuple):
@@ -234,7 +234,7 @@ class _RestSearch:
         self._corrector, self._stuck, self._contact = corrector, stuck, contact
         self._along = math.copysign(1.0, far.arclength - stuck.arclength) * stuck.tangent
         self.length = abs(far.arclength - stuck.arclength)
-        self.way = _way_of(corrector, stuck, contact)
+        self._kept, self._way = _position_of(stuck, contact)
         own = [each for each in stuck.orbit.margins if (each.contact, each.what) == (contact, "reserve")]
         least = [min((each for each in own if each.side == side), key=lambda each: each.value) for side in (1, -1)]
         self._thetas = {each.side: each.theta for each in least}
@@ -250,7 +250,7 @@ class _RestSearch:
         """Return the orbit at a place; raise a LookupError if friction slips there."""
         point = self._stuck
         if place.any():
-            guess = point.x + place[0] * self._along + place[1] * self.way
+            guess = point.x + place[0] * self._along + place[1] * self._way
             correction = self._corrector.correct(guess, point.tangent)
             if correction is None:
                 raise LookupError
@@ -265,6 +265,10 @@ class _RestSearch:
         self._thetas = {side: theta for side, (theta, _) in found.items()}
         return _Tried(place, point, np.array([found[side][1] for side in (1, -1)]), dict(self._thetas))
 
+    def shift_to(self, point: BranchPoint) -> NDArray[np.float64]:
+        """Return the change of the variables of the stuck point to the position that friction has at another one."""
+        return float(self._kept @ (point.x - self._stuck.x)) * self._way
+
     def slopes(self) -> NDArray[np.float64]:
         """Return the derivatives of both reserves by distance and position at the stuck point."""
         here = self.at(np.zeros(2))
@@ -276,17 +280,19 @@ class _RestSearch:
         return np.column_stack((along, (shifted.reserves - here.reserves) / shifted.place[1]))
 
 
-def _way_of(corrector: Corrector, stuck: BranchPoint, contact: int) -> NDArray[np.float64]:
-    """Return the change of the scaled variables by a change of the position that friction keeps."""
+def _position_of(stuck: BranchPoint, contact: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the derivative by the scaled variables of the position that friction keeps, and a change of it by 1."""
     system = stuck.orbit.system
     structure, n = system.structure, system.size
-    way = np.zeros(len(stuck.x))
-    if contact in structure.memories:
-        way[2 * n + structure.memories.index(contact)] = -1.0
+    kept, way = np.zeros((2, len(stuck.x)))
+    vector = coefficients_of(system)[layout_of(structure).contacts[contact].deflection]
+    kept[:n] = vector
+    if contact in structure.memories:  # positions and extensions have one scale
+        place = 2 * n + structure.memories.index(contact)
+        kept[place] = way[place] = -1.0
     else:
-        vector = coefficients_of(system)[layout_of(structure).contacts[contact].deflection]
         way[:n] = vector / float(vector @ vector)
-    return way
+    return kept, way
 
 
 def come_to_rest(corrector: Corrector, first: BranchPoint, point: BranchPoint) -> BranchPoint:
