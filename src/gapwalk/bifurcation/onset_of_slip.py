@@ -236,6 +236,8 @@ class _RestSearch:
         self.length = abs(far.arclength - stuck.arclength)
         self._kept, self._way = _position_of(stuck, contact)
         own = [each for each in stuck.orbit.margins if (each.contact, each.what) == (contact, "reserve")]
+        if {each.side for each in own} != {1, -1}:
+            raise LookupError
         least = [min((each for each in own if each.side == side), key=lambda each: each.value) for side in (1, -1)]
         self._thetas = {each.side: each.theta for each in least}
 
