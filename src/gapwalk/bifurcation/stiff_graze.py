@@ -105,7 +105,7 @@ def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation]
     However soft, such an impact has an effect, so a walk comes to within rounding of the graze, where Newton's method
     jumps over it in any case.
     """
-    if not jumping_contacts(point.orbit.system.structure):
+    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
         return None
     for aside in _MISSING:
         correction = corrector.correct(point.x + aside * point.tangent, point.tangent)
