@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import fsolve
+from scipy.optimize import brentq, fsolve
 
 import gapwalk as gw
 from gapwalk.bifurcation.friction_changes import changes_between
@@ -271,3 +271,65 @@ def test_slip_that_ends_in_both_directions_at_once_ends_where_the_stroke_is_that
     free = 2.0 * system["jenkins2.limit"] / system["jenkins2.stiffness"]
     assert stroke == pytest.approx(free, rel=1e-5)
     assert max(each.value for each in found) - min(each.value for each in found) < 1e-4
+
+
+def test_rigid_friction_begins_and_ceases_to_slip_where_the_reaction_in_stick_has_the_limit() -> None:
+    """A mass on a spring at one that friction holds: its spring and its damper pull with the limit on both sides."""
+    limit, spring, damping = 0.3, 2.0, 0.1
+    system = gw.System(
+        ("x", "y"),
+        [[1.0 + spring, -spring], [-spring, spring]],
+        damping=[[damping, -damping], [-damping, damping]],
+        contacts=[friction("pad", {"x": 1.0}, limit)],
+        harmonics=[gw.Harmonic(0.1, {"y": 1.0})],
+        frequency=1.25,
+    )
+
+    def pull(frequency: float) -> float:
+        wave = spring + 1j * damping * frequency
+        return abs(0.1 * wave / (wave - frequency**2)) - limit
+
+    exact = brentq(pull, 1.0, 1.25, xtol=1e-14)
+    there = gw.follow(gw.find_orbit(system), "frequency", 1.0, walk=LONG)
+    back = gw.follow(there.points[-1].orbit, "frequency", 1.25, walk=LONG)
+    assert there.points[-1].orbit.stuck == (0,)
+    assert abs(there.points[-1].orbit.state[0]) < 1e-8  # where its forces in both directions are the same
+    for branch in (there, back):
+        found = sliding(branch)
+        assert branch.ends[-1].reason is EndReason.RANGE
+        assert sorted((each.kind, each.contact) for each in found) == [(Kind.SLIP_ONSET, f"pad {way}") for way in "+-"]
+        for each in found:
+            assert abs(each.value - exact) <= each.uncertainty < 1e-7  # positions that are kept are on a grid
+
+
+def test_on_the_way_back_slip_ends_where_it_began_in_the_second_direction() -> None:
+    """It ends in both at once, and the position at which it does is kept from there on: nothing is found beyond."""
+    load, size = 0.1, abs(K + SPRING - W**2 + 1j * C * W)
+    there = gw.follow(
+        gw.find_orbit(oscillator(amplitude=0.4, mean=load, stiffness=SPRING)), "harmonic1.amplitude", 0.6, walk=LONG
+    )
+    back = gw.follow(there.points[-1].orbit, "harmonic1.amplitude", 0.4, walk=LONG)
+    found = sliding(back)
+    assert [each.contact[-1] for each in sorted(found, key=lambda each: each.contact)] == ["+", "-"]
+    for each in (*found, sliding(there)[-1]):
+        assert abs(each.value - LIMIT / SPRING * size) <= each.uncertainty < 1e-7
+    x, _, extension = back.points[-1].orbit.state
+    assert x - extension == pytest.approx(load / K, abs=1e-8)  # where its mean force is zero
+    assert not back.unexplained
+    assert gw.verify(back).breaches == ()
+
+
+def test_friction_whose_normal_force_vanishes_may_slip_in_one_direction_only() -> None:
+    """It is let go of where the contact that presses opens, so it need not slip back to end where it began."""
+    system = random_system(38)
+    assert system.structure.contacts[1].law.host == "normal0"
+    start = gw.find_orbit(system.at(frequency=0.945))
+    there = gw.follow(start, "frequency", 0.955, walk=LONG)
+    back = gw.follow(there.points[-1].orbit, "frequency", 0.945, walk=LONG)
+    assert [text_of(point.orbit.friction[1]) for point in (there.points[0], there.points[-1])] == ["-0+0", "+0"]
+    assert 1 not in there.points[-1].orbit.stuck
+    (one,), (other,) = sliding(there), sliding(back)
+    assert one.kind is other.kind is Kind.ADDING_SLIDING
+    assert one.contact == other.contact == "normal0dry -"
+    assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < 1e-8
+    assert gw.verify(there).breaches == ()

@@ -17,6 +17,7 @@ from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_dop853 import DryRound, _Motion, carry
 from gapwalk.verification.dry_equations import Key
 from gapwalk.verification.guard_samples import brackets
+from tests.dry.trials.random_systems import random_system
 
 PASSES = ("contact", 0)
 LOAD = [gw.loads.Harmonic(1.0, {"x": 1.0})]
@@ -215,6 +216,40 @@ def test_a_phase_that_is_too_short_to_be_found_again_counts_by_its_depth() -> No
         pause.append(last._replace(theta=pause[0].theta + length))
         more = replace(orbit, events=(), slips=(*orbit.slips, *pause))
         assert mismatch(more, changes) == pytest.approx(length**2)
+
+
+def test_a_phase_that_only_the_other_motion_has_counts_by_the_guard_at_which_it_begins() -> None:
+    """Where a force touches its bound: the slip rate afterwards is steep, but the force exceeds it by little."""
+    orbit, _ = found("stick")
+    changes = [Change("slip", each.contact, each.slip, each.theta, 1.0) for each in orbit.slips]
+    last, length = changes[-1], 1e-4
+    mode = -1 if last.mode >= 0 else 0
+    begins = last._replace(theta=last.theta + 0.01, mode=mode, slope=-1e-5)
+    ends = last._replace(theta=begins.theta + length, slope=-0.5)
+    stored = replace(orbit, events=())
+    assert mismatch(stored, [*changes, begins, ends]) == pytest.approx(length * 1e-5)
+    # where the stored motion changes too, the steepest slope counts
+    late = orbit.slips[-1]._replace(theta=ends.theta + length, slip=mode)
+    back = late._replace(theta=late.theta + 1e-9, slip=last.mode)
+    more = replace(stored, slips=(*orbit.slips, late, back))
+    assert mismatch(more, [*changes, begins._replace(theta=late.theta - length)]) > 0.01 * length
+
+
+def test_a_pause_of_slip_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the contact that presses opens next to a reversal, steps would stay those of a pause."""
+    system = random_system(38)
+    branch = gw.follow(gw.find_orbit(system.at(frequency=0.83)), "frequency", 0.825)
+    (special,) = branch.special("adding-sliding")
+    taken, advance = list[float](), _Motion._advance
+
+    def counted(self: _Motion, stop: float):
+        taken.append(self.theta)
+        return (yield from advance(self, stop))
+
+    monkeypatch.setattr(_Motion, "_advance", counted)
+    (around,) = carry([special.orbit])
+    assert around.closure < Check.CLOSURE.bound
+    assert len(taken) < 200  # 5,348 with pauses that do not end
 
 
 def test_a_stop_on_which_a_step_has_ended_is_struck() -> None:

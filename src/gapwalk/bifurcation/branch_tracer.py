@@ -19,9 +19,10 @@ from gapwalk.bifurcation.branch_start import (
 )
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
-from gapwalk.bifurcation.friction_changes import changes_between, directions_left
+from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
+from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -173,6 +174,7 @@ class BranchTracer(Iterator[Step]):
             if inaccuracy:
                 self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
+            point = self._at_rest(first, point)
             try:
                 if has_merged(point):
                     raise NumericalError("the step went onto a branch of motions of a shorter period")
@@ -188,6 +190,12 @@ class BranchTracer(Iterator[Step]):
                 self.walk.go_back(state.walk, point)
                 continue
             return self._until_parent(first, step)
+
+    def _at_rest(self, first: BranchPoint, point: BranchPoint) -> BranchPoint:
+        """Return a point with its friction at the position at which its slip ended, if it did in the step to it."""
+        if point.orbit.slips:
+            point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
+        return point
 
     def _refine(self, count: int) -> bool:
         """Continue with a finer resolution if the walk ended for lack of it; return whether that was possible."""

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
+from gapwalk.bifurcation.onset_of_slip import Located, locate_onsets, never_slips
 from gapwalk.bifurcation.step_interval import StepInterval
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
@@ -32,10 +32,6 @@ from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which a step is not divided any more
 _MOST = 4  # number of phases that may vanish at once, as in symmetric motions
-_FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
-_SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
-_REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
-_APPROACHES = 60
 _RESERVE = 1e-8  # share of its bound by which a force must fall short of it not to have reached it
 _BESIDE = 1e-5  # arclength at which the sequence is examined on both sides of a change
 _NARROW = 1e-4  # arclength of a step below which it is not
@@ -109,28 +105,6 @@ def _removed(contact: int, phases: list[FrictionPhase], text: str, most: int) ->
     return None
 
 
-class Located(NamedTuple):
-    """A located change.
-
-    Attributes
-    ----------
-    point
-        The point of the branch.
-    change
-        The change.
-    spread
-        Arclength of its bracket.
-    before
-        If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
-        where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
-    """
-
-    point: BranchPoint
-    change: Change
-    spread: float
-    before: BranchPoint | None = None
-
-
 def find_changes(
     interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
 ) -> list[Located]:
@@ -147,10 +121,11 @@ def find_changes(
     if changes == [] and not (length > interval.finest and _may_change(before, first, last)):
         return []
     if changes:
-        found = [_locate(interval, first, last, change) for change in changes]
-        located = [each for each in found if each is not None]
-        onsets = [change.alone for change in changes]
-        if len(located) == len(found) or (all(onsets) and located):  # the force may be at its other bound already
+        onsets = [change for change in changes if change.alone]
+        found = [_locate(interval, first, last, change) for change in changes if not change.alone]
+        located = [*locate_onsets(interval, first, last, onsets), *(each for each in found if each is not None)]
+        # the force may be at its other bound already
+        if len(located) == len(changes) or (len(onsets) == len(changes) and located):
             return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
         return [Located(last, change, length, first) for change in changes or []]
@@ -219,12 +194,6 @@ def _refined(
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:
     """Locate the zero of the margin of one change; None if its margin cannot be tracked over the step."""
-    if change.alone:
-        stuck, far = (first, last) if never_slips(first.orbit, change.contact) else (last, first)
-        try:
-            return _locate_onset(interval, stuck, far, change)
-        except LookupError:
-            return None
     known: Located | None = interval.located.get(change)
     if known is not None and first.arclength < known.point.arclength < last.arclength:
         return known  # found before the step was divided
@@ -261,69 +230,6 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, chang
     point.memo[found] = tracked[root][1]
     interval.located[change] = Located(point, found, 1e-12)
     return interval.located[change]
-
-
-def never_slips(orbit: Orbit, contact: int) -> bool:
-    """Return True if friction sticks in all of an orbit."""
-    return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
-
-
-def directions_left(first: Orbit, last: Orbit, contact: int) -> set[int]:
-    """Return the directions in which friction slips in the first of two orbits, if it never slips in the last one.
-
-    It ceases to slip in all of them at once, with its force at both bounds: only then is there a position to keep.
-    """
-    if never_slips(first, contact) or not never_slips(last, contact):
-        return set()
-    return {phase.mode for phase in first.friction.get(contact, [])} - {0}
-
-
-def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, change: Change) -> Located:
-    """Locate the onset of slip from the side on which friction never slips.
-
-    The orbits there are some of a continuum, and those at the position that the friction keeps lie along the tangent.
-    On the other side the position is another one.
-
-    Raises
-    ------
-    LookupError
-        If there is none before the far point, or the orbits end before it.
-    """
-    corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
-    length, theta = abs(far.arclength - stuck.arclength), change.theta
-
-    def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
-        # from the last point: a guess from farther away may slip, and then leads to another position
-        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
-        if correction is None:
-            return None
-        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
-        # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
-        reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
-        return point if never_slips(point.orbit, change.contact) and not reaches else None
-
-    distance, point, step = 0.0, stuck, _FIRST * length
-    theta, value = margin(point.orbit, change, theta)
-    for _ in range(_APPROACHES):
-        nearer = ahead(point, step)
-        if nearer is None:
-            step *= 0.5
-            continue
-        before, (theta, value) = value, margin(nearer.orbit, change, theta)
-        distance, point = distance + step, nearer
-        if not 0.0 < value < before:
-            if value <= 0.0:
-                break
-            raise LookupError
-        left = step * value / (before - value)
-        if distance + left > 2.0 * length:
-            raise LookupError
-        if left < _REACHED:
-            return Located(point, change._replace(theta=theta), left)
-        step = _SHARE * left
-    if step > _CLOSE:
-        raise LookupError
-    return Located(point, change._replace(theta=theta), step)
 
 
 def _has(orbit: Orbit, change: Change) -> bool:

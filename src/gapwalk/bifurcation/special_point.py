@@ -10,6 +10,8 @@ import numpy as np
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.length_unit import magnitude
+from gapwalk.model.laws.friction import Coulomb
+from gapwalk.model.structure import Structure
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
@@ -130,9 +132,16 @@ class SpecialPoint(Shown):
 
     @property
     def is_corner(self) -> bool:
-        """True if multipliers jump here: where slip and stick change their sequence, or a rigid stop grazes."""
-        rigid = {contact.name for contact in self.orbit.system.structure.contacts if contact.law.rebounds}
-        return self.kind.is_corner or (self.kind is Kind.GRAZING and self.contact[:-2] in rigid)
+        """True if multipliers jump here: where slip and stick change their sequence, or a contact grazes that jumps.
+
+        That is a rigid stop, or a stage with friction: a touch, however short, reverses the force of friction that it
+        adds, and changes of the motion grow as the inverse of its speed.
+        """
+        if self.kind is not Kind.GRAZING:
+            return self.kind.is_corner
+        contacts, jumping = self.orbit.system.structure.contacts, jumping_contacts(self.orbit.system.structure)
+        stages = [(contacts[each].name, stage.name) for each in jumping for stage in contacts[each].stages]
+        return self.contact.rsplit(" ", 1)[0] in [f"{name}.{stage}" if stage else name for name, stage in stages]
 
     @property
     def nature_words(self) -> str:
@@ -210,3 +219,12 @@ class SpecialPoint(Shown):
     def __repr__(self) -> str:
         place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
+
+
+def jumping_contacts(structure: Structure) -> set[int]:
+    """Return the numbers of the contacts whose touch, however soft, has an effect that grows as the root of its depth.
+
+    These are rigid stops, and contacts whose stages add friction that sticks rigidly: its force is there at once.
+    """
+    hosts = {each.law.host for each in structure.contacts if isinstance(each.law, Coulomb) and each.law.by == "stages"}
+    return {place for place, each in enumerate(structure.contacts) if each.law.rebounds or each.name in hosts}

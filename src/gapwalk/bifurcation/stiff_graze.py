@@ -21,7 +21,7 @@ import numpy as np
 
 from gapwalk.bifurcation.error_estimate import ROUNDING
 from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, jumping_contacts
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector, length_of
@@ -89,7 +89,7 @@ def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
 
     A walk approaches the graze by the velocity of the impact, to a depth that is rounding and cannot be prescribed.
     """
-    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
+    if not jumping_contacts(point.orbit.system.structure):
         return
     for aside in _BEHIND:
         correction = corrector.correct(point.x - aside * point.tangent, point.tangent)
@@ -132,8 +132,7 @@ class _Corner:
             raise ConvergenceError("no deflection has an extremum near a breakpoint")
         first = found[0]
         self._unit = float(corrector.scales[0])
-        contacts, breakpoints = point.orbit.system.structure.contacts, point.orbit.system.breakpoints
-        rigid = contacts[breakpoints[first.switch][0]].law.rebounds
+        rigid = point.orbit.system.breakpoints[first.switch][0] in jumping_contacts(point.orbit.system.structure)
         self._least = _SOFTEST if rigid else _LEAST
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._simultaneous = [  # contacts that begin simultaneously, in a symmetric motion
@@ -173,6 +172,8 @@ class _Corner:
             label += self._growth(label)
         if length_of(self._at(label).x - point.x) < _LITTLE:
             raise ConvergenceError("the graze is passed, but the walk does not advance")
+        if begin < 0.0 and not any(self._first.orbit.closing_changes(self._at(label).orbit)):
+            raise ConvergenceError("the graze is reached, but no orbit beyond it is found: the motion may jump there")
         special = list(self._special(begin, label))
         if point is not self._first:  # what lies between the two has been found before
             special = [each for each in special if each.point.arclength > point.arclength]

@@ -269,15 +269,17 @@ class Orbit(Shown):
         """Phases of slip and stick in one full period of each contact that is dry friction, by its number.
 
         If the log has slip in one direction only, on a base at rest, its length is rounding: otherwise friction would
-        end elsewhere than it began. Such friction sticks, and its force just reaches its bound.
+        end elsewhere than it began. Such friction sticks, and its force just reaches its bound. Friction whose host
+        opens or closes meanwhile is let go of there, and may end where it began without slip in the other direction.
         """
-        full, found = PERIOD * self.period, {}
-        layout, coefficients = layout_of(self.system.structure), coefficients_of(self.system)
+        full, found, structure = PERIOD * self.period, {}, self.system.structure
+        layout, coefficients = layout_of(structure), coefficients_of(self.system)
+        moved = {structure.breakpoints[event.switch].contact for event in self.events}
         for contact in sorted({event.contact for event in self.slips}):
             phases = friction_phases(self.slips, contact, full)
             ways, speed = {phase.mode for phase in phases}, layout.contacts[contact].numbers.get("speed")
-            at_rest = speed is None or not coefficients[speed]
-            reaches = at_rest and 0 in ways and len(ways) == 2
+            is_kept = structure.host(contact) not in moved and (speed is None or not coefficients[speed])
+            reaches = is_kept and 0 in ways and len(ways) == 2
             found[contact] = [FrictionPhase(0, 0.0, full)] if reaches else phases
         return found
 

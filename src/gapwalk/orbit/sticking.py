@@ -32,6 +32,7 @@ _KEPT = 1e-6  # change over one period, as a share, of what is kept but for roun
 _BITS = 30  # of the grid of positions that are kept: 1e-9 of a length of the system
 _MOMENT = 1e-5  # radians of a phase at the start of an arc that an error of the state makes
 _ROUNDING = 1e-12  # multipliers of motions with friction that are 0 but for rounding, over the largest
+_DECAYED = 1e-2  # multipliers beyond which none counts as 0: beside a graze the largest may be 1e12
 
 
 def collapses(system: System) -> bool:
@@ -168,7 +169,7 @@ class Closure(NamedTuple):
         stuck = stuck_in(layout, coefficients(), arcs) if never_slipping(arcs) else ()
         free = released(layout, coefficients(), arcs, start) if stuck else arcs
         found = multipliers([transition_of(arc) for arc in free])  # the largest first
-        found[np.abs(found) <= _ROUNDING * max(1.0, abs(found[0]))] = 0.0
+        found[np.abs(found) <= min(_ROUNDING * max(1.0, abs(found[0])), _DECAYED)] = 0.0
         if stuck:
             values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
             found = np.array(sorted(values, key=abs, reverse=True))

@@ -53,21 +53,24 @@ def _of_modes(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> f
     """Return the longest angle over which modes differ, times the steepest slope of a guard at its ends.
 
     Where only the stored motion has a phase, its guard is zero at both ends: its slope is of the order of that angle.
+    Where only the other one has it, the stored motion is on the wrong side of the guard at which it begins. The guard
+    at which it ends belongs to the phase: a force that just exceeds its bound may be followed by a steep slip rate.
     """
     if not theirs or not ours:
         return math.inf
     every = [(each.theta, 0, each) for each in theirs] + [(each.theta, 1, each) for each in ours]
     every.sort(key=lambda each: each[:2])  # events of one motion at the same angle stay in their order
-    modes, worst, since, slope = [theirs[0].mode, ours[0].mode], 0.0, None, 0.0
-    for theta, side, each in every:
+    modes, worst, within = [theirs[0].mode, ours[0].mode], 0.0, list[tuple[float, int, Change]]()
+    for event in every:
+        theta, side, each = event
         modes[side] = each.mode
-        if since is not None and side:
-            slope = max(slope, abs(each.slope))
-        if modes[0] != modes[1] and since is None:
-            since, slope = theta, abs(each.slope) if side else 0.0
-        elif modes[0] == modes[1] and since is not None:
-            worst, since = max(worst, (theta - since) * (slope or theta - since)), None
-    return worst if since is None else max(worst, end - since)
+        within = [*within, event] if within or modes[0] != modes[1] else []
+        if within and modes[0] == modes[1]:
+            slopes = [abs(other.slope) for _, side, other in within if side]
+            slope = slopes[0] if len(slopes) == len(within) else max(slopes, default=0.0)
+            length = theta - within[0][0]
+            worst, within = max(worst, length * (slope or length)), []
+    return max(worst, end - within[0][0]) if within else worst
 
 
 def _of_impacts(theirs: Sequence[Change], ours: Sequence[Change], end: float) -> float:

@@ -63,10 +63,13 @@ class DryRound(Round):
         Derivative of the final state by the initial one.
     changes
         The modes at the start, then the events that were found.
+    growth
+        Largest factor by which a small change of the initial state has grown at an event; at least 1.
     """
 
     transition: Array | None = None
     changes: tuple[Change, ...] = ()
+    growth: float = 1.0
 
 
 def carry(
@@ -113,6 +116,7 @@ def _round(orbit: Orbit, motion: _Motion | None) -> DryRound:
         least=motion.length,
         transition=transition,
         changes=changes,
+        growth=motion.growth,
     )
 
 
@@ -121,7 +125,7 @@ class _Motion(DryInstant, Follower):
 
     def __init__(self, orbit: Orbit, exact: float = EXACT) -> None:
         super().__init__(orbit)
-        self._exact = exact
+        self._exact, self.growth = exact, 1.0
         equations, n = self.equations, self.equations.size
         self.error, self._step, self._steps, self._to = 0.0, 1e-3, _STEPS * orbit.period, _PERIOD * orbit.period
         self.largest, self.smallest = np.real(orbit.state[:n]).copy(), np.real(orbit.state[:n]).copy()
@@ -323,6 +327,8 @@ class _Motion(DryInstant, Follower):
 
     def _pass(self, key: Key) -> Finding[None]:
         """Pass an event with all neighbours, each at its own time."""
+        moved = (np.imag(self.states[1:]) / SMALL).T
+        self.growth = max(self.growth, float(np.linalg.norm(moved * self.scales / self.scales[:, None], 2)))
         before, everyone = self._rates(self.theta, self.states), np.full(len(self.states), self.theta)
         slips, closed, held = dict(self.modes.slip), self.modes.closed.copy(), set(self.modes.held)
         slope = (yield from self._guard_after(0.0, key))[1]

@@ -240,9 +240,10 @@ class DryInstant:
                 self.modes.slip[index], self._stopped[index] = 0, self.theta
 
     def _end_pauses(self) -> None:
-        """End the pauses of elements whose slip rate has its direction again."""
+        """End the pauses of elements whose slip rate has its direction again, or whose slip has ended otherwise."""
         for index in [*self.modes.pausing]:
-            if self.modes.slip[index] * self._slip_rate(index) > FIRES * self.speed:
+            slip = self.modes.slip[index]
+            if not slip or slip * self._slip_rate(index) > FIRES * self.speed:
                 self.modes.pausing.discard(index)
 
     def _rates(self, angle: float, states: Values) -> Values:

@@ -88,7 +88,9 @@ def _verify_orbit(
     size = around.size
     # its stages change at a point one Newton step away, which matters more if a motion is small for its branch
     slack = max(rough, track.aside(point) / size / Check.STAGES.bound)
-    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / slack)
+    # such a step may have grown more until an event than until the end of the period
+    growth = max(reshot.growth, around.growth) if isinstance(around, DryRound) else reshot.growth
+    ledger.enter(Check.STAGES, spot, around.astray / growth / slack)
     extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
     if not collapses(orbit.system):  # a volume that vanishes has no logarithm

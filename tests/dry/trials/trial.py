@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, TypeVar
 from unittest.mock import patch
 
@@ -32,6 +33,7 @@ _LYAPUNOV = LyapunovOptions(max_periods=256)
 _EXPONENTS = LyapunovOptions(max_periods=1024)  # along orbits, where slow decay takes long to show
 _STEPS, _POINTS = 5, 20  # of the sweep
 _FOUND = 1e-7  # relative difference of two special points that are one
+_MOVED = 1e-6  # difference of two positions of friction that are not one, as a share of the motion
 _SHARE = 0.5  # of the time that is left, for one step
 Result = TypeVar("Result")
 
@@ -225,9 +227,48 @@ def _differences(there: gw.Branch, back: gw.Branch) -> list[str]:
         near = [each for each in left if labels[1][each] == label and abs(places[1][each] - value) < _FOUND * value]
         if near:
             left.remove(min(near, key=lambda each: abs(places[1][each] - value)))
-        else:
+        elif not _is_left_elsewhere(special, back):
             faults.append(f"back: {special!r} is not found on the way back")
-    return faults + [f"back: {back.special_points[each]!r} is found on the way back only" for each in left]
+    alone = [back.special_points[each] for each in left]
+    return faults + [
+        f"back: {special!r} is found on the way back only"
+        for special in alone
+        if not _is_left_elsewhere(special, there)
+    ]
+
+
+def _is_left_elsewhere(special: gw.SpecialPoint, other: gw.Branch) -> bool:
+    """Return True if an onset of slip concerns a position of friction at which another walk does not have it.
+
+    Friction that never slips keeps the position at which it was left, which depends on the way of a walk. So does the
+    place at which its force reaches the first of its two bounds. In the other walk it then sticks with a reserve at
+    another position, or its force is at this bound already, at an edge of the continuum.
+    """
+    if special.kind is not Kind.SLIP_ONSET:
+        return False
+    name, sign = special.contact.rsplit(" ", 1)
+    structure = special.orbit.system.structure
+    contact = [each.name for each in structure.contacts].index(name)
+    length = float(np.abs(special.orbit.extremes[:, :2]).max())
+
+    def position(orbit: gw.Orbit) -> float:
+        system, n = orbit.system, orbit.system.size
+        kept = float(system.vector(structure.contacts[contact].vectors[0]) @ orbit.state[:n])
+        memories = structure.memories
+        return kept - float(orbit.state[2 * n + memories.index(contact)]) if contact in memories else kept
+
+    for pair in pairwise(other.points):
+        if not min(each.value for each in pair) <= special.value <= max(each.value for each in pair):
+            continue
+        for orbit in (each.orbit for each in pair):
+            if [phase.mode for phase in orbit.friction.get(contact, [])] != [0]:
+                continue
+            at_bound = int(f"{sign}1") in {each.slip for each in orbit.slips if each.contact == contact}
+            if at_bound or (
+                contact in orbit.stuck and abs(position(orbit) - position(special.orbit)) > _MOVED * length
+            ):
+                return True
+    return False
 
 
 def _verified(branch: gw.Branch, sampled: int) -> gw.Verification:

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
+from gapwalk.bifurcation.special_point import jumping_contacts
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
+from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.measures import Turns, apart
@@ -30,6 +33,7 @@ _NEAR = 0.02  # share of the range of all extrema within which a pair counts as 
 _LONELY = 0.05  # angle from an extremum to the nearest of the other motion beyond which it has no counterpart there
 _DRIFT = 4.0  # factor on the change of other extrema that bounds the motion of a pair since it appeared
 _TOUCH = 1e-6  # depth of a graze, relative to the depths at the ends of its bracket, that is only rounding
+_BESIDE, _TORN = 1e-6, 10.0  # arclength from a graze, and the distance in it, with which orbits are no neighbours
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
 
@@ -232,6 +236,11 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
 
     Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
+
+    Raises
+    ------
+    NumericalError
+        If the step passed over a part of the branch that turns back.
     """
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
@@ -249,7 +258,26 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
         return None
     point = interval.at(root)
+    if _is_torn(interval, richer, point, switch):
+        raise NumericalError(
+            "the orbits on both sides of a graze are no neighbours: the branch turns back between them"
+        )
     return Graze(point, switch, tracked[root][0], 1e-12)
+
+
+def _is_torn(interval: StepInterval, richer: BranchPoint, graze: BranchPoint, switch: int) -> bool:
+    """Return True if the orbits just beside a graze are far from it, on the side on which the stage is passed.
+
+    Beside a graze of a stage whose friction is there at once, changes of the motion grow without bound. The branch may
+    turn back at the graze, and once more a little beyond; a step may pass over both, with both ends stable.
+    """
+    structure = graze.orbit.system.structure
+    contact = structure.breakpoints[switch].contact
+    if structure.contacts[contact].law.rebounds or contact not in jumping_contacts(structure):
+        return False
+    ahead = 0.5 * (richer.arclength - graze.arclength)
+    ahead = math.copysign(min(_BESIDE, abs(ahead)), ahead)
+    return length_of(interval.at(graze.arclength + ahead).x - graze.x) > _TORN * abs(ahead)
 
 
 def _shortest_visit(orbit: Orbit, switch: int) -> float:

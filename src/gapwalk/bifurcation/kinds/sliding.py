@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator, location_error
 from gapwalk.bifurcation.friction_changes import (
     Change,
-    Located,
     changes_between,
-    directions_left,
     find_changes,
     located_again,
-    never_slips,
 )
+from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
 _EPS = float(np.finfo(float).eps)
-_BESIDE = 1e-6  # arclength over which rates of the margin would be dominated by rounding
+_ALONG = (1e-5, 1e-4, 1e-6)  # arclengths over which the margin of an onset of slip tells its rate
 _FARTHEST = 1e-6  # largest arclength within which two computations may place a change
 _SIGNS = {1: "+", -1: "-"}
 
@@ -221,14 +219,21 @@ class SlipOnset(Sliding):
             found = {each.change.side for each in search.memo[Sliding] if each.change.contact == contact}
             if len(directions_left(search.first.orbit, search.last.orbit, contact)) > len(found):
                 doubt = abs(search.last.value - search.first.value)
-        away = [
-            point
-            for point in search.interval.points
-            if abs(point.arclength - zero.point.arclength) > _BESIDE
-            and {*zero.point.orbit.stuck} <= {*point.orbit.stuck}
-        ]
-        near = min(away, key=lambda point: abs(point.arclength - zero.point.arclength), default=None)
+        near = _beside(search, zero.point)
         return math.inf if near is None else max(doubt, location_error(zero, second, [near]))
+
+
+def _beside(search: Search, point: BranchPoint) -> BranchPoint | None:
+    """Return a point near another one whose friction keeps the same positions; None if it slips on both sides."""
+    corrector = search.corrector
+    for distance in _ALONG:
+        for way in (-distance, distance):
+            correction = corrector.correct(point.x + way * point.tangent, point.tangent)
+            if correction is not None:
+                beside = corrector.point(correction, point.tangent, point.arclength + way)
+                if {*point.orbit.stuck} <= {*beside.orbit.stuck}:
+                    return beside
+    return None
 
 
 def describe_friction(orbit: Orbit, change: Change) -> str:

@@ -1,0 +1,327 @@
+"""Onset of slip: the place of a branch at which friction that never slips begins to, or at which its slip ends.
+
+Friction that never slips keeps its position, and the orbits are a continuum. From a position off the middle its force
+reaches the bound of one direction first. From there on the position moves so that it just reaches it, until the force
+reaches the bound of the other direction too. Beyond, friction slips both ways. That second place does not depend on
+where friction was left: position and parameter are determined by the two bounds. There slip ends on the way back, at
+that position, which friction then keeps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.friction_margins import Change, margin
+from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import ShootingEquation
+
+_FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
+_SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
+_REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
+_APPROACHES = 60
+_ASIDE = 1e-6  # change of a position that tells how the force follows it, in scaled variables
+_AT_REST = 1e-7  # arclength from the place of rest at which it is accepted: positions are kept on a grid of 1e-9
+_HALVINGS = 20  # of a step towards it that leads to slip
+
+
+class Located(NamedTuple):
+    """A located change.
+
+    Attributes
+    ----------
+    point
+        The point of the branch.
+    change
+        The change.
+    spread
+        Arclength of its bracket.
+    before
+        If it was located by halving the step, since its margin has no zero there: the point before it. The margin jumps
+        where another event comes to the instant of the change, such as the opening of a stage whose force jumps.
+    """
+
+    point: BranchPoint
+    change: Change
+    spread: float
+    before: BranchPoint | None = None
+
+
+def never_slips(orbit: Orbit, contact: int) -> bool:
+    """Return True if friction sticks in all of an orbit."""
+    return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
+
+
+def locate_onsets(
+    interval: StepInterval, first: BranchPoint, last: BranchPoint, changes: Sequence[Change]
+) -> list[Located]:
+    """Locate onsets or ends of slip between two points of a walk, as far as they are found, in no order."""
+    found = list[Located]()
+    for contact in sorted({each.contact for each in changes}):
+        stuck, far = (first, last) if never_slips(first.orbit, contact) else (last, first)
+        own = {each.side: each for each in changes if each.contact == contact}
+        alone = _one_by_one(interval, stuck, far, own.values()) if contact in stuck.orbit.stuck else []
+        if len(own) > 1:
+            try:
+                rest = find_rest(interval.corrector, stuck, far, contact)
+            except LookupError:
+                pass
+            else:
+                away = abs(rest.point.arclength - stuck.arclength)
+                earlier = [each for each in alone if abs(each.point.arclength - stuck.arclength) < away - _AT_REST]
+                alone = earlier if stuck is first else []
+                sides = sorted({*own} - {each.change.side for each in alone}, reverse=True)
+                alone += [
+                    Located(rest.point, own[side]._replace(theta=rest.thetas[side]), rest.spread) for side in sides
+                ]
+        found += alone
+    return found
+
+
+def _one_by_one(
+    interval: StepInterval, stuck: BranchPoint, far: BranchPoint, changes: Iterable[Change]
+) -> list[Located]:
+    """Locate each change from the point at which friction sticks, at the position that it has there."""
+    found = list[Located]()
+    for change in changes:
+        try:
+            found.append(_locate_onset(interval, stuck, far, change))
+        except LookupError:
+            continue
+    return found
+
+
+def _locate_onset(interval: StepInterval, stuck: BranchPoint, far: BranchPoint, change: Change) -> Located:
+    """Locate the onset of slip from the side on which friction never slips.
+
+    The orbits there are some of a continuum, and those at the position that the friction keeps lie along the tangent.
+    On the other side the position is another one.
+
+    Raises
+    ------
+    LookupError
+        If there is none before the far point, or the orbits end before it.
+    """
+    corrector, way = interval.corrector, math.copysign(1.0, far.arclength - stuck.arclength)
+    length, theta = abs(far.arclength - stuck.arclength), change.theta
+
+    def ahead(last: BranchPoint, distance: float) -> BranchPoint | None:
+        # from the last point: a guess from farther away may slip, and then leads to another position
+        correction = corrector.correct(last.x + way * distance * last.tangent, stuck.tangent)
+        if correction is None:
+            return None
+        point = corrector.point(correction, stuck.tangent, last.arclength + way * distance)
+        # at the edge of the continuum friction never slips, but its force reaches its bound: it keeps another position
+        reaches = any(event.slip for event in point.orbit.slips if event.contact == change.contact)
+        return point if never_slips(point.orbit, change.contact) and not reaches else None
+
+    distance, point, step, left = 0.0, stuck, _FIRST * length, math.inf
+    theta, value = margin(point.orbit, change, theta)
+    for _ in range(_APPROACHES):
+        nearer = ahead(point, step)
+        if nearer is None:
+            step *= 0.5
+            continue
+        before, (theta, value) = value, margin(nearer.orbit, change, theta)
+        distance, point = distance + step, nearer
+        if not 0.0 < value < before:
+            if value <= 0.0:
+                break
+            raise LookupError
+        left = step * value / (before - value)
+        if distance + left > 2.0 * length:
+            raise LookupError
+        if left < _REACHED:
+            return Located(point, change._replace(theta=theta), left)
+        step = _SHARE * left
+    if step > _CLOSE or left > _CLOSE:  # the force is at its other bound, and this reserve is not zero there
+        raise LookupError
+    return Located(point, change._replace(theta=theta), step)
+
+
+class Rest(NamedTuple):
+    """Place at which slip ends in both directions at once.
+
+    Attributes
+    ----------
+    point
+        The point there, at which friction sticks with its force at both bounds.
+    thetas
+        For each direction, the angle at which the force reaches its bound.
+    shift : shape (N + 1,)
+        Change of the scaled variables of the point at which friction sticks, to the position that it has there.
+    spread
+        Arclength to which the place is known.
+    """
+
+    point: BranchPoint
+    thetas: dict[int, float]
+    shift: NDArray[np.float64]
+    spread: float
+
+
+def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contact: int) -> Rest:
+    """Find the place between two points at which the force of friction just reaches both of its bounds.
+
+    Position and place along the branch are sought by Broyden's method for the two reserves, from the point at which
+    friction sticks. Steps go a little less than all the way, since beyond there is slip.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    stuck
+        The point at which the contact never slips.
+    far
+        The point at which it slips in both directions.
+    contact
+        Number of the contact.
+
+    Raises
+    ------
+    LookupError
+        If there is no such place between the points, or positions are no freedom of the orbits.
+    """
+    search = _RestSearch(corrector, stuck, far, contact)
+    here, matrix = search.at(np.zeros(2)), search.slopes()
+    reserves, step, left = here.reserves, np.zeros(2), math.inf
+    for _ in range(_APPROACHES):
+        step = np.linalg.solve(matrix, -reserves) if abs(np.linalg.det(matrix)) > 0.0 else np.full(2, np.nan)
+        if not np.all(np.isfinite(step)) or not -_AT_REST <= here.place[0] + step[0] <= 1.5 * search.length:
+            raise LookupError
+        left, share = abs(float(step[0])), _SHARE
+        if left < _REACHED:
+            break
+        ahead = search.near(here.place + share * step)
+        for _ in range(_HALVINGS if left > _CLOSE else 0):
+            if ahead is not None:
+                break
+            share *= 0.5
+            ahead = search.near(here.place + share * step)
+        if ahead is None or not np.abs(ahead.reserves).max() < 0.9 * np.abs(here.reserves).max():
+            break
+        moved, change = ahead.place - here.place, ahead.reserves - reserves
+        matrix = matrix + np.outer(change - matrix @ moved, moved) / float(moved @ moved)
+        here, reserves = ahead, ahead.reserves
+    if left > _AT_REST:
+        raise LookupError
+    return Rest(here.point, here.thetas, search.shift_to(here.point), left)
+
+
+class _Tried(NamedTuple):
+    """An orbit near the place of rest: distance from the stuck point and shift of the position, and the reserves."""
+
+    place: NDArray[np.float64]
+    point: BranchPoint
+    reserves: NDArray[np.float64]
+    thetas: dict[int, float]
+
+
+class _RestSearch:
+    """Orbits in which friction never slips, by their distance from one of them and by the position that it keeps."""
+
+    def __init__(self, corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contact: int) -> None:
+        if not isinstance(corrector.equation, ShootingEquation):
+            raise LookupError
+        self._corrector, self._stuck, self._contact = corrector, stuck, contact
+        self._along = math.copysign(1.0, far.arclength - stuck.arclength) * stuck.tangent
+        self.length = abs(far.arclength - stuck.arclength)
+        self._kept, self._way = _position_of(stuck, contact)
+        own = [each for each in stuck.orbit.margins if (each.contact, each.what) == (contact, "reserve")]
+        if {each.side for each in own} != {1, -1}:
+            raise LookupError
+        least = [min((each for each in own if each.side == side), key=lambda each: each.value) for side in (1, -1)]
+        self._thetas = {each.side: each.theta for each in least}
+
+    def near(self, place: NDArray[np.float64]) -> _Tried | None:
+        """Return the orbit at a place; None if friction slips there."""
+        try:
+            return self.at(place)
+        except LookupError:
+            return None
+
+    def at(self, place: NDArray[np.float64]) -> _Tried:
+        """Return the orbit at a place; raise a LookupError if friction slips there."""
+        point = self._stuck
+        if place.any():
+            guess = point.x + place[0] * self._along + place[1] * self._way
+            correction = self._corrector.correct(guess, point.tangent)
+            if correction is None:
+                raise LookupError
+            arclength = point.arclength + float(place[0]) * float(self._along @ point.tangent)
+            point = self._corrector.point(correction, point.tangent, arclength)
+            if any(each.slip for each in point.orbit.slips if each.contact == self._contact):
+                raise LookupError
+        found = {
+            side: margin(point.orbit, Change(self._contact, 0, side, 0, theta, True), theta)
+            for side, theta in self._thetas.items()
+        }
+        self._thetas = {side: theta for side, (theta, _) in found.items()}
+        return _Tried(place, point, np.array([found[side][1] for side in (1, -1)]), dict(self._thetas))
+
+    def shift_to(self, point: BranchPoint) -> NDArray[np.float64]:
+        """Return the change of the variables of the stuck point to the position that friction has at another one."""
+        return float(self._kept @ (point.x - self._stuck.x)) * self._way
+
+    def slopes(self) -> NDArray[np.float64]:
+        """Return the derivatives of both reserves by distance and position at the stuck point."""
+        here = self.at(np.zeros(2))
+        # a shift that makes the smaller reserve larger, and with it a step towards slip
+        aside = math.copysign(_ASIDE, here.reserves[1] - here.reserves[0])
+        shifted = self.near(np.array([0.0, aside])) or self.at(np.array([0.0, -aside]))
+        ahead = self.at(np.array([_FIRST * self.length, shifted.place[1]]))
+        along = (ahead.reserves - shifted.reserves) / (ahead.place[0] - shifted.place[0])
+        return np.column_stack((along, (shifted.reserves - here.reserves) / shifted.place[1]))
+
+
+def _position_of(stuck: BranchPoint, contact: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the derivative by the scaled variables of the position that friction keeps, and a change of it by 1."""
+    system = stuck.orbit.system
+    structure, n = system.structure, system.size
+    kept, way = np.zeros((2, len(stuck.x)))
+    vector = coefficients_of(system)[layout_of(structure).contacts[contact].deflection]
+    kept[:n] = vector
+    if contact in structure.memories:  # positions and extensions have one scale
+        place = 2 * n + structure.memories.index(contact)
+        kept[place] = way[place] = -1.0
+    else:
+        way[:n] = vector / float(vector @ vector)
+    return kept, way
+
+
+def come_to_rest(corrector: Corrector, first: BranchPoint, point: BranchPoint) -> BranchPoint:
+    """Return a point of a walk with its friction at the position at which its slip has ended since the point before.
+
+    The step went from slip to stick at any position near. If slip has ended in one contact, and in both directions, the
+    position follows from its bounds. Otherwise, and if it is not found, the point is returned as it is.
+    """
+    ended = [contact for contact in point.orbit.friction if len(directions_left(first.orbit, point.orbit, contact)) > 1]
+    if len(ended) != 1:
+        return point
+    try:
+        rest = find_rest(corrector, point, first, ended[0])
+    except LookupError:
+        return point
+    correction = corrector.at_value(point.x + rest.shift, point.value)
+    if correction is None:
+        return point
+    moved = corrector.point(correction, point.tangent, point.arclength)
+    return moved if never_slips(moved.orbit, ended[0]) else point
+
+
+def directions_left(first: Orbit, last: Orbit, contact: int) -> set[int]:
+    """Return the directions in which friction slips in the first of two orbits, if it never slips in the last one.
+
+    It ceases to slip in all of them at once, with its force at both bounds: only then is there a position to keep.
+    """
+    if never_slips(first, contact) or not never_slips(last, contact):
+        return set()
+    return {phase.mode for phase in first.friction.get(contact, [])} - {0}
