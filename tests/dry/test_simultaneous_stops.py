@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import gapwalk as gw
 from gapwalk.flow.flow import flow_of
@@ -122,3 +123,44 @@ def test_a_stop_that_friction_lets_go_opens_in_the_log() -> None:
     assert not opens.enters
     assert opens.theta == pytest.approx(0.927 - math.acos(2.0 / 3.0), abs=1e-12)
     assert arc.state[0] == pytest.approx(1.0 - 2.5 * (1.0 - opens.theta) + 25.0 * -math.expm1(0.1 * opens.theta - 0.1))
+
+
+def _linear(frequency: float, phase: float, theta: np.ndarray) -> np.ndarray:
+    """Return the steady motion of a free mass under 0.5 cos(theta) + cos(3 theta + phase), and twice its derivative."""
+    lines = [
+        (order, lag, 1.0 - (order * frequency) ** 2 + 0.1j * order * frequency) for order, lag in ((1, 0.0), (3, phase))
+    ]
+    lines = [
+        (order, (0.5 if order == 1 else 1.0) * np.exp(1j * (order * theta + lag)) / under)
+        for order, lag, under in lines
+    ]
+    return np.array([sum(((1j * order) ** power * wave).real for order, wave in lines) for power in range(3)])
+
+
+@pytest.mark.parametrize("phase", [0.5, 2.0, 4.0])
+def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float) -> None:
+    """The linear response touches both sides of a rigid stop at once; beyond, it strikes both of them."""
+
+    def reach(frequency: float) -> float:
+        theta = np.linspace(0.0, TURN, 400)
+        theta = theta[[np.argmax(_linear(frequency, phase, theta)[0])]]
+        for _ in range(6):
+            theta = theta - np.divide(*_linear(frequency, phase, theta)[1:])
+        return float(_linear(frequency, phase, theta)[0, 0])
+
+    graze = brentq(lambda frequency: reach(frequency) - 1.0, 1.15, 1.4, xtol=1e-14)
+    loads = [gw.Harmonic(0.5, {"x": 1.0}), gw.Harmonic(1.0, {"x": 1.0}, 3, phase)]
+    stop = Contact("stop", {"x": 1.0}, [Stage(1.0, side=Side.BOTH)], law="rigid", restitution=0.8)
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=loads, frequency=1.6)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.1, walk=gw.WalkOptions(max_points=120))
+    assert {(each.kind, each.contact) for each in branch.special_points} == {
+        ("grazing", "stop -"),
+        ("grazing", "stop +"),
+    }
+    for each in branch.special_points:
+        assert each.value == pytest.approx(graze, abs=each.uncertainty)
+        assert each.uncertainty < 1e-11
+    beyond = [point for point in branch.points if point.arclength > branch.special_points[0].point.arclength]
+    assert len(beyond) > 10
+    assert {point.orbit.closings for point in beyond} == {(1, 1)}
+    assert gw.verify(branch).ok
