@@ -13,6 +13,7 @@ import gapwalk as gw
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.verification.dry_dop853 import DryRound, carry
 from tests.dry.event_reference import Reference
 
 TURN = 2.0 * math.pi
@@ -164,3 +165,42 @@ def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float)
     assert len(beyond) > 10
     assert {point.orbit.closings for point in beyond} == {(1, 1)}
     assert gw.verify(branch).ok
+
+
+def _anvil(restitution: float, mass: float, side: float) -> gw.System:
+    """Return a mass a that is pressed on the ground, and a mass b that hits it, or the sum of both, from above."""
+    ground = Contact("ground", {"a": 1.0}, [Stage(0.1, side=Side.POSITIVE)], law="rigid", restitution=restitution)
+    hammer = Contact("hammer", {"b": 1.0, "a": side}, [Stage(0.5, side=Side.POSITIVE)], law="rigid", restitution=0.6)
+    load = gw.Harmonic(1.5, {"b": 1.0})
+    damping, masses = 0.1 * np.eye(2), np.diag([mass, 1.0])
+    contacts = [ground, hammer]
+    return gw.System(["a", "b"], np.eye(2), damping, masses, contacts, {"a": 1.0}, [load], frequency=1.1)
+
+
+@pytest.mark.parametrize(
+    ("restitution", "mass", "side", "expected"),
+    [
+        (0.0, 4.0, -1.0, (0.0, 1.0 - 1.6 * 0.8)),  # the hammer rebounds, the ground stays held
+        (0.5, 4.0, -1.0, (-0.5 * 1.6 * 0.2, 1.0 - 1.6 * 0.8)),  # the impulse goes to the ground and back
+        (0.0, 4.0, 1.0, (-1.6 * 0.2, 1.0 - 1.6 * 0.8)),  # it pulls the mass off the ground
+        (0.5, 4.0, 1.0, (-1.6 * 0.2, 1.0 - 1.6 * 0.8)),
+        (0.0, 1.0, -1.0, (0.0, 0.0)),  # b hits a again and again, each time with a fifth of its rate
+    ],
+)
+def test_an_impulse_on_a_stop_that_is_held(
+    restitution: float, mass: float, side: float, expected: tuple[float, float]
+) -> None:
+    system = _anvil(restitution, mass, side)
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    gap = 0.5 - side * 0.1
+    arc = flow.integrate(coefficients, np.array([0.1, gap - 1e-6, 0.0, 2.0]), 0.0, 2e-6)
+    assert arc.state[2:] == pytest.approx(np.array(expected) * 2.0, abs=1e-5)
+    orbit = gw.find_orbit(system)
+    (around,) = carry([orbit])
+    assert isinstance(around, DryRound)
+    assert around.transition is not None
+    assert around.closure < 1e-10
+    assert around.astray < 1e-10
+    np.testing.assert_allclose(
+        sorted(np.abs(np.linalg.eigvals(around.transition))), sorted(np.abs(orbit.multipliers)), atol=1e-8
+    )
