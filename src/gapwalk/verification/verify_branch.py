@@ -264,8 +264,10 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
+    far = _detour(a, b, ahead)
     corrector, a, b = smooth_between(track.corrector_at(a), a, b)
-    return max(_detour(a, b, ahead), _deviation(corrector, a, b, 0))
+    # lengths differ from section to section, and the step may have been taken in either
+    return max(min(far, _detour(a, b, ahead)), _deviation(corrector, a, b, 0))
 
 
 def _detour(a: BranchPoint, b: BranchPoint, ahead: float) -> float:
