@@ -271,3 +271,14 @@ def test_slip_that_ends_in_both_directions_at_once_ends_where_the_stroke_is_that
     free = 2.0 * system["jenkins2.limit"] / system["jenkins2.stiffness"]
     assert stroke == pytest.approx(free, rel=1e-5)
     assert max(each.value for each in found) - min(each.value for each in found) < 1e-4
+
+
+def test_two_directions_of_slip_that_change_at_one_corner_turn_the_branch_once() -> None:
+    system = random_system(28).at(frequency=1.8075)  # symmetric
+    orbit = gw.find_orbit(system, start=np.array([-0.29440640542486296, 0.20306479532267838, -0.01138456999848104]))
+    branch = gw.follow(orbit, "frequency", 1.82)
+    assert branch.ends[-1].reason is EndReason.TURNED_BACK
+    found = branch.special("adding-sliding")
+    assert [each.contact for each in found] == ["stages1dry -", "stages1dry +"]
+    assert [(each.before.total, each.after.total) for each in found] == [(0, 0), (0, 1)]
+    assert gw.verify(branch).breaches == ()

@@ -116,7 +116,7 @@ def test_a_walk_stopped_behind_the_jump_resumes_to_the_bit(branches: tuple[gw.Br
 
 
 def test_gaps_are_measured_in_the_section_in_which_they_were_walked() -> None:
-    """Slip ends at the start of the period. A state there and one elsewhere move by different lengths along a branch."""
+    """Slip ends at the start of the period. A state there and another one move by different lengths along a branch."""
 
     def braked(phase: float) -> gw.Orbit:
         brake, load = friction("brake", {"x": 1.0}, 0.1), Harmonic(1.0, {"x": 1.0}, 1, phase)

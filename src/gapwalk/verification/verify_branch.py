@@ -220,7 +220,7 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
         figures = []
         for pair in pairwise(knots):
             figure = _gap(track, *_one_sided(track, pair, corners))
-            if figure > 1.0 and any(knot is graze for knot in pair for graze in grazes):
+            if figure == math.inf or (figure > 1.0 and any(knot is graze for knot in pair for graze in grazes)):
                 figure = _shot_finer(track, *pair, grazes)
             figures.append(figure)
         ledger.enter(Check.GAPS, spot, max(figures))
@@ -279,10 +279,10 @@ def _detour(a: BranchPoint, b: BranchPoint, ahead: float) -> float:
 
 
 def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, grazes: Sequence[BranchPoint]) -> float:
-    """Return the figure of `_gap` for two neighbours of which one grazes a rigid stop, shot in one segment more.
+    """Return the figure of `_gap` for two neighbours of which one may graze a rigid stop, shot in one segment more.
 
-    Beside such a graze motions grow so fast that one segment does not determine them to its tolerance. The branch turns
-    at the graze, and the stored tangent may be that of its other side.
+    Beside such a graze motions grow 1e6 times and more: one segment does not determine them to its tolerance. The
+    branch turns at the graze itself, and the stored tangent may be that of its other side.
     """
     try:
         second = ErrorEstimator(track.corrector_at(a))
