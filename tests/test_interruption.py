@@ -3,6 +3,7 @@
 import pickle
 import signal
 import sys
+from typing import Any
 
 import pytest
 
@@ -41,7 +42,7 @@ def test_a_branch_that_is_interrupted_is_there_as_far_as_it_was_walked() -> None
 def test_a_branch_that_is_interrupted_in_a_step_ends_at_its_last_point(monkeypatch) -> None:
     inspect, calls = Detector.inspect, []
 
-    def interrupted(detector: Detector, *points: object) -> list[gw.SpecialPoint]:
+    def interrupted(detector: Detector, *points: Any) -> list[gw.SpecialPoint]:
         calls.append(points)
         if len(calls) == 6:
             signal.raise_signal(signal.SIGINT)
