@@ -204,3 +204,15 @@ def test_an_impulse_on_a_stop_that_is_held(
     np.testing.assert_allclose(
         sorted(np.abs(np.linalg.eigvals(around.transition))), sorted(np.abs(orbit.multipliers)), atol=1e-8
     )
+
+
+def test_a_spring_at_its_limit_goes_back_when_the_friction_that_kept_it_lets_go() -> None:
+    """All that moves is one mass: at this instant its acceleration is rounding, of either sign."""
+    contacts = [friction("brake", {"x": 1.0}, 0.5), friction("joint", {"x": 1.0}, 0.2, stiffness=2.0)]
+    load = gw.Harmonic(1.0, {"x": 1.0})
+    system = gw.System(["x"], [[0.5]], [[0.05]], contacts=contacts, harmonics=[load], frequency=0.7)
+    flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
+    for position in np.random.default_rng(165).uniform(0.7, 1.0, 12):
+        state = np.array([position, 0.0, 0.1])  # the brake sticks until the load no longer holds both springs
+        expected = reference.integrate(state, 0.0, TURN).state
+        np.testing.assert_allclose(flow.integrate(coefficients, state, 0.0, TURN).state, expected, rtol=0.0, atol=1e-10)
