@@ -169,8 +169,8 @@ class DrySwitches(LoneFriction):
     def _leading(self, contact: int, now: Readings, theta: float) -> float:
         """Return the acceleration of a deflection; where it vanishes, the one a moment later.
 
-        Where a stop or the only friction has just let go, all accelerations are rounding. Those to come tell their size,
-        and so do the velocities.
+        Where a stop or the only friction has just let go, all accelerations are rounding. Those to come tell their
+        size, and so do the velocities.
         """
         change = self.acceleration(contact, now, theta)
         vanishes = abs(change) <= NEAR * max(largest(now.accelerations), self.speed() / self.base.item(0))
