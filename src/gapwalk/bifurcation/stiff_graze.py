@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -388,18 +389,21 @@ class _Corner:
 
     def _error(self, kind: Kind, label: float) -> float:
         """Estimate the error of the parameter at a special point from its change with another discretisation."""
-        here, scale = self._at(label), float(self._corrector.scales[-1])
+        here, scale, beside = self._at(label), float(self._corrector.scales[-1]), None
         try:
             second, start = self._second
             other = self._point(second, second.hold(start, self._depth(label)))
+            with suppress(NumericalError):  # two sides of a rigid stop cannot be struck by so little
+                beside = self._at(label + _NEAR)
             held = self._held[label]
             off = abs(other.value - here.value) + held.error + self._posed_at(label).rounding(held)
-            if kind is Kind.GRAZING:  # at a rigid stop the orbit there misses it
-                off += abs(held.slope[-1] * scale * self._depth(label))
-            else:
-                beside = self._at(label + _NEAR)
-                rise = kind.at(beside) - kind.at(here)
-                off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
         except NumericalError:
             return math.inf
+        if kind is Kind.GRAZING:  # at a rigid stop the orbit there misses it
+            off += abs(held.slope[-1] * scale * self._depth(label))
+        elif beside is None:
+            return math.inf
+        else:
+            rise = kind.at(beside) - kind.at(here)
+            off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
         return float(_SAFETY * off + ROUNDING * (abs(here.value) + scale))
