@@ -3,10 +3,12 @@
 import pickle
 import signal
 import sys
+from typing import Any
 
 import pytest
 
 import gapwalk as gw
+from gapwalk.bifurcation.detector import Detector
 from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import Interrupted
@@ -35,6 +37,22 @@ def test_a_branch_that_is_interrupted_is_there_as_far_as_it_was_walked() -> None
     whole = gw.follow(start, "frequency", (0.5, 1.2)).values.tolist()  # from one end of the range to the other
     begin = whole.index(1.0)
     assert branch.values.tolist() in (whole[begin : begin + 8], whole[begin::-1][:8])
+
+
+def test_a_branch_that_is_interrupted_in_a_step_ends_at_its_last_point(monkeypatch) -> None:
+    inspect, calls = Detector.inspect, []
+
+    def interrupted(detector: Detector, *points: Any) -> list[gw.SpecialPoint]:
+        calls.append(points)
+        if len(calls) == 6:
+            signal.raise_signal(signal.SIGINT)
+        return inspect(detector, *points)
+
+    monkeypatch.setattr(Detector, "inspect", interrupted)
+    branch = until_ctrl_c(gw.follow, gw.find_orbit(clutch(frequency=1.0)), "frequency", 0.5)
+    assert len(branch.points) == 6
+    assert branch.ends[-1].reason is EndReason.STOPPED
+    assert branch.ends[-1].value == branch.points[-1].value
 
 
 def test_a_locus_that_is_interrupted_is_there_as_far_as_it_was_walked() -> None:

@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import gapwalk as gw
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.contact import Contact, Side, Stage, friction
+from gapwalk.verification.dry_dop853 import DryRound, carry
 from tests.dry.event_reference import Reference
 
 TURN = 2.0 * math.pi
@@ -122,3 +124,95 @@ def test_a_stop_that_friction_lets_go_opens_in_the_log() -> None:
     assert not opens.enters
     assert opens.theta == pytest.approx(0.927 - math.acos(2.0 / 3.0), abs=1e-12)
     assert arc.state[0] == pytest.approx(1.0 - 2.5 * (1.0 - opens.theta) + 25.0 * -math.expm1(0.1 * opens.theta - 0.1))
+
+
+def _linear(frequency: float, phase: float, theta: np.ndarray) -> np.ndarray:
+    """Return the steady motion of a free mass under 0.5 cos(theta) + cos(3 theta + phase), and twice its derivative."""
+    lines = [
+        (order, lag, 1.0 - (order * frequency) ** 2 + 0.1j * order * frequency) for order, lag in ((1, 0.0), (3, phase))
+    ]
+    lines = [
+        (order, (0.5 if order == 1 else 1.0) * np.exp(1j * (order * theta + lag)) / under)
+        for order, lag, under in lines
+    ]
+    return np.array([sum(((1j * order) ** power * wave).real for order, wave in lines) for power in range(3)])
+
+
+@pytest.mark.parametrize("phase", [0.5, 2.0, 4.0])
+def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float) -> None:
+    """The linear response touches both sides of a rigid stop at once; beyond, it strikes both of them."""
+
+    def reach(frequency: float) -> float:
+        theta = np.linspace(0.0, TURN, 400)
+        theta = theta[[np.argmax(_linear(frequency, phase, theta)[0])]]
+        for _ in range(6):
+            theta = theta - np.divide(*_linear(frequency, phase, theta)[1:])
+        return float(_linear(frequency, phase, theta)[0, 0])
+
+    graze = brentq(lambda frequency: reach(frequency) - 1.0, 1.15, 1.4, xtol=1e-14)
+    loads = [gw.Harmonic(0.5, {"x": 1.0}), gw.Harmonic(1.0, {"x": 1.0}, 3, phase)]
+    stop = Contact("stop", {"x": 1.0}, [Stage(1.0, side=Side.BOTH)], law="rigid", restitution=0.8)
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=loads, frequency=1.6)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.1, walk=gw.WalkOptions(max_points=120))
+    assert {(each.kind, each.contact) for each in branch.special_points} == {
+        ("grazing", "stop -"),
+        ("grazing", "stop +"),
+    }
+    for each in branch.special_points:
+        assert each.value == pytest.approx(graze, abs=each.uncertainty)
+        assert each.uncertainty < 1e-11
+    beyond = [point for point in branch.points if point.arclength > branch.special_points[0].point.arclength]
+    assert len(beyond) > 10
+    assert {point.orbit.closings for point in beyond} == {(1, 1)}
+    assert gw.verify(branch).ok
+
+
+def _anvil(restitution: float, mass: float, side: float) -> gw.System:
+    """Return a mass a that is pressed on the ground, and a mass b that hits it, or the sum of both, from above."""
+    ground = Contact("ground", {"a": 1.0}, [Stage(0.1, side=Side.POSITIVE)], law="rigid", restitution=restitution)
+    hammer = Contact("hammer", {"b": 1.0, "a": side}, [Stage(0.5, side=Side.POSITIVE)], law="rigid", restitution=0.6)
+    load = gw.Harmonic(1.5, {"b": 1.0})
+    damping, masses = 0.1 * np.eye(2), np.diag([mass, 1.0])
+    contacts = [ground, hammer]
+    return gw.System(["a", "b"], np.eye(2), damping, masses, contacts, {"a": 1.0}, [load], frequency=1.1)
+
+
+@pytest.mark.parametrize(
+    ("restitution", "mass", "side", "expected"),
+    [
+        (0.0, 4.0, -1.0, (0.0, 1.0 - 1.6 * 0.8)),  # the hammer rebounds, the ground stays held
+        (0.5, 4.0, -1.0, (-0.5 * 1.6 * 0.2, 1.0 - 1.6 * 0.8)),  # the impulse goes to the ground and back
+        (0.0, 4.0, 1.0, (-1.6 * 0.2, 1.0 - 1.6 * 0.8)),  # it pulls the mass off the ground
+        (0.5, 4.0, 1.0, (-1.6 * 0.2, 1.0 - 1.6 * 0.8)),
+        (0.0, 1.0, -1.0, (0.0, 0.0)),  # b hits a again and again, each time with a fifth of its rate
+    ],
+)
+def test_an_impulse_on_a_stop_that_is_held(
+    restitution: float, mass: float, side: float, expected: tuple[float, float]
+) -> None:
+    system = _anvil(restitution, mass, side)
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    gap = 0.5 - side * 0.1
+    arc = flow.integrate(coefficients, np.array([0.1, gap - 1e-6, 0.0, 2.0]), 0.0, 2e-6)
+    assert arc.state[2:] == pytest.approx(np.array(expected) * 2.0, abs=1e-5)
+    orbit = gw.find_orbit(system)
+    (around,) = carry([orbit])
+    assert isinstance(around, DryRound)
+    assert around.transition is not None
+    assert around.closure < 1e-10
+    assert around.astray < 1e-10
+    np.testing.assert_allclose(
+        sorted(np.abs(np.linalg.eigvals(around.transition))), sorted(np.abs(orbit.multipliers)), atol=1e-8
+    )
+
+
+def test_a_spring_at_its_limit_goes_back_when_the_friction_that_kept_it_lets_go() -> None:
+    """All that moves is one mass: at this instant its acceleration is rounding, of either sign."""
+    contacts = [friction("brake", {"x": 1.0}, 0.5), friction("joint", {"x": 1.0}, 0.2, stiffness=2.0)]
+    load = gw.Harmonic(1.0, {"x": 1.0})
+    system = gw.System(["x"], [[0.5]], [[0.05]], contacts=contacts, harmonics=[load], frequency=0.7)
+    flow, coefficients, reference = flow_of(system), coefficients_of(system), Reference(system)
+    for position in np.random.default_rng(165).uniform(0.7, 1.0, 12):
+        state = np.array([position, 0.0, 0.1])  # the brake sticks until the load no longer holds both springs
+        expected = reference.integrate(state, 0.0, TURN).state
+        np.testing.assert_allclose(flow.integrate(coefficients, state, 0.0, TURN).state, expected, rtol=0.0, atol=1e-10)

@@ -333,3 +333,14 @@ def test_friction_whose_normal_force_vanishes_may_slip_in_one_direction_only() -
     assert one.contact == other.contact == "normal0dry -"
     assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < 1e-8
     assert gw.verify(there).breaches == ()
+
+
+def test_two_directions_of_slip_that_change_at_one_corner_turn_the_branch_once() -> None:
+    system = random_system(28).at(frequency=1.8075)  # symmetric
+    orbit = gw.find_orbit(system, start=np.array([-0.29440640542486296, 0.20306479532267838, -0.01138456999848104]))
+    branch = gw.follow(orbit, "frequency", 1.82)
+    assert branch.ends[-1].reason is EndReason.TURNED_BACK
+    found = branch.special("adding-sliding")
+    assert [each.contact for each in found] == ["stages1dry -", "stages1dry +"]
+    assert [(each.before.total, each.after.total) for each in found] == [(0, 0), (0, 1)]
+    assert gw.verify(branch).breaches == ()

@@ -11,7 +11,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.continuation.walk import EndReason
-from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from gapwalk.verification.branch_corrector import Track
@@ -113,3 +113,20 @@ def test_a_walk_stopped_behind_the_jump_resumes_to_the_bit(branches: tuple[gw.Br
         pass
     assert [each.value for each in resumed.branch.points] == [each.value for each in whole.points]
     assert [each.value for each in resumed.branch.special_points] == [each.value for each in whole.special_points]
+
+
+def test_gaps_are_measured_in_the_section_in_which_they_were_walked() -> None:
+    """Slip ends at the start of the period. A state there and another one move by different lengths along a branch."""
+
+    def braked(phase: float) -> gw.Orbit:
+        brake, load = friction("brake", {"x": 1.0}, 0.1), Harmonic(1.0, {"x": 1.0}, 1, phase)
+        return gw.find_orbit(System(["x"], [[1.0]], [[0.1]], contacts=[brake], harmonics=[load], frequency=1.1))
+
+    end = next(each.theta for each in braked(0.0).slips if each.theta > 0.0)
+    branch = gw.follow(braked(end), "frequency", 1.43, walk=gw.WalkOptions(max_points=10))
+    corrector, first, last = smooth_between(Track("P1-1", branch).corrector_at(branch.points[0]), *branch.points[:2])
+    assert corrector.equation.begin > 0.1
+    ahead = branch.points[1].arclength
+    assert float(np.linalg.norm(branch.points[1].x - branch.points[0].x)) == pytest.approx(ahead, rel=1e-6)
+    assert abs(float(np.linalg.norm(last.x - first.x)) / ahead - 1.0) > 0.1
+    assert gw.verify(branch).worst(Check.GAPS).size < 0.1

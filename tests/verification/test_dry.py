@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.laws import Jenkins
 from gapwalk.model.laws.friction import Hysteretic
-from gapwalk.verification import Check, confirm
+from gapwalk.verification import Check, confirm, verify_orbits
 from gapwalk.verification.dry_changes import Change, mismatch
 from gapwalk.verification.dry_dop853 import DryRound, _Motion, carry
 from gapwalk.verification.dry_equations import Key
@@ -268,3 +268,15 @@ def test_an_impact_that_only_one_motion_has_counts_by_its_depth() -> None:
     assert mismatch(orbit, own) == 0.0
     for slope, expected in ((1e-6, 1e-12), (1e-3, np.inf)):
         assert mismatch(orbit, [*own, own[0]._replace(theta=own[0].theta + 1.0, slope=slope)]) == expected
+
+
+def test_orbits_that_a_rough_integration_does_not_close_are_integrated_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def rough(orbits, report=None, exact=1e-6):
+        return carry(orbits, report, exact)
+
+    monkeypatch.setattr(verify_orbits, "carry", rough)
+    orbit = gw.find_orbit(SYSTEMS["impact"], start="settle")
+    (around,) = rough([orbit])
+    assert around.closure > 1e-9
+    branch = gw.follow(orbit, "frequency", 1.001, walk=gw.WalkOptions(max_points=3))
+    assert gw.verify(branch).worst(Check.CLOSURE).passes

@@ -54,6 +54,11 @@ class ErrorEstimator:
         scales *= known[0] / scales[0]  # so that lengths along the branch are equal in both
         self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
 
+    @property
+    def corrector(self) -> Corrector:
+        """Corrector for the branch of the second computation."""
+        return self._corrector
+
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
         """Return the point of the second computation in a plane normal to a point's tangent, `shift` further along it.
 

@@ -253,7 +253,7 @@ def _traced(tracing: BranchTracing) -> Branch:
 def join(tracers: Sequence[BranchTracer], walked: Sequence[Sequence[Step]]) -> Branch:
     """Join one or two tracers and the steps that they yielded into one branch with one direction of travel."""
     equation, first = tracers[0].beginning.equation, tracers[-1].first
-    ends = [tracer.end or End(EndReason.STOPPED, tracer.walk.point.value) for tracer in tracers]
+    ends = [_end(tracer, steps) for tracer, steps in zip(tracers, walked, strict=True)]
     if len(tracers) == 1:
         reason = EndReason.BRANCHED if tracers[0].beginning.singular else EndReason.START
         ends = [End(reason, first.value), *ends]
@@ -264,6 +264,16 @@ def join(tracers: Sequence[BranchTracer], walked: Sequence[Sequence[Step]]) -> B
         lambda each: replace(each, point=_reversed(each.point), before=each.after, after=each.before),
     )
     return Branch(equation.parameter or "", equation.period, points, special, tuple(ends))
+
+
+def _end(tracer: BranchTracer, steps: Sequence[Step]) -> End:
+    """Return the end of one tracer.
+
+    Ctrl-C may come while the special points before a new point of the walk are sought. The branch lacks that point.
+    """
+    last = steps[-1][0] if steps else tracer.first
+    is_whole = tracer.walk.point.arclength == last.arclength
+    return tracer.end if tracer.end is not None and is_whole else End(EndReason.STOPPED, last.value)
 
 
 def _reversed(point: BranchPoint) -> BranchPoint:

@@ -12,6 +12,7 @@ another one: a step of the size of the jump would reach it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -114,13 +115,17 @@ def _guesses(corrector: Corrector, corner: BranchPoint):
 
 
 def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> list[SpecialPoint]:
-    """Return the special points at the corner: one for each phase that appears or vanishes."""
-    found, counts = [], (corner.orbit.instability, point.orbit.instability)
+    """Return the special points at the corner: one for each phase that appears or vanishes.
+
+    In a symmetric motion there are two or more. The last of them has what changes in the multipliers.
+    """
+    found: list[SpecialPoint] = []
+    before = corner.orbit.instability
     error, parameter = 4.0 * _REACHED * float(corrector.scales[-1]), corrector.equation.parameter or ""
     for change in changes_between(corner.orbit, point.orbit) or []:
         for kind in KINDS.values():
             if isinstance(kind, Sliding) and kind.owns(change):
                 words = kind.nature(corner, point)
                 name = describe_friction(corner.orbit, change)
-                found.append(SpecialPoint(kind, corner, *counts, error, name, words, parameter=parameter))
-    return found
+                found.append(SpecialPoint(kind, corner, before, before, error, name, words, parameter=parameter))
+    return [*found[:-1], *(replace(each, after=point.orbit.instability) for each in found[-1:])]

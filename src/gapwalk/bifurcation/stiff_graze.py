@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -242,9 +243,20 @@ class _Corner:
             own = [known for known in self._held if self._posed_at(known) is posed] or [self._outermost]
             nearest = min(own, key=lambda known: (known * label < 0.0, abs(known - label)))
             start = self._held[nearest] if own != [self._outermost] else posed.at(self._points[nearest].orbit)
-            held = self._held[label] = posed.hold(start, self._depth(label))
-            self._points[label] = self._point(posed, held)
+            held = posed.hold(start, self._depth(label))
+            point = self._point(posed, held)
+            if self._misses(label, point):
+                raise ConvergenceError("the orbit misses a rigid stop that it should strike")
+            self._held[label], self._points[label] = held, point
         return self._points[label]
+
+    def _misses(self, label: float, point: BranchPoint) -> bool:
+        """Return True if a point that should strike a rigid stop has no more impacts on it than the graze."""
+        graze = self._points.get(0.0)
+        if graze is None or self._least == _LEAST or self._depth(label) * self._posed.free > 0.0:
+            return False
+        now, then = graze.orbit.closings, point.orbit.closings
+        return abs(label) >= _BLUR and any(then[touch.switch] <= now[touch.switch] for touch in self._touches)
 
     def _posed_at(self, label: float) -> TouchEquation:
         """Return the equation whose segments begin early enough before the touches at a label."""
@@ -272,7 +284,10 @@ class _Corner:
         ]
         if None in nearest:
             raise ConvergenceError("the touches are not found again")
-        return self._by_touches(orbit, [each for each in nearest if each], self._corrector.scales, LEAD)
+        further = self._by_touches(orbit, [each for each in nearest if each], self._corrector.scales, LEAD)
+        # earlier on, the acceleration changes more before the touch: without this, its depth would be another one
+        further.calibrate(further.at(self._freest.orbit), _ASIDE * self._unit)
+        return further
 
     def _point(self, posed: TouchEquation, held: Held) -> BranchPoint:
         unknowns, evaluation = posed.evaluation(held)
@@ -364,24 +379,30 @@ class _Corner:
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
         """Return the same equation with shorter segments before contacts, for an error estimate, and an orbit of it."""
-        # Newton's method starts most easily at the outermost point
-        orbit = self._points[max(self._points, key=lambda label: label * self._way * self._posed.free)].orbit
         posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
-        return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
+        return posed, posed.calibrate(posed.at(self._freest.orbit), _ASIDE * self._unit)
+
+    @property
+    def _freest(self) -> BranchPoint:
+        """The point that misses the breakpoint by most, where Newton's method starts most easily."""
+        return self._points[max(self._points, key=lambda label: label * self._way * self._posed.free)]
 
     def _error(self, kind: Kind, label: float) -> float:
         """Estimate the error of the parameter at a special point from its change with another discretisation."""
-        here, scale = self._at(label), float(self._corrector.scales[-1])
+        here, scale, beside = self._at(label), float(self._corrector.scales[-1]), None
         try:
             second, start = self._second
             other = self._point(second, second.hold(start, self._depth(label)))
-            beside = self._at(label + _NEAR)
+            with suppress(NumericalError):  # two sides of a rigid stop cannot be struck by so little
+                beside = self._at(label + _NEAR)
             held = self._held[label]
             off = abs(other.value - here.value) + held.error + self._posed_at(label).rounding(held)
         except NumericalError:
             return math.inf
         if kind is Kind.GRAZING:  # at a rigid stop the orbit there misses it
             off += abs(held.slope[-1] * scale * self._depth(label))
+        elif beside is None:
+            return math.inf
         else:
             rise = kind.at(beside) - kind.at(here)
             off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0

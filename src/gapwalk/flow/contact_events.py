@@ -307,7 +307,8 @@ class Switchboard(BreakpointGeometry):
     def _leaves(self, switch: int, velocity: float, theta: float) -> bool:
         """Return True if a motion crosses the breakpoint of a stop that has let go, but has not left it yet.
 
-        It leaves in the third order of time, and rounding of its position may be a crossing until then.
+        It leaves in the third order of time, or at once after an impulse, and rounding of its position may be a
+        crossing until then.
         """
         outwards = self._signs[switch] * velocity < 0.0
         return outwards and abs(velocity) * (theta - self._opened[switch]) <= self._rounding(switch)
@@ -453,10 +454,10 @@ class Switchboard(BreakpointGeometry):
         held = {switch for switch in self.dry.stop_reaction if self.dry.holds(switch)}
         for switch in sorted(self._holding - held):
             self.log.append(ContactEvent(theta, switch, False, 0.0))
+            self._opened[switch] = theta
             fastest = max(map(abs, self._state[self.n : 2 * self.n].tolist()))  # at the start it may have been at rest
-            if abs(self._rate(switch, theta)) <= max(self._speed, _SLOW * fastest):
+            if abs(self._rate(switch, theta)) <= max(self._speed, _SLOW * fastest):  # an impulse lets go fast
                 self._left[switch] = theta + _LEAVING
-                self._opened[switch] = theta
         self._holding = held
 
     def _go_on(self, theta: float) -> bool:

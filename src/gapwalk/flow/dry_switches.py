@@ -171,10 +171,11 @@ class DrySwitches(LoneFriction):
     def _leading(self, contact: int, now: Readings, theta: float) -> float:
         """Return the acceleration of a deflection; where it vanishes, the one a moment later.
 
-        Where a stop has just let go, all accelerations are rounding, and only those to come tell their size.
+        Where a stop or the only friction has just let go, all accelerations are rounding. Those to come tell their
+        size, and so do the velocities.
         """
         change = self.acceleration(contact, now, theta)
-        vanishes = abs(change) <= NEAR * largest(now.accelerations)
+        vanishes = abs(change) <= NEAR * max(largest(now.accelerations), self.speed() / self.base.item(0))
         if not vanishes and not self.sign_of:
             return change
         later = self.acceleration(contact, self._soon(now, theta), theta + LATER)

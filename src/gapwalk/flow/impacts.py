@@ -21,6 +21,7 @@ from gapwalk.flow.mode_switches import ModeSwitches
 
 _TAIL = 1e-6  # radians that further impacts may last together for the contact to be held at once
 _INTO = 1e-13  # share of the size of the velocities above which a stop that is held is struck too
+_AT_ONCE = 200  # the most impacts at one instant
 
 
 class Impacts:
@@ -50,20 +51,22 @@ class Impacts:
         """
         dry, begin, first = self._dry, self._dry.read(theta), self._dry.stop_reaction[switch]
         before, struck = dry.state[: dry.size].copy(), [first]
-        reset = partial(self._reset, struck, False)
+        reset = partial(self._reset, struck, ())
         while True:
             dry.state[: dry.size] = after = reset(before, dry.base, theta)
             if self._modes.mode_count:
                 self._modes.refresh(theta, dry.closed)
-            into = self._struck_too(struck[-1], theta)
-            if into is None or len(struck) > len(dry.sign_of) ** 2:
+            into = self._struck_too(struck, theta)
+            if into is None or len(struck) > _AT_ONCE:
                 break
             struck.append(into)
         dry.after_impact(theta)
-        if len(struck) == 1 and self._ends(first, theta):
-            reset = partial(self._reset, struck, True)
+        several = struck.count(first) > 1  # these, too, become ever weaker
+        ends = [number for number in dict.fromkeys(struck if several else struck[:1]) if self._ends(number, theta)]
+        if ends and (several or len(struck) == 1):
+            reset = partial(self._reset, struck if several else (), ends)
             dry.state[: dry.size] = after = reset(before, dry.base, theta)
-            dry.after_impact(theta, struck)
+            dry.after_impact(theta, ends)
         if dry.columns:
             now, guard = dry.read(theta), partial(self._depth, first)
             flows = [float(dry.base[0]) * np.concatenate(each[:3]) for each in (begin, now)]
@@ -72,13 +75,17 @@ class Impacts:
             )
         dry.state[: dry.size] = after
         dry.kink(begin, theta)
-        return [self._layout.structure.reactions[number][1] for number in struck[1:]]
+        return [self._layout.structure.reactions[number][1] for number in dict.fromkeys(struck) if number != first]
 
-    def _struck_too(self, last: int, theta: float) -> int | None:
-        """Return the reaction of a stop that is held, and into which the last impulse has driven the motion."""
+    def _struck_too(self, struck: Sequence[int], theta: float) -> int | None:
+        """Return the reaction of a stop that was held or struck, and into which the last impulse has driven the motion.
+
+        What lies between two stops goes back and forth in no time, until neither of them is approached.
+        """
         dry = self._dry
         for number, sign in dry.sign_of.items():
-            if number in dry.held and number != last and sign * dry.gap(number, theta)[1] > _INTO * dry.speed():
+            touches = number != struck[-1] and (number in dry.held or number in struck)
+            if touches and sign * dry.gap(number, theta)[1] > _INTO * dry.speed():
                 return number
         return None
 
@@ -95,11 +102,11 @@ class Impacts:
         return 2.0 * max(left, 0.0) <= _TAIL * float(dry.base[0]) * towards * (1.0 - restitution)
 
     def _reset(
-        self, struck: Sequence[int], plastic: bool, state: NDArray, coefficients: NDArray, theta: Any
+        self, struck: Sequence[int], ends: Sequence[int], state: NDArray, coefficients: NDArray, theta: Any
     ) -> NDArray:
-        """Return the state after impacts on some stops, one after the other; plastic ones also end on the stop."""
+        """Return the state after impacts on some stops, one after the other, and plastic ones that end on theirs."""
         n, angles = self._dry.n, Angles(self._layout, coefficients, theta)
-        for number in struck:
+        for number, plastic in [*((each, False) for each in struck), *((each, True) for each in ends)]:
             slots = self._layout.contacts[self._layout.structure.reactions[number][0]]
             vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
             push = push / np.sum(vector * push, axis=-1)[..., None]

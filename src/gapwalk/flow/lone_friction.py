@@ -197,7 +197,8 @@ class LoneFriction(DryState):
         # of a share of the largest velocity less than that of the length of the vector
         if abs(rate) <= max(SETTLING * self.base.item(0) * abs(acceleration), STILL * found[-n - 1]):
             leading = acceleration
-            if abs(acceleration) <= NEAR * max(map(abs, found[-n:])):
+            # of a single coordinate that has just been let go, only the velocity tells that this is rounding
+            if abs(acceleration) <= NEAR * max(*map(abs, found[-n:]), self.speed() / self.base.item(0)):
                 return False
         if side * leading <= 0.0:  # slip has just ended at the limit, and the force leaves it
             return theta - self._begun[place] <= PAUSE or direction < 0

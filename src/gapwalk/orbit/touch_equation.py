@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
@@ -220,19 +221,39 @@ class TouchEquation:
         """Return a start for Newton's method with an impact on a rigid stop, from an orbit that just misses it.
 
         The impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
-        large, but they vanish while the depth does not change. So the first steps leave them out.
+        large, but they vanish while the depth does not change. So the first steps leave them out. The very first one
+        does not integrate the motion: an impact that nothing makes up for may let the next touch begin before its
+        segment does, as another impact.
         """
         unknowns = np.append(start.states.ravel(), start.value) + (depth - start.depth) * start.slope * self._scales
-        for _ in range(_SIMPLE):
-            evaluation, (depths, rows) = (
-                self._posed.evaluate(unknowns[:-1], float(unknowns[-1])),
-                self._depths(unknowns),
-            )
+        for number in range(_SIMPLE):
+            depths, rows = self._depths(unknowns)
+            integrated = self._posed.evaluate(unknowns[:-1], float(unknowns[-1])).residual if number else None
+            residual = self._impulses(start, depth) if integrated is None else integrated
             matrix = _bordered(start.evaluation, rows) * self._scales
-            right = -np.append(evaluation.residual, depths - depth)
+            right = -np.append(residual, depths - depth)
             unknowns = unknowns + np.linalg.lstsq(matrix, right, rcond=None)[0] * self._scales
             unknowns = self._at_depth(unknowns, depth)
         return unknowns
+
+    def _impulses(self, start: Held, depth: float) -> NDArray[np.float64]:
+        """Return the residual that impacts of a depth leave of an orbit that just misses them, to first order."""
+        layout, n = layout_of(self._own.system.structure), self._own.system.size
+        coefficients, residual = self._posed.line.coefficients(start.value)[0], np.zeros(start.states.size)
+        touches = zip(self._gauges, self._switches, self._segments, self._thetas, strict=True)
+        for gauge, switch, segment, theta in touches:
+            contact, side, _ = self._own.system.breakpoints[switch]
+            slots, state = layout.contacts[contact], start.states[segment]
+            acceleration = gauge.read(coefficients, theta, state)[2]
+            before = side * np.sqrt(-2.0 * depth * acceleration)
+            numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
+            push, kick = coefficients[slots.force], np.zeros(self._size)
+            kick[n : 2 * n] = (slots.form.law.rebound(before, numbers) - before) * push
+            place = slice(segment * self._size, (segment + 1) * self._size)
+            residual[place] = (
+                start.evaluation.by_unknowns[place, place] @ kick / (coefficients[slots.deflection] @ push)
+            )
+        return residual
 
     def _at_depth(self, unknowns: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
         """Return unknowns with positions at which each touch has exactly a depth.

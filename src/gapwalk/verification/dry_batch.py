@@ -161,7 +161,9 @@ class Batch:
         lots, h = _Lots(asked, counts), np.concatenate([each.h for each in requests])
         states = np.repeat([each.state for each in requests], counts, axis=0)
         keys = [each.key for each, count in zip(requests, counts, strict=True) for _ in range(count)]
-        found = self._slopes(lots, lots.angles + h, self._advance(lots, states, h)[0], keys)
+        if h.any():  # at an event itself there is nothing to integrate
+            states = self._advance(lots, states, h)[0]
+        found = self._slopes(lots, lots.angles + h, states, keys)
         first = np.cumsum([0, *counts]).tolist()
         return [found[a:b] for a, b in pairwise(first)]
 

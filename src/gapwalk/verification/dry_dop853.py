@@ -337,12 +337,19 @@ class _Motion(DryInstant, Follower):
         self.states = self.states + 1j * delays[:, None] * np.real(before)
         self.angles = everyone + 1j * delays
         self.equations.set_extensions(self.angles, self.states, self.modes, self.levels)
+        self._pressed.clear()
         self._change(key)
         after = self._rates(self.theta, self.states)
         self.states = self.states - 1j * delays[:, None] * np.real(after)
         if key[0] == "contact":
             mode = key[1] not in held if key[1] in self.equations.rigid else not closed[key[1]]
             self.changes.append(Change(*key, int(mode), self.theta, slope / width))
+        # an impulse releases held stops, or strikes them: an impact each, even if they stay held
+        opened = held - self.modes.held - {key[1] if key[0] == "contact" else None}
+        self.changes += [Change("contact", other, 0, self.theta, slope / width) for other in sorted(opened)]
+        for other, speed in self._pressed:
+            change = speed / (self.equations.omega * self.length)
+            self.changes.append(Change("contact", other, 1, self.theta, change))
         for other, slip in self.modes.slip.items():
             if slip != slips[other]:
                 self.changes.append(Change("slip", other, slip, self.theta, slope / width))

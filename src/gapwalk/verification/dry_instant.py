@@ -25,6 +25,7 @@ SMALL = 1e-25
 """Size of the imaginary parts: rounding does not see their squares."""
 
 EQUAL = 1e-11  # share of its bound by which a force in stick may exceed it by rounding
+_AT_ONCE = 200  # the most impacts at one instant
 _STILL = 1e-11  # slip rate, relative to the velocities, within which friction may stick
 _LEAST = 1e-3  # share of the small length of a system below which a motion is rest
 _HELD = 1e-7  # angle of a flight that is not made any more
@@ -67,6 +68,7 @@ class DryInstant:
         self.sizes = Sizes(np.array([length]), np.array([speed]))
         self.levels = equations.levels(np.array([1e-9]))
         self._stopped, self._began = dict[int, float](), dict[int, float]()
+        self._pressed: list[tuple[int, float]] = []  # held stops that an impulse strikes, with the speed of the impact
         self.modes = self._start()
 
     def _now(self) -> Loading:
@@ -163,25 +165,36 @@ class DryInstant:
         return slip * float(turning) > (0.0 if bound else -1e-12 * self.speed * self.equations.omega)
 
     def _strike(self, switch: int) -> None:
-        """Reverse the rate at a rigid stop, and hold the stop if the next flight is short; then other stops."""
-        equations, modes = self.equations, self.modes
-        index, side = int(equations.contact_of[switch]), equations.signs[switch]
+        """Reverse the rate at a rigid stop, and at those held that this impulse drives the motion into.
+
+        Stops at which the next flight is short are held. Before the modes are decided, the stops that are held have a
+        rate: an impulse that pulls releases them.
+        """
+        equations, modes, still = self.equations, self.modes, _STILL * self.speed
+        struck, touching = [switch], sorted(modes.held - {switch})
         if self._gap(switch)[1] < 0.0:
             modes.held.discard(switch)
             equations.rebound(switch, self.angles, self.states)
+            while (into := self._driven_into([switch, *touching], struck[-1])) is not None and len(struck) < _AT_ONCE:
+                if into not in struck:
+                    self._pressed.append((into, -self._gap(into)[1]))
+                struck.append(into)
+                equations.rebound(into, self.angles, self.states)
+            modes.held -= {other for other in touching if self._gap(other)[1] > still}
             self._after_impact()
-        leaves = max(self._gap(switch)[1], 0.0)
-        turning = -side * float(equations.turning(np.array([self.theta]), self._now())[0, index])
-        if turning < 0.0 and 2.0 * leaves * equations.omega < _HELD * -turning:
-            modes.held.add(switch)
-            equations.come_to_rest(self.angles, self.states, modes)
-            self._decide()
-        for other in sorted(modes.held - {switch}):
-            rate = self._gap(other)[1]
-            if rate < -_STILL * self.speed:
-                self._strike(other)
-            elif rate > _STILL * self.speed:
-                modes.held.discard(other)
+        for each in dict.fromkeys(struck):
+            index, side = int(equations.contact_of[each]), equations.signs[each]
+            leaves = max(self._gap(each)[1], 0.0)
+            turning = -side * float(equations.turning(np.array([self.theta]), self._now())[0, index])
+            if turning < 0.0 and 2.0 * leaves * equations.omega < _HELD * -turning:
+                modes.held.add(each)
+                equations.come_to_rest(self.angles, self.states, modes)
+                self._decide()
+
+    def _driven_into(self, touching: Sequence[int], last: int) -> int | None:
+        """Return a stop among those that the motion touches which it is driven into by the last impulse."""
+        into = (each for each in touching if each != last and self._gap(each)[1] < -_STILL * self.speed)
+        return next(into, None)
 
     def _after_impact(self) -> None:
         for index in self.equations.dry:

@@ -19,6 +19,8 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import halves_apart, lift, period_of
 from gapwalk.bifurcation.detector import joining_points, steps_of, unexplained
 from gapwalk.bifurcation.discontinuity import REACH
+from gapwalk.bifurcation.error_estimate import ErrorEstimator
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -214,7 +216,14 @@ def _verify_gaps(ledger: Ledger, track: Track) -> None:
         spot = Spot(track.name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
         corners = [each.point for each in special if not each.kind.by_multipliers]
-        ledger.enter(Check.GAPS, spot, max(_gap(track, *_one_sided(track, pair, corners)) for pair in pairwise(knots)))
+        grazes = [each.point for each in special if each.kind is Kind.GRAZING and each.is_corner]
+        figures = []
+        for pair in pairwise(knots):
+            figure = _gap(track, *_one_sided(track, pair, corners))
+            if figure == math.inf or (figure > 1.0 and any(knot is graze for knot in pair for graze in grazes)):
+                figure = _shot_finer(track, *pair, grazes)
+            figures.append(figure)
+        ledger.enter(Check.GAPS, spot, max(figures))
         ledger.judge(Check.COUNTS, spot, unexplained(a, b, special, joining_points(track.branch)))
 
 
@@ -255,10 +264,38 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
+    far = _detour(a, b, ahead)
     corrector, a, b = smooth_between(track.corrector_at(a), a, b)
-    # a branch may connect any two points by a long detour
-    far = abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
-    return max(far, _deviation(corrector, a, b, 0))
+    # lengths differ from section to section, and the step may have been taken in either
+    return max(min(far, _detour(a, b, ahead)), _deviation(corrector, a, b, 0))
+
+
+def _detour(a: BranchPoint, b: BranchPoint, ahead: float) -> float:
+    """Return the difference of the distance of two points and an arclength; 1 is the largest accepted figure.
+
+    A branch may connect any two points by a long detour.
+    """
+    return abs(length_of(b.x - a.x) - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
+
+
+def _shot_finer(track: Track, a: BranchPoint, b: BranchPoint, grazes: Sequence[BranchPoint]) -> float:
+    """Return the figure of `_gap` for two neighbours of which one may graze a rigid stop, shot in one segment more.
+
+    Beside such a graze motions grow 1e6 times and more: one segment does not determine them to its tolerance. The
+    branch turns at the graze itself, and the stored tangent may be that of its other side.
+    """
+    try:
+        second = ErrorEstimator(track.corrector_at(a))
+        ends = [second.at(each) for each in (a, b)]
+    except NumericalError:
+        return math.inf
+    way = ends[1].x - ends[0].x
+    way /= length_of(way)
+    ends = [
+        replace(end, tangent=way) if any(knot is graze for graze in grazes) else end
+        for knot, end in zip((a, b), ends, strict=True)
+    ]
+    return max(_detour(a, b, b.arclength - a.arclength), _deviation(second.corrector, ends[0], ends[1], 0))
 
 
 def _deviation(corrector: Corrector, a: BranchPoint, b: BranchPoint, depth: int) -> float:

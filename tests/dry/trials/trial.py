@@ -212,6 +212,8 @@ def _walk_back(trial: Trial, branch: gw.Branch, to: float, sampled: int) -> None
     trial.back = trial.back if trial.slow else found.ends[-1].reason.value
     if not same:
         _judge(trial, found, sampled, "back ")
+    elif trial.slow:
+        return  # what was cut off lacks points
     elif found.ends[-1].reason is not EndReason.RANGE:
         trial.faults.append(f"back: what was walked to its end ends on the way back: {found.ends[-1]}")
     else:
