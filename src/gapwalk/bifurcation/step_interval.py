@@ -180,6 +180,8 @@ class Search:
             zeros += self._search(kind, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
+        if not zeros:
+            return zeros
         return [each for each in self._resolved(kind, zeros) if not self._jumps(each)]
 
     def _jumps(self, zero: Zero) -> bool:
@@ -275,6 +277,8 @@ class Search:
 
 def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
     """Return the points except those crowded around a zero, between which test functions change only by rounding."""
+    if len(points) == 2:
+        return points
     kept = points[:1]
     for point in points[1:-1]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:

@@ -134,7 +134,7 @@ class Corrector:
             right = np.zeros((len(x), 2), order="F")
             np.negative(evaluation.residual, out=right[:-1, 0])
             right[-1, 1] = 1.0
-            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
+            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right, 1, 1)
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
