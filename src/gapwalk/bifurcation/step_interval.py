@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
-from gapwalk.continuation.corrector import Corrector, hermite, length_of
+from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 
@@ -27,6 +27,10 @@ RESOLUTION = 1e-11
 """Arclength below which lengths are only rounding."""
 _FINEST = 1e-6  # arclength below which two zeros are not distinguished
 _SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
+_FAR, _NEAR = (
+    1e-3,
+    0.01,
+)  # arclength from its neighbours, and share of it as a last Newton step, of a point like those of a walk
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 _DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
@@ -114,8 +118,11 @@ class StepInterval:
         length = length_of(chord)
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
+        away = min(share, 1.0 - share) * (b.arclength - a.arclength)
+        # far from its neighbours, a point is no special one: it is computed like those of the walk
+        trust = TRUST if away > _FAR else 0.0
         for guess in (hermite(a, b, share), a.x + share * chord):
-            correction = self.corrector.correct(guess, normal)
+            correction = self.corrector.correct(guess, normal, trust, _NEAR * away)
             if correction is not None and correction.distance <= max(length, 1e-9):
                 point = self.corrector.point(correction, a.tangent, arclength)
                 if point.tangent @ normal >= _ASTRAY:
