@@ -184,8 +184,12 @@ class Search:
         known = self.recent(kind)
         zeros: list[Zero] = []
         for a, b in pairwise(_apart(self.interval.points)):
-            zeros += self._search(kind, a, b, self._rates.get(kind), known)
-            self._rates[kind] = _rate(kind, a, b, known)
+            rate, length = self._rates.get(kind), b.arclength - a.arclength
+            ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            if self._may_vanish(*ends, rate, length):
+                zeros += self._search(kind, a, b, rate, known)
+                ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            self._rates[kind] = (ends[1] - ends[0]) / length
         del known[:-4]
         if not zeros:
             return zeros
@@ -233,21 +237,25 @@ class Search:
 
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
         """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
-        length = b.arclength - a.arclength
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
-        changes = at_a * at_b < 0.0
-        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        if not changes and (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend):
+        if not self._may_vanish(at_a, at_b, rate, b.arclength - a.arclength):
             return []
         if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
             return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
-        if changes:
+        if at_a * at_b < 0.0:
             zero = kind.locate(self, a, b) or self._bracketed(kind, a, b, known)
             known.append(zero.point.arclength)
             return [zero, *self._search(kind, a, b, None, known)]
         middle = self.interval.middle(a, b)
         left = self._search(kind, a, middle, rate, known)
         return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
+
+    def _may_vanish(self, at_a: float, at_b: float, rate: float | None, length: float) -> bool:
+        """Return True if a test function may vanish between two values, given its rate of change before them if any."""
+        if at_a * at_b < 0.0:
+            return True
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        return not (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend)
 
     def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
         def function(arclength: float) -> float:
