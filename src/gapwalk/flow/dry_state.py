@@ -295,7 +295,7 @@ class DryState:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
-            self._deciding: tuple[Any, Array, Array] | None = None
+            self._deciding: tuple[Any, Array, Array, Array, Array] | None = None
 
     def begin(self, base: Array, directions: Array) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -403,11 +403,10 @@ class DryState:
         if self._deciding is None:  # compiled when first needed
             function, used = self._compiled.decisions
             numbers = self._parameters[used]
-            self._deciding = function, numbers, np.empty(self.size + 1 + len(numbers))
-        size, (function, numbers, given) = self.size, self._deciding
-        given[:size] = self._own
-        given[size] = theta
-        given[size + 1 :] = numbers
+            given = np.empty(self.size + 1 + len(numbers))
+            self._deciding = function, numbers, given, given[: self.size], given[self.size + 1 :]
+        function, numbers, given, own, used = self._deciding
+        own[:], given[self.size], used[:] = self._own, theta, numbers
         return function(given).tolist()
 
     def _changed_modes(self, known: Readings) -> Readings:
