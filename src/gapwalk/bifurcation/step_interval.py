@@ -120,9 +120,9 @@ class StepInterval:
         normal = chord / length if length > 1e-12 else a.tangent
         away = min(share, 1.0 - share) * (b.arclength - a.arclength)
         # far from its neighbours, a point is no special one: it is computed like those of the walk
-        trust = TRUST if away > _FAR else 0.0
+        trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
         for guess in (hermite(a, b, share), a.x + share * chord):
-            correction = self.corrector.correct(guess, normal, trust, _NEAR * away)
+            correction = self.corrector.correct(guess, normal, trust, near)
             if correction is not None and correction.distance <= max(length, 1e-9):
                 point = self.corrector.point(correction, a.tangent, arclength)
                 if point.tangent @ normal >= _ASTRAY:
