@@ -1,6 +1,8 @@
 """Zeros in a bracket: against closed forms, and with the number of evaluations."""
 
 import math
+import subprocess
+import sys
 
 import pytest
 
@@ -66,3 +68,15 @@ def test_rounding_at_the_zero_costs_few_evaluations():
 
 def test_a_zero_at_an_end_is_returned():
     assert zero_between(lambda x: x, 0.0, 1.0) == (0.0, True)
+
+
+def test_special_points_are_located_without_loading_scipy_optimize():
+    """It takes longer to load than a whole walk."""
+    lines = (
+        "import sys, gapwalk as gw",
+        "branch = gw.follow(gw.find_orbit(gw.paper.case('13'), frequency=1.9), 'frequency', 1.2)",
+        "print({str(each.kind) for each in branch.special_points} >= {'flip', 'grazing'})",
+        "print('scipy.optimize' in sys.modules)",
+    )
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False"]

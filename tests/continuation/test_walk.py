@@ -199,7 +199,7 @@ def test_work_of_the_main_job_does_not_grow():
     assert len(branch.points) < 340
     # each is computed a second time, for its error (6 calls); its rounding takes 6 calls, and at a graze 6 more
     grazes = sum(special.kind is Kind.GRAZING for special in branch.special_points)
-    assert Flow.calls < 1450 + 12 * len(branch.special_points) + 6 * grazes
+    assert Flow.calls < 1400 + 12 * len(branch.special_points) + 6 * grazes
 
 
 def test_work_of_harmonic_balance_does_not_grow(monkeypatch):

@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
-from gapwalk.continuation.corrector import Corrector, hermite, length_of
+from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 
@@ -27,6 +27,10 @@ RESOLUTION = 1e-11
 """Arclength below which lengths are only rounding."""
 _FINEST = 1e-6  # arclength below which two zeros are not distinguished
 _SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
+_FAR, _NEAR = (
+    1e-3,
+    0.01,
+)  # arclength from its neighbours, and share of it as a last Newton step, of a point like those of a walk
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 _DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
@@ -114,8 +118,11 @@ class StepInterval:
         length = length_of(chord)
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
+        away = min(share, 1.0 - share) * (b.arclength - a.arclength)
+        # far from its neighbours, a point is no special one: it is computed like those of the walk
+        trust, near = (TRUST, _NEAR * away) if away > _FAR else (0.0, math.inf)
         for guess in (hermite(a, b, share), a.x + share * chord):
-            correction = self.corrector.correct(guess, normal)
+            correction = self.corrector.correct(guess, normal, trust, near)
             if correction is not None and correction.distance <= max(length, 1e-9):
                 point = self.corrector.point(correction, a.tangent, arclength)
                 if point.tangent @ normal >= _ASTRAY:
@@ -177,9 +184,15 @@ class Search:
         known = self.recent(kind)
         zeros: list[Zero] = []
         for a, b in pairwise(_apart(self.interval.points)):
-            zeros += self._search(kind, a, b, self._rates.get(kind), known)
-            self._rates[kind] = _rate(kind, a, b, known)
+            rate, length = self._rates.get(kind), b.arclength - a.arclength
+            ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            if self._may_vanish(*ends, rate, length):
+                zeros += self._search(kind, a, b, rate, known)
+                ends = _deflated(kind, a, known), _deflated(kind, b, known)
+            self._rates[kind] = (ends[1] - ends[0]) / length
         del known[:-4]
+        if not zeros:
+            return zeros
         return [each for each in self._resolved(kind, zeros) if not self._jumps(each)]
 
     def _jumps(self, zero: Zero) -> bool:
@@ -224,21 +237,25 @@ class Search:
 
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
         """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
-        length = b.arclength - a.arclength
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
-        changes = at_a * at_b < 0.0
-        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        if not changes and (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend):
+        if not self._may_vanish(at_a, at_b, rate, b.arclength - a.arclength):
             return []
         if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
             return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
-        if changes:
+        if at_a * at_b < 0.0:
             zero = kind.locate(self, a, b) or self._bracketed(kind, a, b, known)
             known.append(zero.point.arclength)
             return [zero, *self._search(kind, a, b, None, known)]
         middle = self.interval.middle(a, b)
         left = self._search(kind, a, middle, rate, known)
         return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
+
+    def _may_vanish(self, at_a: float, at_b: float, rate: float | None, length: float) -> bool:
+        """Return True if a test function may vanish between two values, given its rate of change before them if any."""
+        if at_a * at_b < 0.0:
+            return True
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        return not (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend)
 
     def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
         def function(arclength: float) -> float:
@@ -275,6 +292,8 @@ class Search:
 
 def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
     """Return the points except those crowded around a zero, between which test functions change only by rounding."""
+    if len(points) == 2:
+        return points
     kept = points[:1]
     for point in points[1:-1]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:

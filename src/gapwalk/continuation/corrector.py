@@ -94,7 +94,7 @@ class Corrector:
 
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
         self.equation, self.scales, self.iterations = equation, scales, iterations
-        self._unknown_scales = scales[:-1]
+        self._unknown_scales, self._last_scale = scales[:-1], float(scales[-1])
         self._smallest = min(1.0, _largest(self._unknown_scales))  # smaller unknowns count as zero
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
         self._recent: dict[bytes, Evaluation] = {}  # of the last points, if they have few unknowns
@@ -123,7 +123,7 @@ class Corrector:
         for iteration in range(self.iterations + 1):
             unknowns = x[:-1] * self._unknown_scales
             try:
-                evaluation = self.equation.evaluate(unknowns, float(x[-1] * self.scales[-1]))
+                evaluation = self.equation.evaluate(unknowns, x.item(-1) * self._last_scale)
             except NumericalError:
                 return None
             size, scale = _largest(evaluation.residual), max(self._smallest, _largest(unknowns))
@@ -134,11 +134,11 @@ class Corrector:
             right = np.zeros((len(x), 2), order="F")
             np.negative(evaluation.residual, out=right[:-1, 0])
             right[-1, 1] = 1.0
-            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
+            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right, 1, 1)
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
-            shallow = max(_SHALLOW * evaluation.reach / float(self._unknown_scales[0]), _ROUNDING)
+            shallow = max(_SHALLOW * evaluation.reach / self._unknown_scales.item(0), _ROUNDING)
             exact = _CONTRACTION * before < size <= _EXACT * scale  # the residual is only rounding
             if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x
@@ -209,7 +209,7 @@ class Corrector:
         return self._placed(x, evaluation, course, arclength)
 
     def _placed(self, x: NDArray[np.float64], evaluation: Evaluation, course: Course, arclength: float) -> BranchPoint:
-        value = float(x[-1] * self.scales[-1])
+        value = x.item(-1) * self._last_scale
         if len(x) <= _FEW:
             if len(self._recent) >= _KEPT:
                 del self._recent[next(iter(self._recent))]
@@ -240,7 +240,7 @@ class Corrector:
         size = len(border)
         matrix = np.empty((size, size), order="F")
         np.multiply(evaluation.by_unknowns, self._unknown_scales, out=matrix[:-1, :-1])
-        np.multiply(evaluation.by_parameter, self.scales[-1], out=matrix[:-1, -1])
+        np.multiply(evaluation.by_parameter, self._last_scale, out=matrix[:-1, -1])
         matrix[-1] = border
         return matrix
 

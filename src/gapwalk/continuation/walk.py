@@ -212,7 +212,7 @@ class Walk(Iterator[BranchPoint]):
                 detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
                 self.end = End(EndReason.STEP, self.point.value, detail)
                 return None
-            correction, point = self._try_step()
+            correction, point, turn = self._try_step()
             if correction is None or point is None:
                 self.rejected += 1
                 self.step = shorter_step(self.step)
@@ -229,7 +229,7 @@ class Walk(Iterator[BranchPoint]):
                 # aim below the limit: a step that aims at the limit itself approaches it from above, ever more slowly
                 self.step *= max(GOAL / change, 1.0 / 3.0)
                 continue
-            turn = max(_angle(self._tangent(self.point), self._tangent(point)), self.options.largest_turn * change)
+            turn = max(turn, self.options.largest_turn * change)
             self.step = min(next_step(self.step, correction, turn, self.options), longest)
             if self.step > 10.0 * _SHORT:
                 self._least = max(self.options.smallest_step, _SHORT)
@@ -262,35 +262,38 @@ class Walk(Iterator[BranchPoint]):
         """Return the tangent at a point, as a unit vector of that metric."""
         return _unit(self._weighed(point.tangent))
 
-    def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
-        """Return the correction from the best guess that leads to an acceptable point, and the point."""
-        correction = point = None
+    def _try_step(self) -> tuple[Correction | None, BranchPoint | None, float]:
+        """Return the correction from the best guess that leads to an acceptable point, the point, and its turn."""
+        correction, point, turn = None, None, 0.0
         trust = self.trust * min(1.0, self.step / _BENT)
         for guess in ahead(self.earlier, self.previous, self.point, self.step):
             correction = self.corrector.correct(guess, self.point.tangent, trust, _NEAR * self.step)
             if correction is None:
                 continue
-            point = self._accepted(correction, guess)
+            point, turn = self._accepted(correction, guess)
             if point is not None or correction.distance <= _GOOD * self.step:
                 break
-        return correction, point
+        return correction, point, turn
 
-    def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> BranchPoint | None:
-        """Return the corrected point; None if it may lie on another branch: too far away, or turned too much."""
+    def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> tuple[BranchPoint | None, float]:
+        """Return the corrected point, and the angle by which the tangent turns in the step.
+
+        The point is None if it may lie on another branch: too far away, or turned too much.
+        """
         chord = correction.x - self.point.x
         step = self.step * length_of(self._weighed(self.point.tangent))
         if length_of(self._weighed(correction.x - guess)) > _FAR * step:
-            return None
+            return None, 0.0
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length_of(chord))
         first, last = self._tangent(self.point), self._tangent(point)
         turn = _angle(first, last)
         if turn > self.options.largest_turn:
-            return None
+            return None, turn
         # on a smooth curve the chord lies between the two tangents; if not, the point is on another branch
         along = _unit(self._weighed(chord))
         if _angle(first, along) + _angle(along, last) > turn + _ASIDE:
-            return None
-        return point
+            return None, 0.0
+        return point, turn
 
     def _closes(self, point: BranchPoint) -> bool:
         """Return True if the step to `point` passes through the origin of the walk."""

@@ -250,9 +250,10 @@ class DryState:
         self._first_slip, self._first_coefficient = equations.first_slip, equations.first_coefficient
         # where the integrator has 1/W, and its changes; the directions that change it
         self._components = equations.components if equations.varying else np.zeros(0, dtype=np.intp)
-        self._rate_place = np.flatnonzero(equations.active == 0)
-        self._rate_changes = np.flatnonzero(self._components % len(equations.pattern) == 0)
-        self._with_rate = self._components[self._rate_changes] // len(equations.pattern)
+        self._rate_places = np.flatnonzero(equations.active == 0).tolist()
+        changes = np.flatnonzero(self._components % len(equations.pattern) == 0)
+        directions_of = self._components[changes] // len(equations.pattern)
+        self._rate_changes = [*zip(changes.tolist(), directions_of.tolist(), strict=True)]
         self._columns_end = layout.accelerations.shape[1]
         self.column_signs = np.ones(self._columns_end)
         self.column_signs[: 2 * self.n + len(layout.contacts)] = -1.0
@@ -294,7 +295,7 @@ class DryState:
             self._compiled, self._read, self._follows = compiled, compiled.readings, compiled.follows
             self._numbers_used = self._parameters[compiled.used]
             self._given = np.empty(self.size + 1 + len(self._numbers_used))
-            self._deciding: tuple[Any, Array, Array] | None = None
+            self._deciding: tuple[Any, Array, Array, Array, Array] | None = None
 
     def begin(self, base: Array, directions: Array) -> None:
         """Begin with the coefficients of a system, which the integrator has, and nothing held.
@@ -305,10 +306,13 @@ class DryState:
         same, self._numbers = numbers == self._numbers and not self._sways, numbers
         self.base, self.directions = base, directions
         if same:
-            rate, changes = base[0], directions[:, 0]
+            rate, changes = base.item(0), directions[:, 0]
             for entry in self._known.values():
                 entry.coefficients[0], entry.directions[:, 0] = rate, changes
-                entry.active[self._rate_place], entry.components[self._rate_changes] = rate, changes[self._with_rate]
+                for place in self._rate_places:
+                    entry.active[place] = rate
+                for place, direction in self._rate_changes:
+                    entry.components[place] = changes.item(direction)
         else:
             self._known = {}
             self.rate_factors = [self._factors_of(place) for place in range(len(self.slots))]
@@ -399,11 +403,10 @@ class DryState:
         if self._deciding is None:  # compiled when first needed
             function, used = self._compiled.decisions
             numbers = self._parameters[used]
-            self._deciding = function, numbers, np.empty(self.size + 1 + len(numbers))
-        size, (function, numbers, given) = self.size, self._deciding
-        given[:size] = self._own
-        given[size] = theta
-        given[size + 1 :] = numbers
+            given = np.empty(self.size + 1 + len(numbers))
+            self._deciding = function, numbers, given, given[: self.size], given[self.size + 1 :]
+        function, numbers, given, own, used = self._deciding
+        own[:], given[self.size], used[:] = self._own, theta, numbers
         return function(given).tolist()
 
     def _changed_modes(self, known: Readings) -> Readings:

@@ -493,7 +493,7 @@ class DrySwitches(LoneFriction):
         return True
 
     def _is_clearly_right(self, place: int) -> bool:
-        """Return True if a spring with a constant limit sticks within it, or slips on fast: nothing else need decide."""
+        """Return True if a spring with a constant limit sticks within it, or slips on fast: no other value decides."""
         if not self.has_constant_limit[place]:
             return False
         if self.slips[place]:

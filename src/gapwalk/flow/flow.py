@@ -344,7 +344,8 @@ class _Integrator:
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
-            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle and (own[1:] > own[:-1]).all()
+            whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle
+            whole = whole and (len(own) == 2 or (own[1:] > own[:-1]).all())
             grid = own if whole else np.unique([taylor.time, *own, angle])
             try:
                 outcome, *_, found = taylor.propagate_grid(grid, max_steps=self._max_steps, max_delta_t=longest_step)

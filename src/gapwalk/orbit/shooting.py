@@ -115,10 +115,11 @@ class ShootingEquation(OrbitEquation):
             If the motion diverges or chatters without end.
         """
         coefficients, direction = self.coefficients(value)
-        states = unknowns.reshape(len(self.knots) - 1, -1)
+        knots, flow = self.knots, self._flow
+        states = unknowns.reshape(len(knots) - 1, -1)
         arcs = [
-            self._flow.integrate(coefficients, state, start, stop, direction)
-            for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
+            flow.integrate(coefficients, state, start, stop, direction)
+            for state, (start, stop) in zip(states, pairwise(knots), strict=True)
         ]
         kept = bool(never_slipping(arcs))
         free = released(layout_of(self.system.structure), coefficients, arcs, states[0], self.length) if kept else arcs

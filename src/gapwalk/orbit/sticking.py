@@ -169,7 +169,10 @@ class Closure(NamedTuple):
         stuck = stuck_in(layout, coefficients(), arcs) if never_slipping(arcs) else ()
         free = released(layout, coefficients(), arcs, start) if stuck else arcs
         found = multipliers([transition_of(arc) for arc in free])  # the largest first
-        found[np.abs(found) <= min(_ROUNDING * max(1.0, abs(found[0])), _DECAYED)] = 0.0
+        sizes = [abs(each) for each in found.tolist()]
+        least = min(_ROUNDING * max(1.0, sizes[0]), _DECAYED)
+        if sizes[-1] <= least:
+            found[[size <= least for size in sizes]] = 0.0
         if stuck:
             values = [*found.tolist()[: len(found) - len(stuck)], *[1.0 + 0.0j] * len(stuck)]
             found = np.array(sorted(values, key=abs, reverse=True))

@@ -157,7 +157,8 @@ def approaches(orbit: Orbit, switch: int) -> Turns:
     up to rounding, the farthest places between two of them, and where it is held.
     """
     turns = orbit.turning_depths[switch]
-    if switch not in {each for _, each in orbit.system.structure.reactions}:
+    reactions = orbit.system.structure.reactions
+    if not reactions or switch not in {each for _, each in reactions}:
         return turns
     size, depths = _EPS * float(np.abs(orbit.extremes[:, :2]).max()), turns.values
     around = zip(turns.thetas, depths, [*depths[-1:], *depths[:-1]], [*depths[1:], *depths[:1]], strict=True)
