@@ -25,7 +25,9 @@ DENOMINATOR = 12
 
 _RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
 _INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
-_BEYOND = 4.0  # distance within which the Neimark-Sacker point is looked for, in steps of the family
+# distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
+# are the same, inverted, so that a step over it may change the parameter little
+_BEYOND = (4.0, 40.0, 400.0)
 
 
 def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
@@ -53,14 +55,17 @@ def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
 def _neimark_sacker(before: BranchPoint, after: BranchPoint, parameter: str) -> SpecialPoint | None:
     torus = torus_at(before)
     equation = ShootingEquation(torus.system, None, torus.curves)
-    reach = _BEYOND * max(abs(after.value - before.value), 1e-6 * abs(before.value))
-    try:
-        orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
-        branch = follow(orbit, parameter, (before.value - reach, before.value + reach))
-    except GapwalkError:
-        return None
-    found = branch.special(Kind.NEIMARK_SACKER)
-    return min(found, key=lambda each: abs(each.value - before.value), default=None)
+    reach = max(abs(after.value - before.value), 1e-6 * abs(before.value))
+    for longer in _BEYOND:
+        try:
+            orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
+            branch = follow(orbit, parameter, (before.value - longer * reach, before.value + longer * reach))
+        except GapwalkError:
+            return None
+        found = branch.special(Kind.NEIMARK_SACKER)
+        if found:
+            return min(found, key=lambda each: abs(each.value - before.value))
+    return None
 
 
 def _solved(equation: ShootingEquation, start: NDArray[np.float64]):

@@ -21,7 +21,8 @@ from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, Toru
 from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import TorusStart, equation_of, start_beyond, torus_at
 
-_MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
+_MUCH = 1e-2  # share of the accuracy below which a torus has more samples than it needs
+_TAIL = 0.1  # tail of its series, over the accuracy, with which it has enough: the error is some 100 times smaller
 _GROWN = 5.0  # growth of a curve beyond which its reference is another
 _STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
@@ -137,8 +138,8 @@ class TorusTracer(Iterator[Step]):
         """Pose the equation again if the curve has moved far from its reference, or has more samples than it needs."""
         torus = torus_at(point)
         if torus.error < _MUCH * self.options.accuracy and torus.count > self.options.samples:
-            fewer = odd(2 * torus.count // 3)
-            if tail(resampled(torus.states, fewer) / torus.system.state_scales()) < _MUCH * self.options.accuracy:
+            fewer = self._enough(torus)
+            if fewer < torus.count:
                 self._pose(point, fewer, state)
                 return
         equation = equation_of(self.corrector)
@@ -148,6 +149,15 @@ class TorusTracer(Iterator[Step]):
         grown = float(np.linalg.norm(new) / np.linalg.norm(old))
         if cosine < _ALIGNED or not 1.0 / _GROWN < grown < _GROWN:
             self._pose(point, torus.count, state)
+
+    def _enough(self, torus: Torus) -> int:
+        """Return the number of samples, two thirds of the present ones or fewer, with which a curve is accurate."""
+        unit, count = torus.system.state_scales(), torus.count
+        while True:
+            fewer = max(odd(2 * count // 3), odd(self.options.samples - 1))
+            if fewer >= count or tail(resampled(torus.states, fewer) / unit) > _TAIL * self.options.accuracy:
+                return count
+            count = fewer
 
     def _pose(self, point: BranchPoint, count: int, state: WalkState) -> bool:
         """Pose the equation with another number of samples, or reference, and continue at a point; return if it did."""
