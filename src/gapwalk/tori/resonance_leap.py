@@ -22,6 +22,7 @@ from gapwalk.continuation.walk_scales import Range
 from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import resampled
 from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_ends import has_shrunk
 from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import corrector_of, equation_of, torus_at
 
@@ -39,6 +40,7 @@ _AROUND = np.linspace(0.8, 1.25, 31)  # of a leap, among which the rotation numb
 _DENOMINATORS = np.arange(1.0, 101.0)  # of the fractions that it avoids
 _ALONG = 0.5  # change of the rotation number along a tangent, over that along a good step, below which it is distorted
 _FARTHER = 3.0  # the longest leap over a resonance that has stopped a walk, over the longest step
+_SHRUNK = 0.3  # size of a torus, over that before a leap, below which it may be no torus
 _FAR = 2.0  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
 
 
@@ -160,12 +162,13 @@ class Strides:
         found = corrector.correct(guess, normal)
         if found is None or np.linalg.norm(found.x - guess) > _FAR * length:
             return None
-        direction = point.tangent if along is point.tangent else along * np.sign(change * along[-2])
         try:
-            landed = corrector.point(found, direction, point.arclength)
+            landed = corrector.point(found, normal * np.sign(good.turned), point.arclength)
         except NumericalError:
             return None
-        torus = torus_at(landed)
+        torus, before = torus_at(landed), torus_at(point)
+        if torus.size < _SHRUNK * before.size or has_shrunk(point, landed):
+            return None  # the orbit to which the tori shrink solves the equation with any rotation number
         if self._is_fine(torus):
             return corrector, landed
         finer = self.options.finer(torus.count)
@@ -175,10 +178,13 @@ class Strides:
         return posed if posed is not None and self._is_fine(torus_at(posed[1])) else None
 
     def _is_fine(self, torus: Torus) -> bool:
-        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required."""
-        return self.options.accepts(torus) and torus.error**2 <= self.options.accuracy * max(
-            self.options.accuracy, self.options.tolerated
-        )
+        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required.
+
+        Otherwise it is next to another resonance, unless a contact grazes along it.
+        """
+        if not self.options.accepts(torus) or torus.grazes:
+            return self.options.accepts(torus)
+        return torus.error**2 <= self.options.accuracy * max(self.options.accuracy, self.options.tolerated)
 
 
 def far_from_fractions(

@@ -203,7 +203,7 @@ class TorusTracer(Iterator[Step]):
 
         A resonance may be in the way: leap over it and return the step, or end if nothing helps.
         """
-        if state.step < self._untried:
+        if state.step < self._untried and not torus_at(rejected).grazes:
             leapt = self._pass(state, FEW)
             if leapt is not None:
                 return leapt
