@@ -13,7 +13,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.tori.locked_window import LockedWindow, locked_window
-from gapwalk.tori.second_tone import has_tone
+from gapwalk.tori.tone_clock import has_tone
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_doubling import Change, change_at
 from gapwalk.tori.torus_ends import DENOMINATOR
@@ -93,7 +93,7 @@ def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector
         places = before.value + np.array([share, 0.5, 0.5 * share, 0.5 + 0.5 * share]) * (after.value - before.value)
         windows = (window_at(before, ratio, value, corrector, within) for value in places.tolist())
         window = next((each for each in windows if each is not None), None) if ratio.denominator <= _SOUGHT else None
-        place, error = float(places[0]), width
+        place, error = _interpolated(before, after, float(ratio), corrector)
         if window is not None:
             place, error = 0.5 * (window.low + window.high), 0.5 * window.width
         kind = TorusEventKind.RESONANCE
@@ -106,6 +106,22 @@ def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector
         kinds.append(TorusEventKind.GRAZING)
     rotation = 0.5 * (first.rotation + last.rotation)
     return found + [TorusEvent(kind, middle, width, rotation, first.unstable, last.unstable) for kind in kinds]
+
+
+def _interpolated(before: BranchPoint, after: BranchPoint, ratio: float, corrector: Corrector) -> tuple[float, float]:
+    """Return the parameter at a rotation number in a leap, by the cubic with the slopes at both ends, and its error.
+
+    The error is the distance from the straight line, but not more than the leap.
+    """
+    scales = corrector.scales[-2:]
+    turns = torus_at(after).rotation - torus_at(before).rotation
+    share, change = (ratio - torus_at(before).rotation) / turns, after.value - before.value
+    straight = before.value + share * change
+    slopes = [float(point.tangent[-1] * scales[1] / (point.tangent[-2] * scales[0])) for point in (before, after)]
+    first, last = (slope * turns - change for slope in slopes)
+    bent = share * (1.0 - share) * ((1.0 - share) * first - share * last)
+    error = min(abs(bent), 0.5 * abs(change))
+    return straight + float(np.clip(bent, -error, error)), error
 
 
 def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
