@@ -26,7 +26,7 @@ def test_the_golden_mean_is_farther_from_fractions_than_its_neighbours():
 def test_states_at_equal_steps_are_those_at_their_phases():
     states = np.random.default_rng(1).standard_normal((33, 4))
     found = in_steps(states, TURN * 0.237, 5, 50)
-    assert found == pytest.approx(at_phases(states, TURN * 0.237 * np.arange(5, 55)), abs=1e-12)
+    assert found == pytest.approx(at_phases(states, TURN * 0.237 * np.arange(5.0, 55.0, dtype=np.float64)), abs=1e-12)
 
 
 def test_newtons_method_is_that_of_dense_matrices():

@@ -24,6 +24,7 @@ DENOMINATOR = 12
 """The largest denominator of resonances that are named, and whose locked motions are looked for."""
 
 _RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
+_SMALL = 1e-3  # size of a torus, over that of the motion, at which a failing walk has perhaps reached its orbit
 _INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
 # distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
 # are the same, inverted, so that a step over it may change the parameter little
@@ -36,6 +37,11 @@ def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
     if first.shape != last.shape:
         return False
     return bool((first * last).sum() < _INVERTED * np.linalg.norm(first) * np.linalg.norm(last))
+
+
+def is_small(torus: Torus) -> bool:
+    """Return True if a torus is so small that the orbit to which it shrinks may be next to it."""
+    return torus.size < _SMALL * float(np.abs(torus.states / torus.system.state_scales()).max())
 
 
 def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:

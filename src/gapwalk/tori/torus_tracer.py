@@ -15,7 +15,7 @@ from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
 from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.resonance_leap import FEW, MANY, NEXT, Stride, Strides, far_from_fractions, posed_with
 from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_ends import DENOMINATOR, has_shrunk, locked, resonance_near, rough, shrunk
+from gapwalk.tori.torus_ends import DENOMINATOR, has_shrunk, is_small, locked, resonance_near, rough, shrunk
 from gapwalk.tori.torus_events import events_between, events_in_leap, simplest, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
@@ -312,6 +312,10 @@ class TorusTracer(Iterator[Step]):
         if leapt is not None:
             return leapt
         near = self._near_resonance(torus)
+        if state.previous is not None and is_small(torus):
+            self.end = shrunk(state.point, state.previous, equation_of(self.corrector).parameter)
+            if not self.end.detail:
+                return None
         if near is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
         else:
