@@ -11,7 +11,7 @@ from gapwalk.attractors.rotation import rotation
 GROUP = "Tori of figure 15"
 _STROBES = 8192  # on each curve, from a state on the torus: the shortest simulation that is as accurate everywhere
 _AGREE = 1e-8
-_RANGES = {"near W = 1.165": (1.165, (1.16, 1.1705)), "near W = 1.12": (1.12, (1.116, 1.13))}
+_RANGES = {"near W = 1.165": (1.165, (1.162, 1.168)), "near W = 1.12": (1.12, (1.117, 1.1215))}
 
 
 def rows(effort: Effort) -> list[Row]:
