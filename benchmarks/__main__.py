@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, reducer, start
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, reducer, start, tori
 
     return {
         "period": period.rows,
@@ -74,6 +74,7 @@ def _groups() -> dict[str, Callable]:
         "mass": mass.rows,
         "balance": balance.rows,
         "reducer": reducer.rows,
+        "tori": tori.rows,
         "jobs": jobs.rows,
         "paper": paper.rows,
     }

@@ -68,6 +68,24 @@ def test_motions_without_a_torus_are_refused():
     system = gw.System(["x"], [1.0], [0.1], [1.0], contacts=[brake], harmonics=[gw.Harmonic(1.0, {"x": 1.0})])
     with pytest.raises(ModelError, match="dry friction or rigid stops are not computed"):
         gw.tori.find_torus(gw.settle(system, frequency=1.3))
+    wall = gw.rigid_stop("wall", {"x": 1.0}, clearance=0.5, restitution=0.8)
+    system = gw.System(["x"], [1.0], [0.1], [1.0], contacts=[wall], harmonics=[gw.Harmonic(1.0, {"x": 1.0})])
+    with pytest.raises(ModelError, match="dry friction or rigid stops are not computed"):
+        gw.tori.find_torus(gw.settle(system, frequency=1.3))
+
+
+def test_free_motions_are_refused():
+    """Without excitation there are no strobes; the motion of x loses its stability where y is no longer damped."""
+    circle = gw.force("circle", {"x": 1.0}, "(x*x + v*v - 1)*v")
+    system = gw.System(["x", "y"], [1.0, 1.0], [0.0, 0.1], [1.0, 2.0], contacts=[circle], frequency=1.3)
+    with pytest.raises(ModelError, match=r"nothing excites this system.*gw.free.follow_self_excited"):
+        gw.tori.find_torus(gw.settle(system, [1.0, 0.5, 0.0, 0.0]))
+    motion = gw.free.find_self_excited(system, [1.0, 0.0, 0.0, 0.0])
+    branch = gw.free.follow_self_excited(motion, system, "damping.y.y", -0.1)
+    (point,) = branch.special(gw.Kind.NEIMARK_SACKER)
+    assert point.value == pytest.approx(0.0, abs=1e-8)
+    with pytest.raises(ModelError, match="Neimark-Sacker points are not computed"):
+        gw.tori.follow_tori(point, "damping.y.y", (-0.1, 0.1))
 
 
 @pytest.mark.parametrize(

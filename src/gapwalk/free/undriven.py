@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gapwalk.errors import ModelError
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.angle_dependence import loads_act, numbers_vary
+from gapwalk.model.coefficients import layout_of
 from gapwalk.model.system import System
 
 
@@ -40,17 +41,13 @@ def without_excitation(system: System) -> System:
 
 def check_free(system: System) -> None:
     """Raise a ModelError if the equations of a system depend on the angle of its excitation."""
-    layout, coefficients = layout_of(system.structure), coefficients_of(system)
-    first = 2 * layout.structure.size + len(layout.structure.contacts) + 1
-    if coefficients[layout.accelerations[:, first:]].any() or layout.cycles:
-        names = ", ".join(load.name for load in layout.structure.harmonics)
+    if loads_act(system):
+        names = ", ".join(load.name for load in layout_of(system.structure).structure.harmonics)
         raise ModelError(
             f"a free motion has no excitation, and {names} acts on this system; take it out with "
             "gw.free.without_excitation(system), or set its amplitude to 0"
         )
-    waves = [wave for slots in layout.contacts for wave in slots.waves.values()]
-    waves += [wave for slots in layout.contacts for stage in slots.stages for wave in stage.waves.values()]
-    if any(coefficients[wave.lines].any() or wave.cycles for wave in waves):
+    if numbers_vary(system):
         raise ModelError(
             "a number of this system varies over the angle of the excitation, and a free motion has no such angle; set "
             "the amplitude of that variation to 0"

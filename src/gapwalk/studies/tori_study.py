@@ -23,7 +23,7 @@ from gapwalk.summary import row_of
 from gapwalk.tori.second_tone import Tone, two_tones
 from gapwalk.tori.torus_continuation import follow_tori
 from gapwalk.tori.torus_diagram import TorusDiagram
-from gapwalk.tori.torus_equation import refuse_dry
+from gapwalk.tori.torus_equation import refuse_without_tori
 from gapwalk.tori.torus_family import TorusFamily
 from gapwalk.tori.torus_solution import TorusOptions
 
@@ -75,7 +75,7 @@ class ToriStudy(BranchOptions):
         ModelError
             For a system with dry friction or rigid stops, or one that does not fit the tone.
         """
-        refuse_dry(system)
+        refuse_without_tori(system)
         if self.tone is None:
             return ToriWork(system, self)
         return TwoToneWork(system, self, self.tone)

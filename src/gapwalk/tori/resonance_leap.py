@@ -2,9 +2,9 @@
 
 Near a resonance p/q curves are distorted, and need the more samples the nearer it is; in a window around it there is
 no torus at all. So the length of each step is varied a little, such that its rotation number is far from fractions.
-Where steps become short, or the samples are no longer enough, a leap is tried from the last good step: to a torus of a
-given rotation number, with the parameter free. For numbers that are far from all fractions such tori exist on both
-sides of a window, and depend on the number as if there were none.
+Where steps become short, or the samples are no longer enough, the family is continued by leaps: each to a torus of a
+given rotation number, with the parameter free. For numbers that are far from all fractions tori exist on both sides of
+a window, and depend on the number as if there were none (smooth in the sense of Whitney, as KAM theory has it).
 """
 
 from __future__ import annotations
@@ -21,25 +21,31 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.errors import NumericalError
 from gapwalk.tori.closed_curve import resampled
+from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus_ends import has_shrunk
 from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import corrector_of, equation_of, torus_at
 
+NEXT = (1.3, 0.8, 2.0, 3.0, 0.4)
+"""Lengths of leaps, over that of the last one, that are tried while leaps succeed."""
 FEW = (1.5, 2.0, 3.0, 4.0)
-"""Lengths of leaps, over that of a good step, that are tried as soon as steps become short."""
+"""Lengths, over that of a good step, that are tried as soon as steps become short."""
 MANY = (*FEW, 6.0, 8.0, 12.0, 16.0)
 """Lengths that are tried before a family ends."""
 
 _REMEMBERED = 32  # steps among which a good one is looked for, before the walk crept into a resonance
 _GOOD = 0.5  # change of the rotation number in a good step, as a share of the largest of them
 _SHARES = np.linspace(1.0, 0.7, 25)  # of a step, among which the rotation number is chosen
-_DENOMINATORS = np.arange(1.0, 61.0)  # of the fractions that it avoids
 _AROUND = np.linspace(0.8, 1.25, 31)  # of a leap, among which the rotation number is chosen
+_DENOMINATORS = np.arange(1.0, 101.0)  # of the fractions that it avoids
 _ALONG = 0.5  # change of the rotation number along a tangent, over that along a good step, below which it is distorted
-_FAR = 0.5  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
+_FARTHER = 3.0  # the longest leap over a resonance that has stopped a walk, over the longest step
+_SHRUNK = 0.3  # size of a torus, over that before a leap, below which it may be no torus
+_FAR = 2.0  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
 
 
 class Stride(NamedTuple):
-    """An accepted step, with the corrector that made it."""
+    """An accepted step, with the corrector of its end."""
 
     corrector: Corrector
     start: BranchPoint
@@ -51,6 +57,15 @@ class Stride(NamedTuple):
         """Change of the rotation number."""
         return torus_at(self.end).rotation - torus_at(self.start).rotation
 
+    def along(self, corrector: Corrector) -> NDArray[np.float64]:
+        """Return the change of all unknowns, as a vector of another corrector."""
+        count = equation_of(corrector).count
+        ends = [
+            np.append(resampled(torus_at(point).states, count), (torus_at(point).rotation, point.value))
+            for point in (self.start, self.end)
+        ]
+        return (ends[1] - ends[0]) / corrector.scales
+
 
 class Strides:
     """The last steps of a walk.
@@ -61,19 +76,22 @@ class Strides:
         The range.
     options
         Accuracy of the tori.
+    longest
+        The longest step.
     """
 
-    def __init__(self, within: Range, options: TorusOptions) -> None:
-        self.within, self.options = within, options
+    def __init__(self, within: Range, options: TorusOptions, longest: float) -> None:
+        self.within, self.options, self.longest = within, options, longest
         self._last: deque[Stride] = deque(maxlen=_REMEMBERED)
 
     def add(self, stride: Stride) -> None:
         """Add an accepted step."""
         self._last.append(stride)
 
-    def clear(self) -> None:
-        """Forget all steps."""
+    def restart(self, stride: Stride) -> None:
+        """Forget all steps but one, which others are compared with."""
         self._last.clear()
+        self._last.append(stride)
 
     @property
     def good(self) -> Stride | None:
@@ -96,12 +114,15 @@ class Strides:
         good = self.good
         if good is None or good.turned == 0.0:
             return None
-        corrector, point = good.corrector, good.end
-        if equation_of(corrector).count < count:
-            posed = posed_with(corrector, point, count, self.within)
-            if posed is None:
-                return None
-            corrector, point = posed
+        posed: tuple[Corrector, BranchPoint] | None = (good.corrector, good.end)
+        if equation_of(good.corrector).count < count:
+            posed = posed_with(good.corrector, good.end, count, self.within)
+        return None if posed is None else self.leap_from(*posed, good, last, lengths)
+
+    def leap_from(
+        self, corrector: Corrector, point: BranchPoint, good: Stride, last: BranchPoint, lengths: tuple[float, ...]
+    ) -> Stride | None:
+        """Return a leap from a point, in the direction of a good step; see `leap`."""
         begun, passed = torus_at(point).rotation, torus_at(last).rotation
         for longer in lengths:
             turns = begun + good.turned * longer * _AROUND
@@ -109,16 +130,21 @@ class Strides:
             if not len(turns):
                 continue
             aim = float(turns[int(np.argmin(nearness_to_fractions(turns)))])
-            beyond = self._landed(good, corrector, point, aim)
-            if beyond is not None and self.options.accepts(torus_at(beyond)) and beyond.value in self.within:
-                length = float(np.linalg.norm(beyond.x - point.x))
+            landed = self._landed(corrector, point, good, aim, self.longest * (1.0 if lengths is NEXT else _FARTHER))
+            if landed is not None and landed[1].value not in self.within:
+                return None
+            if landed is not None:
                 # the arclength of the family does not go back to the good step
                 start = replace(point, arclength=max(last.arclength, point.arclength))
-                return Stride(corrector, start, replace(beyond, arclength=start.arclength + length), good.length)
+                leap = Stride(landed[0], start, landed[1], good.length)
+                length = float(np.linalg.norm(leap.along(landed[0])))
+                return leap._replace(end=replace(landed[1], arclength=start.arclength + length))
         return None
 
-    def _landed(self, good: Stride, corrector: Corrector, point: BranchPoint, aim: float) -> BranchPoint | None:
-        """Return the torus of a rotation number, from a point along its tangent; None if there is none nearby.
+    def _landed(
+        self, corrector: Corrector, point: BranchPoint, good: Stride, aim: float, longest: float
+    ) -> tuple[Corrector, BranchPoint] | None:
+        """Return the torus of a rotation number next to a point, with its corrector; None if there is none.
 
         Next to a resonance the tangent leads along it: then the guess is along the good step.
         """
@@ -126,28 +152,39 @@ class Strides:
         change = (aim - torus_at(point).rotation) / scale
         along = point.tangent
         if abs(along[-2] * scale) * good.length < _ALONG * abs(good.turned):
-            along = _secant(good, corrector)
+            along = good.along(corrector)
         guess = point.x + along * (change / along[-2])
+        length = float(np.linalg.norm(guess - point.x))
+        if length > longest:
+            return None
         normal = np.zeros(len(guess))
         normal[-2] = 1.0
         found = corrector.correct(guess, normal)
-        if found is None or np.linalg.norm(found.x - guess) > _FAR * np.linalg.norm(guess - point.x):
+        if found is None or np.linalg.norm(found.x - guess) > _FAR * length:
             return None
         try:
-            return corrector.point(found, point.tangent, point.arclength)
+            landed = corrector.point(found, normal * np.sign(good.turned), point.arclength)
         except NumericalError:
             return None
+        torus, before = torus_at(landed), torus_at(point)
+        if torus.size < _SHRUNK * before.size or has_shrunk(point, landed):
+            return None  # the orbit to which the tori shrink solves the equation with any rotation number
+        if self._is_fine(torus):
+            return corrector, landed
+        finer = self.options.finer(torus.count)
+        if finer is None or not torus.is_resolved:
+            return None
+        posed = posed_with(corrector, landed, finer, self.within)
+        return posed if posed is not None and self._is_fine(torus_at(posed[1])) else None
 
+    def _is_fine(self, torus: Torus) -> bool:
+        """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required.
 
-def _secant(stride: Stride, corrector: Corrector) -> NDArray[np.float64]:
-    """Return the change of all unknowns in a step, as a vector of another corrector."""
-    count = equation_of(corrector).count
-    ends = []
-    for point in (stride.start, stride.end):
-        unscaled = point.x * stride.corrector.scales
-        curve = unscaled[:-2].reshape(equation_of(stride.corrector).count, -1)
-        ends.append(np.append(resampled(curve, count).ravel(), unscaled[-2:]) / corrector.scales)
-    return ends[1] - ends[0]
+        Otherwise it is next to another resonance, unless a contact grazes along it.
+        """
+        if not self.options.accepts(torus) or torus.grazes:
+            return self.options.accepts(torus)
+        return torus.error**2 <= self.options.accuracy * max(self.options.accuracy, self.options.tolerated)
 
 
 def far_from_fractions(

@@ -23,13 +23,12 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.length_unit import natural_length
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import force
-from gapwalk.model.laws import Expression
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
+from gapwalk.tori.tone_clock import CLOCK
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_solution import TorusOptions, find_torus
 
-_CLOCK = "frequency*frequency*x + frequency*(x*x + (v/frequency)*(v/frequency) - 1)*v"
 _MOST = 64  # the largest denominator of a ratio of frequencies that counts as a fraction
 _EQUAL = 1e-9  # distance within which a ratio is that fraction
 
@@ -109,7 +108,7 @@ class Tone:
                 f"the tone acts on {unknown[0]!r}, which is no coordinate; they are {', '.join(system.coordinates)}"
             )
         size = self._size(system)
-        clock = force(self.name, {self.name: 1.0 / size}, _CLOCK, acts_on={self.name: size}, frequency=self.frequency)
+        clock = force(self.name, {self.name: 1.0 / size}, CLOCK, acts_on={self.name: size}, frequency=self.frequency)
         # forces of contacts stand on the left-hand side of the equations of motion, loads on the right
         pushed = {name: -share for name, share in self.acts_on.items()}
         drive = force(load, {self.name: 1.0 / size}, "amplitude*x", acts_on=pushed, amplitude=self.amplitude)
@@ -130,11 +129,6 @@ class Tone:
     def _size(system: System) -> float:
         """Return the length that stands for 1 in the coordinate of the tone: that of the motion, as far as is known."""
         return natural_length(layout_of(system.structure), coefficients_of(system))
-
-
-def has_tone(system: System) -> bool:
-    """Return True if a system has a second tone: then its tori have a known rotation number, and nothing locks."""
-    return any(form.law == Expression(_CLOCK) for form in system.structure.contacts)
 
 
 def two_tones(

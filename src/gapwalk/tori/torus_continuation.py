@@ -70,7 +70,8 @@ def follow_tori(
     Raises
     ------
     ModelError
-        For a start at which no tori begin, a range that does not contain it, or a system with friction or rigid stops.
+        For a start at which no tori begin, a range that does not contain it, a system with friction or rigid stops, or
+        a free motion.
     ConvergenceError
         If no torus is found next to a Neimark-Sacker point; the message says whether it is near a strong resonance.
     Interrupted

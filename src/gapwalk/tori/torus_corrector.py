@@ -20,8 +20,10 @@ from gapwalk.orbit.orbit_equation import Equation, Evaluation
 from gapwalk.tori.torus_equation import TorusEquation, TorusLinearisation
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
-_CONTRACTION = 0.5  # ratio of successive residuals above which a small one is only rounding
+_CONTRACTION = 0.5  # largest ratio of successive steps that converge; of residuals, above which one is rounding
 _QUADRATIC = 1e-7  # residual, over the size of the motion, and step, after which the next one reaches rounding
+_POLISH = 1e-5  # longest last step
+_EXACT = 3e-14  # residual, over the size of the motion, that is only rounding
 _REFINEMENTS = 8
 _REFINED = 1e-10  # residual of a linear system, over its right-hand side, at which its solution is accepted
 _FASTER = 0.3  # ratio of successive such residuals above which the matrix is factorised again
@@ -101,16 +103,18 @@ class TorusCorrector(Corrector):
             except NumericalError:
                 return None
             size, scale = (float(np.abs(each).max()) for each in (found.residual, unknowns))
-            if not size <= _LOST * before:
+            solved = size <= self.curves.tolerance * scale
+            if not solved and not size <= _LOST * before:
                 return None
             right[:-1, 0], right[-1, 0] = -found.residual, 0.0
             steps = factors.solve(found, right)
             if steps is None:
                 return None
             length = length_of(steps[:, 0])
-            exact = size <= self.curves.tolerance * scale and size >= _CONTRACTION * before
-            if exact or max(size / scale, length) <= _QUADRATIC:
-                x = x + steps[:, 0]
+            converges = solved and (not last or length <= _CONTRACTION * last or size >= _CONTRACTION * before)
+            if converges or size <= _EXACT * scale or max(size / scale, length) <= _QUADRATIC:
+                # where the residual is only rounding, a long step means a nearly singular Jacobian, as at a resonance
+                x = x + steps[:, 0] if length < _POLISH else x
                 along = steps[:, 1]
                 evaluation = Evaluation(found.residual, _NONE, found.columns[:, 1], found)
                 course = Course(along / length_of(along), math.nan)

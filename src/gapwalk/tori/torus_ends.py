@@ -24,8 +24,11 @@ DENOMINATOR = 12
 """The largest denominator of resonances that are named, and whose locked motions are looked for."""
 
 _RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
+_SMALL = 1e-3  # size of a torus, over that of the motion, at which a failing walk has perhaps reached its orbit
 _INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
-_BEYOND = 4.0  # distance within which the Neimark-Sacker point is looked for, in steps of the family
+# distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
+# are the same, inverted, so that a step over it may change the parameter little
+_BEYOND = (4.0, 40.0, 400.0)
 
 
 def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
@@ -34,6 +37,11 @@ def has_shrunk(before: BranchPoint, after: BranchPoint) -> bool:
     if first.shape != last.shape:
         return False
     return bool((first * last).sum() < _INVERTED * np.linalg.norm(first) * np.linalg.norm(last))
+
+
+def is_small(torus: Torus) -> bool:
+    """Return True if a torus is so small that the orbit to which it shrinks may be next to it."""
+    return torus.size < _SMALL * float(np.abs(torus.states / torus.system.state_scales()).max())
 
 
 def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
@@ -53,14 +61,17 @@ def shrunk(before: BranchPoint, after: BranchPoint, parameter: str) -> TorusEnd:
 def _neimark_sacker(before: BranchPoint, after: BranchPoint, parameter: str) -> SpecialPoint | None:
     torus = torus_at(before)
     equation = ShootingEquation(torus.system, None, torus.curves)
-    reach = _BEYOND * max(abs(after.value - before.value), 1e-6 * abs(before.value))
-    try:
-        orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
-        branch = follow(orbit, parameter, (before.value - reach, before.value + reach))
-    except GapwalkError:
-        return None
-    found = branch.special(Kind.NEIMARK_SACKER)
-    return min(found, key=lambda each: abs(each.value - before.value), default=None)
+    reach = max(abs(after.value - before.value), 1e-6 * abs(before.value))
+    for longer in _BEYOND:
+        try:
+            orbit = equation.orbit(*_solved(equation, torus.states.mean(axis=0)))
+            branch = follow(orbit, parameter, (before.value - longer * reach, before.value + longer * reach))
+        except GapwalkError:
+            return None
+        found = branch.special(Kind.NEIMARK_SACKER)
+        if found:
+            return min(found, key=lambda each: abs(each.value - before.value))
+    return None
 
 
 def _solved(equation: ShootingEquation, start: NDArray[np.float64]):

@@ -22,11 +22,13 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, Arc, flow_of
 from gapwalk.flow.length_unit import smallness
+from gapwalk.model.angle_dependence import loads_act, numbers_vary
 from gapwalk.model.coefficients import ParameterPlane
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.sticking import transition_of
 from gapwalk.tori.closed_curve import rotation_matrices, tangents
+from gapwalk.tori.tone_clock import has_tone
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ class TorusEquation:
     last_scale: float = 0.5
 
     def __post_init__(self) -> None:
-        refuse_dry(self.system)
+        refuse_without_tori(self.system)
         for name in self._names:
             self.system.structure.place(name)
 
@@ -198,11 +200,17 @@ class TorusEquation:
         return np.append(np.tile(unit * length, self.count) * np.sqrt(self.count), self.last_scale)
 
 
-def refuse_dry(system: System) -> None:
-    """Raise a ModelError for a system with friction or rigid stops, whose tori are not computed."""
+def refuse_without_tori(system: System) -> None:
+    """Raise a ModelError for a system whose tori are not computed: with friction, rigid stops, or no excitation."""
     if is_dry(system.structure):
         raise ModelError(
             "tori of systems with dry friction or rigid stops are not computed: where the sequence of slip, stick and "
             "impacts changes along a torus, it has corners; settle() and classify() find the stable ones, "
             "lyapunov() their exponents"
+        )
+    if not (loads_act(system) or numbers_vary(system) or has_tone(system)):
+        raise ModelError(
+            "nothing excites this system: tori are computed as closed curves of strobes, once in each period of the "
+            "excitation, and a free motion has none; gw.free.follow_self_excited(...) follows its periodic motions. "
+            "Tori that begin at their Neimark-Sacker points are not computed; settle() shows stable ones"
         )

@@ -13,7 +13,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.tori.locked_window import LockedWindow, locked_window
-from gapwalk.tori.second_tone import has_tone
+from gapwalk.tori.tone_clock import has_tone
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_doubling import Change, change_at
 from gapwalk.tori.torus_ends import DENOMINATOR
@@ -21,11 +21,10 @@ from gapwalk.tori.torus_family import TorusEvent, TorusEventKind
 from gapwalk.tori.torus_start import equation_of, torus_at
 
 _BISECTIONS = 6  # of a step in which a contact begins to graze
+_NAMED, _SOUGHT = 60, 20  # the largest denominators that are named in a leap, and whose locked motions are looked for
 
 
-def events_between(
-    before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range, *, leapt: bool = False
-) -> list[TorusEvent]:
+def events_between(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
     """Locate what happens in a step between two tori, in order along it.
 
     One normal exponent passes zero at a fold too; that is no event of its own.
@@ -38,9 +37,6 @@ def events_between(
         Corrector of the family.
     within
         The range in which locked motions are followed.
-    leapt
-        True for a step over a resonance that stopped the walk: if no fraction of a small denominator is between both
-        tori, the simplest one is.
     """
     first, last = torus_at(before), torus_at(after)
     found: list[tuple[float, TorusEvent]] = []
@@ -67,15 +63,65 @@ def events_between(
             found[-1] = share, _explained(event, located[-1])
     if first.grazes is not last.grazes:
         found.append(_graze(before, after, corrector))
-    ratios = _between(first.rotation, last.rotation)
-    if leapt and not ratios:
-        ratios = [simplest(*sorted((first.rotation, last.rotation)))]
-    for ratio in ratios:
+    for ratio in _between(first.rotation, last.rotation):
         event = locate(TorusEventKind.RESONANCE, lambda point, ratio=ratio: torus_at(point).rotation - float(ratio))
         near = min((before, after), key=lambda point, ratio=ratio: abs(torus_at(point).rotation - ratio))
         share, _ = found[-1]
         found[-1] = share, replace(event, ratio=ratio, window=window_at(near, ratio, event.value, corrector, within))
     return [event for _, event in sorted(found, key=lambda each: each[0])]
+
+
+def events_in_leap(before: BranchPoint, after: BranchPoint, corrector: Corrector, within: Range) -> list[TorusEvent]:
+    """Return what happens between two tori on both sides of a leap, in which no other ones were found.
+
+    Places are known to half of the leap, those of resonances better if their locked motions are found. If there is no
+    fraction of a small denominator between both tori, the simplest one is reported.
+
+    Parameters
+    ----------
+    before, after, corrector, within
+        As in `events_between`.
+    """
+    first, last = torus_at(before), torus_at(after)
+    middle, width = 0.5 * (before.value + after.value), 0.5 * abs(after.value - before.value)
+    ratios = _between(first.rotation, last.rotation)
+    if not ratios:
+        ratios = [each for each in [simplest(*sorted((first.rotation, last.rotation)))] if each.denominator <= _NAMED]
+    found: list[TorusEvent] = []
+    for ratio in ratios:
+        share = (float(ratio) - first.rotation) / (last.rotation - first.rotation)
+        places = before.value + np.array([share, 0.5, 0.5 * share, 0.5 + 0.5 * share]) * (after.value - before.value)
+        windows = (window_at(before, ratio, value, corrector, within) for value in places.tolist())
+        window = next((each for each in windows if each is not None), None) if ratio.denominator <= _SOUGHT else None
+        place, error = _interpolated(before, after, float(ratio), corrector)
+        if window is not None:
+            place, error = 0.5 * (window.low + window.high), 0.5 * window.width
+        kind = TorusEventKind.RESONANCE
+        found.append(TorusEvent(kind, place, error, float(ratio), first.unstable, last.unstable, ratio, window))
+    changed, turns = abs(first.unstable - last.unstable), before.tangent[-1] * after.tangent[-1] < 0.0
+    kinds = [TorusEventKind.FOLD] if turns else []
+    if changed > int(turns):
+        kinds.append(TorusEventKind.CHANGE if changed == 1 else TorusEventKind.PAIR)
+    if first.grazes is not last.grazes:
+        kinds.append(TorusEventKind.GRAZING)
+    rotation = 0.5 * (first.rotation + last.rotation)
+    return found + [TorusEvent(kind, middle, width, rotation, first.unstable, last.unstable) for kind in kinds]
+
+
+def _interpolated(before: BranchPoint, after: BranchPoint, ratio: float, corrector: Corrector) -> tuple[float, float]:
+    """Return the parameter at a rotation number in a leap, by the cubic with the slopes at both ends, and its error.
+
+    The error is the distance from the straight line, but not more than the leap.
+    """
+    scales = corrector.scales[-2:]
+    turns = torus_at(after).rotation - torus_at(before).rotation
+    share, change = (ratio - torus_at(before).rotation) / turns, after.value - before.value
+    straight = before.value + share * change
+    slopes = [float(point.tangent[-1] * scales[1] / (point.tangent[-2] * scales[0])) for point in (before, after)]
+    first, last = (slope * turns - change for slope in slopes)
+    bent = share * (1.0 - share) * ((1.0 - share) * first - share * last)
+    error = min(abs(bent), 0.5 * abs(change))
+    return straight + float(np.clip(bent, -error, error)), error
 
 
 def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:

@@ -22,7 +22,7 @@ from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.tori.closed_curve import odd, of_quasi_periodic, resampled
 from gapwalk.tori.normal_stability import normal_exponents
 from gapwalk.tori.torus import Torus, error_of
-from gapwalk.tori.torus_equation import TorusEquation, refuse_dry
+from gapwalk.tori.torus_equation import TorusEquation, refuse_without_tori
 
 _STROBES = 4096  # strobes on each curve from which the rotation number is computed
 _ITERATIONS = 12  # Newton steps
@@ -123,7 +123,7 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
     Raises
     ------
     ModelError
-        For a system with dry friction or rigid stops.
+        For a system with dry friction or rigid stops, or without excitation.
     ConvergenceError
         If the motion is not quasi-periodic, or its torus is not smooth enough for the accuracy.
 
@@ -135,7 +135,7 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
     (2, 0.31612601)
     """
     options = options or TorusOptions()
-    refuse_dry(motion.system)
+    refuse_without_tori(motion.system)
     if isinstance(motion, Torus):
         curve, turns, curves = motion.states, motion.rotation, motion.curves
     else:

@@ -229,7 +229,8 @@ def _settled_torus(
 ) -> Torus | None:
     """Return the torus on which the locked motion settles at a place beyond its window; None if it is another one."""
     try:
-        found = find_torus(settle(torus.system.at({parameter: place}), window.orbit.state), options)
+        motion = settle(torus.system.at({parameter: place}), window.orbit.state)
+        found = find_torus(motion, replace(options, samples=max(options.samples, torus.count)))
     except NumericalError:
         return None
     ratio = float(window.ratio)

@@ -13,15 +13,16 @@ from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
 from gapwalk.tori.locked_window import LockedWindow
-from gapwalk.tori.resonance_leap import FEW, MANY, Stride, Strides, far_from_fractions, posed_with
+from gapwalk.tori.resonance_leap import FEW, MANY, NEXT, Stride, Strides, far_from_fractions, posed_with
 from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_ends import has_shrunk, locked, resonance_near, rough, shrunk
-from gapwalk.tori.torus_events import events_between, simplest, window_at
+from gapwalk.tori.torus_ends import DENOMINATOR, has_shrunk, is_small, locked, resonance_near, rough, shrunk
+from gapwalk.tori.torus_events import events_between, events_in_leap, simplest, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
 from gapwalk.tori.torus_start import TorusStart, equation_of, start_beyond, torus_at
 
-_MUCH = 1e-3  # share of the accuracy below which a torus has more samples than it needs
+_MUCH = 1e-2  # share of the accuracy below which a torus has more samples than it needs
+_TAIL = 0.1  # tail of its series, over the accuracy, with which it has enough: the error is some 100 times smaller
 _GROWN = 5.0  # growth of a curve beyond which its reference is another
 _STILL = 1e-7  # change of the parameter in a step, over the largest so far, that counts as none
 _ALIGNED = 0.5  # cosine between the tangents of a curve and of its reference below which the phase is fixed again
@@ -59,7 +60,8 @@ class TorusTracer(Iterator[Step]):
         walk = replace(walk, initial_step=fine * first, smallest_step=fine * walk.smallest_step) if fine < 1.0 else walk
         self.beginning, self.options, self.steps = beginning, options, walk
         self.corrector, self._moved = beginning.corrector, 0.0
-        self._strides = Strides(beginning.within, options)
+        self._strides = Strides(beginning.within, options, walk.largest_step)
+        self._leaping: Stride | None = None  # the step that leaps continue, as long as they succeed
         self._untried = np.inf  # step below which a leap has not been tried since the last good step
         self.end: TorusEnd | None = None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
@@ -81,10 +83,11 @@ class TorusTracer(Iterator[Step]):
             if self.end is not None:
                 raise StopIteration
             state = self.walk.state
-            if self._is_short(state):
+            leapt = self._leap_on(state.point) if self._leaping is not None else None
+            if leapt is None and self._is_short(state):
                 leapt = self._pass(state, FEW)
-                if leapt is not None:
-                    return leapt
+            if leapt is not None:
+                return leapt
             self._place_step(state)
             try:
                 point = next(self.walk)
@@ -135,8 +138,8 @@ class TorusTracer(Iterator[Step]):
         """Pose the equation again if the curve has moved far from its reference, or has more samples than it needs."""
         torus = torus_at(point)
         if torus.error < _MUCH * self.options.accuracy and torus.count > self.options.samples:
-            fewer = odd(2 * torus.count // 3)
-            if tail(resampled(torus.states, fewer) / torus.system.state_scales()) < _MUCH * self.options.accuracy:
+            fewer = self._enough(torus)
+            if fewer < torus.count:
                 self._pose(point, fewer, state)
                 return
         equation = equation_of(self.corrector)
@@ -146,6 +149,15 @@ class TorusTracer(Iterator[Step]):
         grown = float(np.linalg.norm(new) / np.linalg.norm(old))
         if cosine < _ALIGNED or not 1.0 / _GROWN < grown < _GROWN:
             self._pose(point, torus.count, state)
+
+    def _enough(self, torus: Torus) -> int:
+        """Return the number of samples, two thirds of the present ones or fewer, with which a curve is accurate."""
+        unit, count = torus.system.state_scales(), torus.count
+        while True:
+            fewer = max(odd(2 * count // 3), odd(self.options.samples - 1))
+            if fewer >= count or tail(resampled(torus.states, fewer) / unit) > _TAIL * self.options.accuracy:
+                return count
+            count = fewer
 
     def _pose(self, point: BranchPoint, count: int, state: WalkState) -> bool:
         """Pose the equation with another number of samples, or reference, and continue at a point; return if it did."""
@@ -191,7 +203,7 @@ class TorusTracer(Iterator[Step]):
 
         A resonance may be in the way: leap over it and return the step, or end if nothing helps.
         """
-        if state.step < self._untried:
+        if state.step < self._untried and not torus_at(rejected).grazes:
             leapt = self._pass(state, FEW)
             if leapt is not None:
                 return leapt
@@ -215,11 +227,29 @@ class TorusTracer(Iterator[Step]):
     def _pass(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
         """Return the step over a resonance, by a leap, or from the motion beyond a locked window; None if none is."""
         self._untried = _SHORTER * state.step
-        leapt = self._leap(state, lengths)
-        if leapt is not None:
-            return leapt
+        leap = self._strides.leap(state.point, equation_of(self.corrector).count, lengths)
+        if leap is not None:
+            return self._leapt(state.point, leap)
         near = self._resonance_ahead(torus_at(state.point))
-        return None if near is None else self._past_window(state.point, near, self._window(state.point, near))
+        if near is None or (lengths is FEW and near.denominator > DENOMINATOR):
+            return None
+        return self._past_window(state.point, near, self._window(state.point, near))
+
+    def _leap_on(self, last: BranchPoint) -> Step | None:
+        """Return the next leap after one that succeeded; None if there is none, and steps are taken again."""
+        before, self._leaping = self._leaping, None
+        assert before is not None
+        leap = self._strides.leap_from(self.corrector, last, before, last, NEXT)
+        return None if leap is None else self._leapt(last, leap)
+
+    def _leapt(self, last: BranchPoint, leap: Stride) -> Step:
+        """Continue at the end of a leap, and return the step with what happened on the way."""
+        events = events_in_leap(last, leap.end, self.corrector, self.beginning.within)
+        self.corrector, self._leaping, self._untried = leap.corrector, leap, np.inf
+        self._strides.restart(leap)
+        self.walk = self._walk_from(WalkState(None, leap.end, leap.length, self.walk.state.count + 1))
+        self._pose_again(self.walk.state, leap.end)
+        return TorusPoint(leap.end.value, torus_at(leap.end), leap.end.arclength), events
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
@@ -242,19 +272,19 @@ class TorusTracer(Iterator[Step]):
     def _past_window(self, last: BranchPoint, ratio: Fraction, window: LockedWindow | None) -> Step | None:
         """Return the first step beyond a window in which the motion locks; None if no torus is found there."""
         good = self._strides.good
-        length = self.steps.first_step if good is None else good.length
         way = 0.0 if good is None else float(np.sign(good.end.value - good.start.value))
-        if window is None or not way:
+        if window is None or good is None or not way:
             return None
         parameter, within = equation_of(self.corrector).parameter, self.beginning.within
         beyond = start_beyond(torus_at(last), window, parameter, way, within, last.value, self.options)
         if beyond is None:
             return None
         self.corrector, self._moved = beyond.corrector, 0.0
-        self._strides.clear()
+        self._strides.restart(good)
+        self._leaping = good
         away = float(np.linalg.norm(beyond.first.x[-2:] - last.x[-2:]))
         first = replace(beyond.first, arclength=last.arclength + away, memo={})
-        self.walk = self._walk_from(WalkState(None, first, length, self.walk.state.count + 1))
+        self.walk = self._walk_from(WalkState(None, first, good.length, self.walk.state.count + 1))
         torus, before = torus_at(first), torus_at(last)
         middle = 0.5 * (window.low + window.high)
         event = TorusEvent(
@@ -282,27 +312,12 @@ class TorusTracer(Iterator[Step]):
         if leapt is not None:
             return leapt
         near = self._near_resonance(torus)
+        if state.previous is not None and is_small(torus):
+            self.end = shrunk(state.point, state.previous, equation_of(self.corrector).parameter)
+            if not self.end.detail:
+                return None
         if near is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
         else:
             self.end = locked(state.point, near, self._window(state.point, near))
         return None
-
-    def _leap(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
-        """Return the step to the other side of a resonance, with what happens on the way; None if there is none.
-
-        The resonance between both tori is reported even if its denominator is large: it has stopped the walk.
-        """
-        last, count = state.point, equation_of(self.corrector).count
-        leap = self._strides.leap(last, count, lengths)
-        if leap is None:
-            return None
-        events = events_between(leap.start, leap.end, leap.corrector, self.beginning.within, leapt=True)
-        self.corrector, self._untried = leap.corrector, np.inf
-        self._strides.clear()
-        self._strides.add(leap)
-        self.walk = self._walk_from(WalkState(None, leap.end, leap.length, state.count + 1))
-        way = leap.end.value - last.value
-        return TorusPoint(leap.end.value, torus_at(leap.end), leap.end.arclength), [
-            each for each in events if (each.value - last.value) * way > 0.0
-        ]
