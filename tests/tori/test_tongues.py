@@ -139,7 +139,9 @@ tongues = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.6 }
 
 def test_a_file_asks_for_tongues(tmp_path) -> None:
     path = tmp_path / "ring.gapwalk"
-    found = gw.run(gw.read_study(io.StringIO(STUDY)), path).finding.record
+    finding = gw.run(gw.read_study(io.StringIO(STUDY)), path).finding
+    assert finding is not None
+    found = finding.record
     assert found.complete
     assert found.failures == ()
     (tongue,) = found.tongues
@@ -150,7 +152,9 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     orbit = gw.find_orbit(ring(0.8, amplitude, frequency))
     np.testing.assert_allclose(np.abs(orbit.multipliers), 1.0, atol=1e-7)
     np.testing.assert_allclose(np.abs(np.angle(orbit.multipliers)), 4.0 * np.pi / 13.0, atol=1e-7)
-    stored = gw.load(path).finding.record
+    kept = gw.load(path).finding
+    assert kept is not None
+    stored = kept.record
     assert stored.tongues[0].tip.values == tongue.tip.values
     assert list(stored.tables()) == ["tori", "events", "ends", "tongues"]
     assert "tongue 2/13" in str(stored.summary()) or "tongue 11/13" in str(stored.summary())
