@@ -13,16 +13,22 @@ STIFFNESS = np.array([[1.0, -1.0], [-1.0, 2.0]])
 DAMPING = np.array([[0.03, -0.03], [-0.03, 0.06]])
 
 
+class Meets:
+    """The event of SciPy at which the first mass meets its stop, or leaves it."""
+
+    terminal, direction = True, 0.0
+
+    def __call__(self, t, y):
+        return y[0] - 1.0
+
+
 def simulated(frequency: float, state, count: int) -> np.ndarray:
     """Strobes of the pair by another integrator, whose steps are short enough for short touches: it sees ends alone."""
     period = 2.0 * math.pi / frequency
     state, time, strobes = np.array(state), 0.0, []
     touches = state[0] > 1.0
 
-    def meets(t, y):
-        return y[0] - 1.0
-
-    meets.terminal = True
+    meets = Meets()
     while len(strobes) < count:
         meets.direction = -1.0 if touches else 1.0
         pushed = 100.0 if touches else 0.0
