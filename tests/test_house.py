@@ -74,6 +74,7 @@ PERMITTED = {
     ("free/self_excitation.py", "plot", "plot"): "found.plot() is a convenience; following motions never draws",
     ("tori/torus.py", "plot", "plot"): "torus.plot() is a convenience; computing tori never draws",
     ("tori/torus_diagram.py", "plot", "plot"): "plot() of all tori is a convenience; following them never draws",
+    ("tori/tongue.py", "plot", "plot"): "tongue.plot() is a convenience; following it never draws",
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
     (
         "attractors/compare_motions.py",

@@ -59,6 +59,7 @@ from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep import Sweep
 from gapwalk.studies.sweep_study import SweepFinding
+from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_diagram import TorusDiagram
 from gapwalk.tori.torus_family import TorusFamily
@@ -86,6 +87,7 @@ Found = (
     | TorusDiagram
     | TorusFamily
     | Torus
+    | Tongue
     | Backbones
     | Backbone
     | SelfExcited
@@ -353,8 +355,8 @@ def save_html(
     found
         A result of branches, a branch, a diagram, a family, a settled motion, an orbit; or an answer: rattle bands or a
         map of rattle, a threshold, a design, a tolerance, one run-up or many; a locus, a map of loci, a sweep, basins
-        of attraction or their shares, a map of regimes; tori, a family of them or one torus; backbones; self-excited
-        motions.
+        of attraction or their shares, a map of regimes; tori, a family of them, one torus or a tongue; backbones;
+        self-excited motions.
     path
         The file to write.
     measure

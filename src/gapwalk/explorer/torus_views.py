@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from gapwalk.explorer.axis_quantities import SECTION, quantity_words
 from gapwalk.model.system import System
 from gapwalk.model.words import full_measure
 from gapwalk.tori.closed_curve import TURN, at_phases
+from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_diagram import TorusDiagram
 from gapwalk.tori.torus_family import TorusEventKind, TorusFamily
@@ -103,6 +105,16 @@ def _lines(family: TorusFamily, heights: NDArray[np.float64], axes: tuple[str, .
             yield Series(x, y, "line", *look, axes=axes)
 
 
+def _tongue_lines(tongues: Sequence[Tongue]) -> Iterator[Series]:
+    for tongue, look in zip(tongues, cycle(_LOOKS), strict=False):
+        for side in tongue.sides:
+            first, second = side.values.T
+            yield Series(first, second, "line", look, f"tongue {tongue.ratio}", axes=(side.first, side.second))
+        if tongue.tip is not None:
+            first, second = tongue.tip.values
+            yield Series([first], [second], "stars", "worst", "tip", axes=(tongue.first, tongue.second))
+
+
 def _some(family: TorusFamily, count: int) -> list[Torus]:
     """Return the largest torus of a family and others that are spread along it, in order along the family."""
     sizes = [point.torus.size for point in family.points]
@@ -147,10 +159,54 @@ class TorusDiagramView(_FamiliesView):
         return [next(iter(text for text in self.record.summary() if isinstance(text, str)))]
 
     def drawn(self) -> Json:
-        """Return the families, where the range has any motion."""
+        """Return the families, where the range has any motion, and tongues over their own axes."""
         if not (self.record.diagram.members or self.families):
             return {}
-        return {**super().drawn(), "within": {self.parameter: list(self.record.diagram.within)}}
+        drawn = super().drawn()
+        layers = [*drawn["layers"], *(each.plain for each in _tongue_lines(self.record.tongues))]
+        return {**drawn, "layers": layers, "within": {self.parameter: list(self.record.diagram.within)}}
+
+    def pictures(self) -> list[AnswerPicture]:
+        """Return the picture of the whole, that of the tongues, and those of some tori."""
+        whole, *tori = super().pictures()
+        tongues = self.record.tongues
+        return [whole, *([AnswerPicture("tongues over both parameters", list(tongues))] if tongues else []), *tori]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The second parameter of tongues."""
+        return tuple(dict.fromkeys(tongue.second for tongue in self.record.tongues))
+
+
+@shown(Tongue)
+class TongueView(AnswerView):
+    """One tongue: both sides over both parameters, which are loci to choose."""
+
+    script = "list(record.sides)"
+    record: Tongue
+
+    def curves(self) -> list[tuple[str, Branch | Locus]]:
+        """Return both sides."""
+        return [(f"{name} side", side) for name, side in zip(("lower", "upper"), self.record.sides, strict=True)]
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """Both parameters."""
+        return self.record.first, self.record.second
+
+    @property
+    def system(self) -> System:
+        """The system of its first point."""
+        return self.record.sides[0].points[0].orbit.system
+
+    def drawn(self) -> Json:
+        """Return the tip."""
+        tips = (each for each in _tongue_lines((self.record,)) if each.mark == "stars")
+        return {"layers": [each.plain for each in tips]}
+
+    def pictures(self) -> list[AnswerPicture]:
+        """Return the picture of the tongue."""
+        return [AnswerPicture("the tongue over both parameters", self.record)]
 
 
 @shown(TorusFamily)

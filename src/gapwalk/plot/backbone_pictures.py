@@ -77,7 +77,8 @@ def draw_backbones(
     coordinate = coordinate or (measure if measure in system.coordinates else system.coordinates[0])
     if what not in ("half", coordinate) or coordinate not in system.coordinates:
         raise ModelError(f"measure is {measure!r}; a picture of backbones shows half of a coordinate, as in half.q1")
-    has_energy = bool(np.isfinite(found.lines[0].energies).all()) and found.lines[0].energies.max() > 0.0
+    # under a mean load the energy may pass zero, which its logarithmic axis has not
+    has_energy = all(np.isfinite(line.energies).all() and line.energies.min() > 0.0 for line in found.lines)
     panels = np.atleast_1d(figure.subplots(2 if has_energy else 1, 1))
     write_heading(figure, title)
     branches = [response] if isinstance(response, Branch) else list(response)

@@ -58,6 +58,7 @@ _MODULES = {
     "backbone_pictures": ("Backbone", "Backbones"),
     "foretold_picture": ("Foretold",),
     "self_excited_pictures": ("Rests", "SelfExcited"),
+    "tongue_pictures": ("Tongue",),
     "torus_pictures": ("Torus", "TorusDiagram", "TorusFamily"),
     "motions": (
         *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),

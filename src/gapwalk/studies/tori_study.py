@@ -10,22 +10,32 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
+from pydantic import AfterValidator, Field
+
 from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.errors import NumericalError
+from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
-from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.options import BranchOptions, ParameterRange, is_another
 from gapwalk.studies.study_kind import AnswerFinding, Found, Work, found_by, plain_numbers
 from gapwalk.studies.study_registry import INLINE, Counted
 from gapwalk.summary import row_of
+from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.second_tone import Tone, two_tones
+from gapwalk.tori.tongue import Tongue, follow_tongue
 from gapwalk.tori.torus_continuation import follow_tori
 from gapwalk.tori.torus_diagram import TorusDiagram
 from gapwalk.tori.torus_equation import refuse_without_tori
 from gapwalk.tori.torus_family import TorusFamily
 from gapwalk.tori.torus_solution import TorusOptions
+
+Tongues = Annotated[
+    ParameterRange,
+    Field(description='write the second parameter, as in tongues = { parameter = "mean.q1", from = 0.1, to = 0.5 }'),
+    AfterValidator(is_another),
+]
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,8 @@ class ToriStudy(BranchOptions):
         Accuracy of the tori. In a table, its keys are among the others.
     tone
         A second excitation, whose frequency is no multiple of the first one.
+    tongues
+        A second parameter and its range, in which both ends of each window in which motions lock are followed.
     workers
         Number of processes; by default one for each local core.
     """
@@ -58,6 +70,7 @@ class ToriStudy(BranchOptions):
     max_branches: Annotated[int, Counted] = 200
     tori: Annotated[TorusOptions, INLINE] = field(default_factory=TorusOptions)
     tone: Tone | None = None
+    tongues: Tongues | None = None
     workers: Counted | None = field(default=None, compare=False)
 
     @property
@@ -65,7 +78,8 @@ class ToriStudy(BranchOptions):
         """Describe the work to be done, in one line."""
         if self.tone is not None:
             return f"tori over {self.range_words}, with a second tone of the frequency {self.tone.frequency:g}"
-        return f"tori over {self.range_words}, on branches of period {self.period} to {self.max_period}"
+        tongues = "" if self.tongues is None else f"; tongues in {self.tongues.words}"
+        return f"tori over {self.range_words}, on branches of period {self.period} to {self.max_period}{tongues}"
 
     def work(self, system: System) -> ToriWork | TwoToneWork:
         """Return the work on the branches and the families, or on the family of the motion under both excitations.
@@ -76,14 +90,29 @@ class ToriStudy(BranchOptions):
             For a system with dry friction or rigid stops, or one that does not fit the tone.
         """
         refuse_without_tori(system)
+        if self.tongues is not None:
+            self._check_tongues(system, self.tongues)
         if self.tone is None:
             return ToriWork(system, self)
         return TwoToneWork(system, self, self.tone)
+
+    def _check_tongues(self, system: System, second: ParameterRange) -> None:
+        if self.tone is not None:
+            raise ModelError("nothing locks to a second tone, so there are no tongues; leave out tone or tongues")
+        low, high = second.ends
+        value = system[second.parameter]
+        if not low <= value <= high:
+            raise ModelError(
+                f"tongues are followed in {second.parameter} from {low:g} to {high:g}, and the model has "
+                f"{value:g}, outside of it; write a range that contains it"
+            )
 
 
 FAMILY = Part("family of tori", TorusFamily, numbered=True)
 TORI = Part("tori", tuple[tuple[str, ...], int])
 """Failures, and the number of Neimark-Sacker points that are done."""
+TONGUE = Part("tongue", tuple[int, Tongue | None, str], numbered=True)
+"""Number of a window, its tongue, and the reason if there is none."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +121,8 @@ class ToriFinding(AnswerFinding[TorusDiagram]):
 
     def document_of(self, found: TorusDiagram, points: bool) -> dict[str, Any]:
         """Return the families with their events and ends as JSON values; with all tori if wanted."""
-        return {"families": [self._family(family, points) for family in found.families]}
+        document: dict[str, Any] = {"families": [self._family(family, points) for family in found.families]}
+        return document | ({"tongues": [_tongue(each) for each in found.tongues]} if found.tongues else {})
 
     def _family(self, family: TorusFamily, points: bool) -> dict[str, Any]:
         document: dict[str, Any] = {
@@ -118,6 +148,19 @@ class ToriFinding(AnswerFinding[TorusDiagram]):
         return document
 
 
+def _tongue(found: Tongue) -> dict[str, Any]:
+    tip = found.tip
+    sides = {
+        name: {
+            "points": side.values.tolist(),
+            "ends": [{"reason": end.reason.name.lower(), "values": list(end.values)} for end in side.ends],
+        }
+        for name, side in zip(("lower", "upper"), found.sides, strict=True)
+    }
+    place = None if tip is None else {"kind": tip.kind.value, "values": tip.values, "uncertainty": tip.uncertainty}
+    return {"ratio": str(found.ratio), "period": found.period, "tip": place, **sides}
+
+
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: plain_numbers(value) for name, value in values.items()}
 
@@ -140,6 +183,7 @@ class ToriWork(Work):
         self._families: list[TorusFamily] = []
         self._failures: tuple[str, ...] = ()
         self._tried = 0
+        self._tongues: list[tuple[int, Tongue | None, str]] = []
 
     def take(self, known: Parts) -> None:
         """Read the branches and families of a file; raise a ValueError if they belong to another study."""
@@ -147,6 +191,9 @@ class ToriWork(Work):
             self._branches.take(known)
         self._families = [family for _, family in known.all(FAMILY)]
         self._failures, self._tried = known.get(TORI) or ((), 0)
+        self._tongues = [tongue for _, tongue in known.all(TONGUE)]
+        if [number for number, _, _ in self._tongues] != [*range(len(self._tongues))]:
+            raise ValueError("the tongues do not belong to the study")
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Find the branches that are not known, then follow the families that are left."""
@@ -170,6 +217,19 @@ class ToriWork(Work):
             self._families.append(family)
             yield Found((FAMILY.entry(family, len(self._families) - 1), self._state()))
         self._tried = len(starts)
+        yield from self._follow_tongues(workers)
+
+    def _follow_tongues(self, workers: Workers) -> Iterator[Found]:
+        second = self.asked.tongues
+        if second is None:
+            return
+        windows, first = self.record.windows, len(self._tongues)
+        ranges = (self.asked.ends, second.ends)
+        follow_one = partial(_follow_tongue, self.asked.parameter, second.parameter, ranges)
+        for index, tongue in workers.each(follow_one, windows[first:], lambda _: True):
+            number = first + index
+            self._tongues.append((number, None, tongue) if isinstance(tongue, str) else (number, tongue, ""))
+            yield Found.part(TONGUE, self._tongues[-1], number)
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
         """Return the branches, families and failures."""
@@ -179,6 +239,7 @@ class ToriWork(Work):
         yield from self._branches.last(finished=self._branches.complete)
         yield from (FAMILY.entry(family, number) for number, family in enumerate(self._families))
         yield self._state()
+        yield from (TONGUE.entry(tongue, tongue[0]) for tongue in self._tongues)
 
     def _state(self) -> Entry:
         return TORI.entry((self._failures, self._tried))
@@ -190,18 +251,24 @@ class ToriWork(Work):
 
     @property
     def done(self) -> int:
-        """Number of branches and families."""
-        return self._branches.done + len(self._families)
+        """Number of branches, families and tongues."""
+        return self._branches.done + len(self._families) + len(self._tongues)
 
     @property
     def total(self) -> int:
-        """Number of branches and families, as far as it is known."""
-        return self.done + max(0, len(self.record.starts) - self._tried)
+        """Number of branches, families and tongues, as far as it is known."""
+        return self.done + max(0, len(self.record.starts) - self._tried) + self.record.unfollowed
 
     @property
     def record(self) -> TorusDiagram:
         """The tori so far."""
-        return TorusDiagram(self._branches.record, tuple(self._families), self._failures, self._tried)
+        tongues = tuple(tongue for _, tongue, _ in self._tongues if tongue is not None)
+        reasons = tuple(reason for _, _, reason in self._tongues if reason)
+        failures = (*self._failures, *reasons, *(each for tongue in tongues for each in tongue.failures))
+        found = TorusDiagram(self._branches.record, tuple(self._families), failures, self._tried, tongues)
+        if self.asked.tongues is None:
+            return found
+        return replace(found, unfollowed=len(found.windows) - len(self._tongues))
 
     def finding(self) -> ToriFinding:
         """Return the tori so far as the finding of a study."""
@@ -269,3 +336,13 @@ def _follow(
         return found_by(follow_tori, special, parameter, within, options=options)
     except NumericalError as error:
         return str(error)
+
+
+def _follow_tongue(
+    first: str, second: str, ranges: tuple[tuple[float, float], tuple[float, float]], window: LockedWindow
+) -> Tongue | str:
+    """Follow the tongue of a window; return the reason, as a sentence, if there is none."""
+    try:
+        return found_by(follow_tongue, window, first, second, ranges)
+    except GapwalkError as error:
+        return f"the tongue of {window.ratio}: {error}"

@@ -21,6 +21,7 @@ from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.read_result import CHECKS, VERIFICATION, load_result
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_kind import StudyKind
+from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus import Torus
 from gapwalk.tori.torus_diagram import TorusDiagram
 from gapwalk.tori.torus_family import TorusFamily
@@ -38,9 +39,8 @@ from gapwalk.verification import (
 )
 from gapwalk.verification.verification import Advance
 
-Verifiable = (
-    Branch | Diagram | Map | Family | Threshold | TorusDiagram | TorusFamily | Torus | Rests | SelfExcited | Result
-)
+Tori = TorusDiagram | TorusFamily | Torus | Tongue
+Verifiable = Branch | Diagram | Map | Family | Threshold | Tori | Rests | SelfExcited | Result
 
 
 def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
@@ -124,18 +124,12 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 raise ModelError(f"there is no locus to verify: {what.sentence}")
             verify_loci(ledger, [(f"L{k}", locus) for k, locus in enumerate(what.loci, start=1)], report)
             ledger.note("the loci of the threshold are verified, not the motions that were tried beyond it")
-        case Torus():
-            verify_torus(ledger, what, Spot("the torus", "its curve", what.system.frequency))
         case Rests():
             verify_rests(ledger, "the equilibria", what)
         case SelfExcited():
             _verify_self_excited(ledger, what, report)
-        case TorusFamily():
-            verify_families(ledger, [("the family", what)], report)
-        case TorusDiagram():
-            _verify_diagram(ledger, what.diagram, report)
-            verify_families(ledger, [(f"T{k}", each) for k, each in enumerate(what.families, start=1)], report)
-            ledger.note("the ends and events of families of tori are not verified, their tori are")
+        case TorusDiagram() | TorusFamily() | Torus() | Tongue():
+            _verify_tori(ledger, what, report)
         case Result():
             found = _found(what)
             if isinstance(found, Branch):
@@ -146,6 +140,27 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
                 ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
             else:
                 _verify(ledger, found, report)
+
+
+def _verify_tori(ledger: Ledger, what: Tori, report: Advance | None) -> None:
+    match what:
+        case Torus():
+            verify_torus(ledger, what, Spot("the torus", "its curve", what.system.frequency))
+        case TorusFamily():
+            verify_families(ledger, [("the family", what)], report)
+        case Tongue():
+            _verify_tongue(ledger, "", what, report)
+        case TorusDiagram():
+            _verify_diagram(ledger, what.diagram, report)
+            verify_families(ledger, [(f"T{k}", each) for k, each in enumerate(what.families, start=1)], report)
+            ledger.note("the ends and events of families of tori are not verified, their tori are")
+            for tongue in what.tongues:
+                _verify_tongue(ledger, f"tongue {tongue.ratio}, ", tongue, report)
+
+
+def _verify_tongue(ledger: Ledger, name: str, tongue: Tongue, report: Advance | None) -> None:
+    sides = zip((f"{name}lower side", f"{name}upper side"), tongue.sides, strict=True)
+    verify_loci(ledger, list(sides), report)
 
 
 def _verify_map(ledger: Ledger, chart: Map, report: Advance | None) -> None:

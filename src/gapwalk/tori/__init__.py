@@ -1,9 +1,9 @@
 """Quasi-periodic motions: invariant closed curves of the stroboscopic map, and families of them.
 
-Functions: `find_torus`, `follow_tori`, `two_tones`.
+Functions: `find_torus`, `find_window`, `follow_tongue`, `follow_tori`, `two_tones`.
 
-Classes: `LockedWindow`, `Tone`, `Torus`, `TorusDiagram`, `TorusEnd`, `TorusEndReason`, `TorusEvent`, `TorusEventKind`,
-`TorusFamily`, `TorusOptions`, `TorusPoint`.
+Classes: `LockedWindow`, `Tone`, `Tongue`, `TongueTip`, `TongueTipKind`, `Torus`, `TorusDiagram`, `TorusEnd`,
+`TorusEndReason`, `TorusEvent`, `TorusEventKind`, `TorusFamily`, `TorusOptions`, `TorusPoint`.
 """
 
 from gapwalk.lazy_names import lazy_names

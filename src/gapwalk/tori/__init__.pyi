@@ -1,8 +1,13 @@
 """Public names of `gapwalk.tori`; see `gapwalk.lazy_names`."""
 
 from .locked_window import LockedWindow as LockedWindow
+from .locked_window import find_window as find_window
 from .second_tone import Tone as Tone
 from .second_tone import two_tones as two_tones
+from .tongue import Tongue as Tongue
+from .tongue import TongueTip as TongueTip
+from .tongue import TongueTipKind as TongueTipKind
+from .tongue import follow_tongue as follow_tongue
 from .torus import Torus as Torus
 from .torus_continuation import follow_tori as follow_tori
 from .torus_diagram import TorusDiagram as TorusDiagram

@@ -12,9 +12,12 @@ from fractions import Fraction
 import numpy as np
 
 from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.step_size import WalkOptions
-from gapwalk.errors import GapwalkError, NumericalError
+from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.errors import ConvergenceError, GapwalkError, ModelError, NumericalError
 from gapwalk.orbit.orbit import Orbit, true_period
 from gapwalk.orbit.orbit_equation import Newton, solve
 from gapwalk.orbit.shooting import ShootingEquation
@@ -25,6 +28,7 @@ _STARTS = 4  # phases, within one q-th of a turn, from which orbits are looked f
 _NEWTON = Newton(iterations=15, halvings=3)
 _NEAR = 0.3  # largest distance of a locked orbit from the torus, as a share of its size
 _STEPS = WalkOptions(initial_step=1e-4, largest_step=2e-3, max_points=300)
+_TURNED = 1e-4  # radians over which the direction of the curve is taken
 _PERIODS = 120  # the longest orbits that are looked for, in forcing periods
 
 
@@ -42,6 +46,8 @@ class LockedWindow:
         True if both ends are folds.
     orbit
         A locked orbit, stable if there is a stable one.
+    folds
+        The folds at both ends, the lower one first; empty if they were not found.
 
     Examples
     --------
@@ -55,6 +61,12 @@ class LockedWindow:
     high: float
     is_whole: bool
     orbit: Orbit
+    folds: tuple[SpecialPoint, ...] = ()
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its folds are not its ends."""
+        if self.folds and tuple(each.value for each in self.folds) != (self.low, self.high):
+            raise ValueError("the folds of a locked window are not its ends")
 
     @property
     def width(self) -> float:
@@ -66,6 +78,60 @@ class LockedWindow:
         """The range and the period, in words."""
         what = f"period {self.orbit.period}, {'stable' if self.orbit.stable else 'unstable'}"
         return f"{what}, over {'' if self.is_whole else 'at least '}{self.width:.2g} from {self.low:.9g}"
+
+
+def find_window(
+    torus: Torus, ratio: Fraction | str, parameter: str, near: float, to: tuple[float, float]
+) -> LockedWindow:
+    """Find the window in which motions lock to a fraction, from a torus next to it.
+
+    Parameters
+    ----------
+    torus
+        A torus whose rotation number is close to the fraction.
+    ratio
+        The fraction p/q, as ``"1/3"``.
+    parameter
+        Name of the parameter.
+    near
+        Value of the parameter inside the window, such as that at which the rotation number of a family is the fraction.
+    to
+        The range in which the locked orbits are followed.
+
+    Returns
+    -------
+    LockedWindow
+        The window, with its two folds if both ends are in the range.
+
+    Raises
+    ------
+    ModelError
+        If `ratio` is no fraction, its orbits are too long, or `near` lies outside of the range.
+    ConvergenceError
+        If no locked orbit is found there.
+
+    Examples
+    --------
+    >>> found = gw.tori.find_window(locking, "1/3", "frequency", 3.0, (2.9, 3.1))
+    >>> found.is_whole, found.orbit.period
+    (True, 3)
+    """
+    try:
+        fraction = Fraction(ratio)
+    except (ValueError, ZeroDivisionError):
+        raise ModelError(f"ratio is {ratio!r}; write a fraction, as in ratio='1/3'") from None
+    if not min(to) <= near <= max(to):
+        raise ModelError(f"near is {near:g}, outside the range from {min(to):g} to {max(to):g}")
+    if torus.curves * fraction.denominator > _PERIODS:
+        raise ModelError(f"orbits of {fraction} repeat after {torus.curves * fraction.denominator} forcing periods; "
+                         f"at most {_PERIODS} are looked for")  # fmt: skip
+    window = locked_window(torus, fraction, parameter, near, to)
+    if window is None:
+        raise ConvergenceError(
+            f"no orbits of {torus.curves * fraction.denominator} forcing periods were found near the torus at "
+            f"{parameter} = {near:.8g}; give another value of near, where the rotation number is {fraction}"
+        )
+    return window
 
 
 def locked_window(
@@ -89,20 +155,24 @@ def locked_window(
     period = torus.curves * ratio.denominator
     if period > _PERIODS:
         return None
+    low, high = min(*within, value), max(*within, value)
     orbit = _orbit(torus, period, ratio.denominator, parameter, value)
     if orbit is None:
+        orbit = _orbit_at_phase(torus, period, ratio.denominator, parameter, value, (low, high))
+    if orbit is None:
         return None
-    low, high = min(*within, value), max(*within, value)
+    value = orbit.system[parameter]
     try:
         branch = follow(orbit, parameter, (low, high), walk=_STEPS)
     except GapwalkError:
         return LockedWindow(ratio, value, value, False, orbit)
-    folds = sorted(each.value for each in branch.special_points if each.kind is Kind.FOLD)
+    folds = sorted(branch.special(Kind.FOLD), key=lambda each: each.value)
     stable = [point.orbit for point in branch.points if point.stable]
     values = [point.value for point in branch.points]
-    is_whole = len(folds) >= 2
-    ends = (folds[0], folds[-1]) if is_whole else (min(values), max(values))
-    return LockedWindow(ratio, *ends, is_whole, stable[len(stable) // 2] if stable else orbit)
+    chosen = stable[len(stable) // 2] if stable else orbit
+    if len(folds) < 2:
+        return LockedWindow(ratio, min(values), max(values), False, chosen)
+    return LockedWindow(ratio, folds[0].value, folds[-1].value, True, chosen, (folds[0], folds[-1]))
 
 
 def _orbit(torus: Torus, period: int, parts: int, parameter: str, value: float) -> Orbit | None:
@@ -118,5 +188,33 @@ def _orbit(torus: Torus, period: int, parts: int, parameter: str, value: float) 
         away = (torus.states - unknowns) / unit
         orbit = equation.orbit(unknowns, 0.0, evaluation)
         if np.abs(away).max(axis=1).min() < _NEAR * torus.size and true_period(orbit) == period:
+            return orbit
+    return None
+
+
+def _orbit_at_phase(
+    torus: Torus, period: int, parts: int, parameter: str, value: float, within: tuple[float, float]
+) -> Orbit | None:
+    """Return a locked orbit at a given phase of the torus, and at a value of the parameter that follows from it.
+
+    A window may be narrower than the error of `value`, so that no orbit exists there. Its orbits have all phases, each
+    at a value of its own: the state may then move in all directions but along the curve, and the parameter varies.
+    """
+    system = torus.system.at({parameter: value})
+    equation, unit = ShootingEquation(system, parameter, period), system.state_scales()
+    corrector = Corrector(equation, powers_of_two(np.append(unit, abs(value) or 1.0)))
+    for share in np.arange(_STARTS) / (_STARTS * parts):
+        psi = TURN * float(share)
+        along = (torus.state(psi + _TURNED) - torus.state(psi - _TURNED)) / corrector.scales[:-1]
+        normal = np.append(along / np.linalg.norm(along), 0.0)
+        found = corrector.correct(np.append(torus.state(psi), value) / corrector.scales, normal)
+        if found is None:
+            continue
+        unknowns, place = found.x[:-1] * corrector.scales[:-1], float(found.x[-1] * corrector.scales[-1])
+        away = np.abs((torus.states - unknowns) / unit).max(axis=1).min()
+        if not within[0] <= place <= within[1] or away >= _NEAR * torus.size:
+            continue
+        orbit = equation.orbit(unknowns, place, found.evaluation)
+        if true_period(orbit) == period:
             return orbit
     return None

@@ -12,6 +12,8 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, remarks, row_of, rows_of, summarizes
+from gapwalk.tori.locked_window import LockedWindow
+from gapwalk.tori.tongue import Tongue
 from gapwalk.tori.torus_family import TorusEndReason, TorusFamily
 
 _SAME = 1e-6  # distance of two Neimark-Sacker points, relative to the parameter, within which they are one
@@ -31,6 +33,10 @@ class TorusDiagram(Shown):
         Neimark-Sacker points from which no family could be followed, with the reasons, in sentences.
     tried
         Number of Neimark-Sacker points, in the order of the branches, that are done.
+    tongues
+        Windows in which motions lock, followed in a second parameter, if that was asked.
+    unfollowed
+        Number of windows that are left to be followed so.
 
     Examples
     --------
@@ -43,6 +49,8 @@ class TorusDiagram(Shown):
     families: tuple[TorusFamily, ...] = ()
     failures: tuple[str, ...] = ()
     tried: int = 0
+    tongues: tuple[Tongue, ...] = ()
+    unfollowed: int = 0
 
     @property
     def starts(self) -> tuple[SpecialPoint, ...]:
@@ -53,7 +61,20 @@ class TorusDiagram(Shown):
     @property
     def complete(self) -> bool:
         """True if all Neimark-Sacker points are done."""
-        return self.diagram.complete and self.tried == len(self.starts)
+        return self.diagram.complete and self.tried == len(self.starts) and not self.unfollowed
+
+    @property
+    def windows(self) -> tuple[LockedWindow, ...]:
+        """The windows of all families whose ends are folds, each once."""
+        found: list[LockedWindow] = []
+        for window in (event.window for family in self.families for event in family.events):
+            if window is None or len(window.folds) != 2:
+                continue
+            period, value = window.orbit.period, window.folds[0].value
+            known = ((each.orbit.period, each.folds[0].value) for each in found)
+            if all(period != other or abs(value - place) > _SAME * abs(value) for other, place in known):
+                found.append(window)
+        return tuple(found)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -99,6 +120,8 @@ class TorusDiagram(Shown):
             first, *rest = family.summary()
             yield f"T{number}: {first}"
             yield from rest
+        for tongue in self.tongues:
+            yield from tongue.summary()
         if notes:
             yield from remarks(self.notes, self.failures)
 
@@ -108,6 +131,7 @@ class TorusDiagram(Shown):
             "tori": lambda: rows_of(self._rows(lambda family: map(row_of, family.points))),
             "events": lambda: rows_of(self._rows(lambda family: map(row_of, family.events))),
             "ends": lambda: rows_of(self._rows(lambda family: map(row_of, family.ends))),
+            "tongues": lambda: rows_of(row for tongue in self.tongues for row in tongue.rows()),
         }
 
     def _rows(self, rows: Callable[[TorusFamily], Any]) -> Iterator[dict[str, Any]]:

@@ -1,0 +1,464 @@
+"""Arnold tongues: the region of two parameters in which motions lock to a fraction, between two loci of folds.
+
+Both ends of a window in which motions lock are folds of the locked orbits, and each is followed in a second parameter.
+Towards the tip of a tongue its width falls like the power q/2 - 1 of the distance or faster, so that the loci end close
+to it, not on it. Where the locked orbits shrink to the orbit that the tori surround, the tip is the Neimark-Sacker
+point whose multipliers turn by the fraction: two equations for two parameters, solved by Newton's method.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+from itertools import product
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.section import Strobe
+from gapwalk.bifurcation.loci import Locus, LocusEndReason, LocusPoint, follow_locus
+from gapwalk.bifurcation.loci.locus_equations import MultiplierEquation
+from gapwalk.bifurcation.loci.locus_start import plane_of
+from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.step_size import WalkOptions
+from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.errors import GapwalkError, ModelError, NumericalError
+from gapwalk.notebook import Shown
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import chosen
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Rows, SummaryParts, rows_of, summarizes
+from gapwalk.tori.closed_curve import TURN
+from gapwalk.tori.locked_window import LockedWindow
+
+_LOST = (LocusEndReason.STEP, LocusEndReason.RESONANCE, LocusEndReason.COARSE)  # ends that may be close to a tip
+_MEETS = 5e-3  # distance of the ends of both loci within which they meet, as a share of their extents
+_NEAR = 0.25  # distance of a tip from these ends: in narrow tongues they are far from it
+_SAME = 1e-6  # distance of the tips to which both sides lead
+_NARROW = 1e-8  # width of a window, relative to the parameter, at which its folds are no longer told apart
+_PLACES = (0, -1)  # of the ends of a locus among its points
+_SHARES, _OPENS = (
+    (0.02, 0.9),
+    0.01,
+)  # of the way along a side, and of the widths there: a tongue that opens like a wedge
+_SMALL = 1e-6  # step of differences, and change at which the tip is found, as shares of the extents
+_ITERATIONS = 12
+
+
+class TongueTipKind(StrEnum):
+    """Kind of the tip of a tongue.
+
+    Examples
+    --------
+    >>> gw.tori.TongueTipKind.NEIMARK_SACKER.value
+    'the locked motions shrink to the orbit that the tori surround, at a Neimark-Sacker point'
+    """
+
+    NEIMARK_SACKER = "the locked motions shrink to the orbit that the tori surround, at a Neimark-Sacker point"
+    MEETING = "both sides meet"
+
+
+@dataclass(frozen=True, slots=True)
+class TongueTip:
+    """Tip of a tongue.
+
+    Attributes
+    ----------
+    kind
+        What happens there.
+    values
+        Values of both parameters.
+    uncertainty
+        Estimated error of each value.
+
+    Examples
+    --------
+    >>> tip = tongue.tip
+    >>> tip.kind.name, bool(np.abs(np.subtract(tip.values, (3.0, 0.0))).max() < 1e-5)
+    ('MEETING', True)
+    """
+
+    _row: ClassVar = {"kind": "kind", "values": "values", "uncertainty": "uncertainty"}
+
+    kind: TongueTipKind
+    values: tuple[float, float]
+    uncertainty: tuple[float, float]
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}, at ({self.values[0]:.9g}, {self.values[1]:.9g})"
+
+
+@dataclass(frozen=True, eq=False)
+class Tongue(Shown):
+    """Region of two parameters in which motions lock to a fraction.
+
+    Attributes
+    ----------
+    ratio
+        The fraction p/q.
+    curves
+        m, the number of curves of the tori; locked orbits repeat after m q forcing periods.
+    sides
+        Loci of the folds at the lower and at the upper end of the window from which the tongue was followed.
+    tip
+        The place at which both sides meet; None if they do not within the ranges.
+    ends
+        The other ends of both sides, in sentences.
+    failures
+        Those of them at which the numerics gave up although the tongue is wide enough to be resolved.
+
+    Examples
+    --------
+    >>> tongue.period, str(tongue.ratio), tongue.complete
+    (3, '1/3', True)
+    """
+
+    ratio: Fraction
+    curves: int
+    sides: tuple[Locus, Locus]
+    tip: TongueTip | None = None
+    ends: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        periods = {side.period for side in self.sides}
+        if periods != {self.curves * self.ratio.denominator}:
+            raise ValueError("the sides of a tongue are loci of other periods than the fraction says")
+
+    @property
+    def first(self) -> str:
+        """Name of the parameter of the window."""
+        return self.sides[0].first
+
+    @property
+    def second(self) -> str:
+        """Name of the second parameter."""
+        return self.sides[0].second
+
+    @property
+    def period(self) -> int:
+        """Forcing periods of the locked orbits."""
+        return self.sides[0].period
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Range of the second parameter that both sides reach."""
+        values = [side.values[:, 1] for side in self.sides]
+        return max(float(each.min()) for each in values), min(float(each.max()) for each in values)
+
+    def edges(self, second: float) -> tuple[float, float]:
+        """Return the ends of the window at a value of the second parameter, to the tolerance of the loci.
+
+        Parameters
+        ----------
+        second
+            Value of the second parameter.
+
+        Returns
+        -------
+        tuple of two floats
+            The lower and the upper end; nan where a side does not reach that value. If a side passes it several times,
+            as where it turns, it is the passage nearest to the window from which the tongue was followed.
+
+        Examples
+        --------
+        >>> low, high = tongue.edges(0.2)
+        >>> print(f"{low:.5f} {high:.5f}")
+        2.99253 3.00745
+        """
+        return _edges(self.sides, second)
+
+    def width(self, second: float) -> float:
+        """Return the width of the window at a value of the second parameter; see `edges`.
+
+        Parameters
+        ----------
+        second
+            Value of the second parameter.
+
+        Returns
+        -------
+        float
+            In the unit of the first parameter.
+        """
+        low, high = self.edges(second)
+        return high - low
+
+    @property
+    def complete(self) -> bool:
+        """True if both sides were followed to their ends."""
+        return all(end.reason is not LocusEndReason.STOPPED for side in self.sides for end in side.ends)
+
+    @summarizes
+    def summary(self) -> SummaryParts:
+        """Return the fraction, the reach, the tip and the ends, in words."""
+        low, high = self.reach
+        yield (
+            f"tongue {self.ratio}, period {self.period}, over {self.first} and {self.second}: "
+            f"{self.width(low):.2g} wide at {self.second} = {low:.8g}, {self.width(high):.2g} at {high:.8g}"
+        )
+        yield f"tip: {self.tip}" if self.tip is not None else "tip: the sides do not meet in these ranges"
+        yield from self.ends
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Return the table of the points of both sides."""
+        return {"sides": lambda: rows_of(self.rows())}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the points of both sides as rows of a table.
+
+        Returns
+        -------
+        list of dict
+            The fraction, the side, and the values of both parameters.
+        """
+        return [
+            {"ratio": str(self.ratio), "side": name, self.first: float(one), self.second: float(other)}
+            for name, side in zip(("lower", "upper"), self.sides, strict=True)
+            for one, other in side.values
+        ]
+
+    def plot(self, **options: Any):
+        """Draw the tongue over both parameters; see `gapwalk.plot.tongue_pictures`. Return the axes.
+
+        Parameters
+        ----------
+        **options
+            Options of the picture.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def __repr__(self) -> str:
+        tip = "no tip" if self.tip is None else f"tip at ({self.tip.values[0]:.9g}, {self.tip.values[1]:.9g})"
+        return f"Tongue({self.ratio}, period {self.period}, {self.first} and {self.second}, {tip})"
+
+
+def follow_tongue(
+    window: LockedWindow,
+    first: str,
+    second: str,
+    to: tuple[tuple[float, float], tuple[float, float]],
+    *,
+    walk: WalkOptions | None = None,
+) -> Tongue:
+    """Follow both ends of a window in which motions lock, in a second parameter.
+
+    Parameters
+    ----------
+    window
+        The window, of an event of a family of tori; both of its ends must be folds.
+    first, second
+        Names of the parameter of the window and of the second one.
+    to
+        The range of each: ``((low, high), (low, high))``.
+    walk
+        Options of the walks.
+
+    Returns
+    -------
+    Tongue
+        Both sides, and the tip if they meet.
+
+    Raises
+    ------
+    ModelError
+        If an end of the window is no fold, as where it is narrower than rounding errors; for unknown or equal
+        parameters; for ranges that exclude the window.
+    ConvergenceError
+        If a locus cannot be started.
+
+    Notes
+    -----
+    Kuznetsov (2004), *Elements of Applied Bifurcation Theory*, section 7.3; Govaerts (2000), *Numerical Methods for
+    Bifurcations of Dynamical Equilibria*.
+
+    Examples
+    --------
+    >>> tongue = gw.tori.follow_tongue(window, "frequency", "harmonic1.amplitude", ((2.9, 3.1), (0.0, 0.5)))
+    >>> [round(tongue.width(force) / force, 4) for force in (0.1, 0.3)]
+    [0.0748, 0.0742]
+    """
+    if len(window.folds) != 2:
+        raise ModelError(
+            f"the window of {window.ratio} has no two folds ({window.words}), so no tongue can be followed from it; "
+            "choose an event whose window is_whole"
+        )
+    lower, upper = sides = tuple(follow_locus(fold, first, second, to, walk=walk) for fold in window.folds)
+    curves = window.orbit.period // window.ratio.denominator
+    tip = _tip_of((lower, upper), window.ratio, curves, to[1])
+    ends, failures = list[str](), list[str]()
+    for name, side in zip(("lower", "upper"), sides, strict=True):
+        for point, end in zip((side.points[0], side.points[-1]), side.ends, strict=True):
+            if tip is not None and end.reason in _LOST and _away(point, tip.values, (lower, upper)) < _NEAR:
+                continue
+            narrow = end.reason in _LOST and _is_narrow((lower, upper), point)
+            words = f"the tongue is too narrow to be resolved, at ({end.values[0]:.8g}, {end.values[1]:.8g})"
+            ends.append(f"{name} side: {words if narrow else end}")
+            if end.reason.is_failure and not narrow:
+                failures.append(f"tongue {window.ratio}, {ends[-1]}")
+    return Tongue(window.ratio, curves, (lower, upper), tip, tuple(ends), tuple(failures))
+
+
+def _extents(sides: tuple[Locus, Locus]) -> NDArray[np.float64]:
+    """Return how far both sides reach in each parameter, shape (2,)."""
+    values = np.concatenate([side.values for side in sides])
+    return np.ptp(values, axis=0) + np.finfo(float).tiny
+
+
+def _away(point: LocusPoint, values: tuple[float, float] | NDArray[np.float64], sides: tuple[Locus, Locus]) -> float:
+    return float(np.abs(np.subtract(point.values, values) / _extents(sides)).max())
+
+
+def _is_narrow(sides: tuple[Locus, Locus], point: LocusPoint) -> bool:
+    """Return True if both sides cannot be told apart at the end of one of them."""
+    shared = [(float(side.values[:, 1].min()), float(side.values[:, 1].max())) for side in sides]
+    low, high = max(each[0] for each in shared), min(each[1] for each in shared)
+    edges = _edges(sides, min(max(point.values[1], low), high))
+    return bool(edges[1] - edges[0] < _NARROW * abs(point.values[0]))
+
+
+def _tip_of(sides: tuple[Locus, Locus], ratio: Fraction, curves: int, within: tuple[float, float]) -> TongueTip | None:
+    """Return the place at which both loci end together; None if they do not within the range of the second one."""
+    extents, names = _extents(sides), (sides[0].first, sides[0].second)
+    found = []  # the Neimark-Sacker points to which the ends of each side lead
+    for side in sides:
+        points = [side.points[place] for place in _PLACES if side.ends[place].reason in _LOST]
+        located = [
+            (point, _resonant_point(point.orbit, names, point.values, extents, ratio, curves)) for point in points
+        ]
+        found.append([each for point, each in located if each is not None and _away(point, each[0], sides) < _NEAR])
+    for one, other in product(*found):
+        if np.abs((one[0] - other[0]) / extents).max() < _SAME:
+            error = np.maximum(one[1], np.abs(one[0] - other[0]))
+            return TongueTip(TongueTipKind.NEIMARK_SACKER, _pair(one[0]), _pair(error))
+    if min(len(side.points) for side in sides) < 2:
+        return None
+    places = min(product(_PLACES, _PLACES), key=lambda each: _gap(sides, each, extents))
+    are_lost = all(side.ends[place].reason in _LOST for side, place in zip(sides, places, strict=True))
+    if _gap(sides, places, extents) > (_MEETS if are_lost else _SAME) or not (
+        are_lost or _opens(sides, places, within)
+    ):
+        return None
+    one, other = (np.array(side.points[place].values) for side, place in zip(sides, places, strict=True))
+    # the sides end where Newton's method fails, about as far from the tip as their last steps are long
+    steps = [
+        np.abs(side.values[place] - side.values[1 if place == 0 else -2])
+        for side, place in zip(sides, places, strict=True)
+    ]
+    error = np.abs(one - other) + (np.max(steps, axis=0) if are_lost else 0.0)
+    return TongueTip(TongueTipKind.MEETING, _pair(0.5 * (one + other)), _pair(error))
+
+
+def _opens(sides: tuple[Locus, Locus], places: tuple[int, ...], within: tuple[float, float]) -> bool:
+    """Return True if both sides part at once from the edge at which they touch, as they do not in a narrow tongue.
+
+    So it is where an oscillator that excites itself is driven by no load any more.
+    """
+    over = sides[0].values[:, 1]
+    begin, end = over[places[0]], over[-1 if places[0] == 0 else 0]
+    if min(abs(begin - limit) for limit in within) > _SAME * abs(end - begin):
+        return False
+    near, far = (_edges(sides, begin + share * (end - begin)) for share in _SHARES)
+    return bool(near[1] - near[0] > _OPENS * (far[1] - far[0]))
+
+
+def _gap(sides: tuple[Locus, Locus], places: tuple[int, ...], extents: NDArray[np.float64]) -> float:
+    one, other = (side.points[place].values for side, place in zip(sides, places, strict=True))
+    return float(np.abs(np.subtract(one, other) / extents).max())
+
+
+def _pair(values: NDArray[np.float64]) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def _resonant_point(
+    locked: Orbit,
+    names: tuple[str, str],
+    guess: tuple[float, float],
+    extents: NDArray[np.float64],
+    ratio: Fraction,
+    curves: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the parameters at which the multipliers of the orbit of m forcing periods turn by the fraction.
+
+    Parameters
+    ----------
+    locked
+        A locked orbit close to it.
+    names
+        Names of both parameters.
+    guess
+        Their values, shape (2,).
+    extents
+        Their scales.
+    ratio, curves
+        The fraction, and m.
+
+    Returns
+    -------
+    tuple of two arrays, or None
+        The values and the errors of both; None if Newton's method fails.
+    """
+    strobe, state, strobes = Strobe(locked.system), locked.state, []
+    for _ in range(ratio.denominator):
+        strobes.append(state)
+        state = strobe.arc(state, curves).state
+    # the locked orbit surrounds the one of m forcing periods, which is in the middle of its q strobes
+    start = np.mean(strobes, axis=0)
+    turn = TURN * min(float(ratio % 1), 1.0 - float(ratio % 1))
+
+    def away(values: NDArray[np.float64], start: NDArray[np.float64]) -> tuple[NDArray[np.float64], Orbit]:
+        system = locked.system.at(dict(zip(names, values.tolist(), strict=True)))
+        orbit = find_orbit(system, curves, start)
+        critical = min((each for each in orbit.multipliers if each.imag > 0.0), key=lambda each: abs(abs(each) - 1.0))
+        return np.array((math.log(abs(critical)), float(np.angle(critical)) - turn)), orbit
+
+    values = np.array(guess)
+    try:
+        for _ in range(_ITERATIONS):
+            residual, orbit = away(values, start)
+            start = orbit.state
+            shifts = _SMALL * extents
+            columns = [(away(values + shift, start)[0] - residual) for shift in np.diag(shifts)]
+            change = np.asarray(np.linalg.solve(np.column_stack(columns) / shifts, -residual), dtype=np.float64)
+            values = np.asarray(values + change, dtype=np.float64)
+            if np.abs(change / extents).max() < _SMALL**1.5:
+                return values, np.abs(change) + _SMALL**1.5 * extents
+    except (GapwalkError, NumericalError, np.linalg.LinAlgError, ValueError):  # a ValueError: no complex multiplier
+        return None
+    return None
+
+
+def _edges(sides: tuple[Locus, Locus], second: float) -> tuple[float, float]:
+    first, last = sorted(_edge(side, second) for side in sides)
+    return first, last
+
+
+def _edge(side: Locus, second: float) -> float:
+    """Return the first parameter where a locus passes a value of the second one; nan where it does not.
+
+    It is corrected there: in a narrow tongue the difference of two interpolated sides would be that of their errors.
+    """
+    over = side.values[:, 1]
+    steps = np.flatnonzero((over[:-1] - second) * (over[1:] - second) <= 0.0)
+    if not len(steps):
+        return math.nan
+    along = np.array([point.arclength for point in side.points])
+    place = int(steps[np.argmin(np.abs(along[steps]))])
+    before, after = side.points[place], side.points[place + 1]
+    share = (second - over[place]) / ((over[place + 1] - over[place]) or 1.0)
+    plane = plane_of(chosen(None), before.orbit, (side.first, side.second))
+    widths = np.ptp(side.values, axis=0) + np.finfo(float).tiny
+    scales = powers_of_two(np.append(plane.scales(before.orbit), widths))
+    corrector = Corrector(MultiplierEquation(plane, Kind.FOLD, scales, plane.tolerance), scales)
+    ends = [np.append(point.orbit.state, point.values) for point in (before, after)]
+    found = corrector.at_value((ends[0] + share * (ends[1] - ends[0])) / scales, second)
+    return math.nan if found is None else float(found.x[-2] * scales[-2])
