@@ -76,3 +76,28 @@ def test_an_isolated_branch_is_walked_once():
     assert Counter(str(each.kind) for each in branch.special_points) == {"fold": 4, "flip": 4, "grazing": 4}
     values = sorted(each.value for each in branch.special_points)
     assert np.diff(values).min() > 1e-9  # each was met once
+
+
+@pytest.mark.parametrize(
+    ("period", "frequency", "start"),
+    [(5, 0.5967, [1.0193, 0.6277, 0.0993, 0.0138]), (7, 0.5936, [0.8277, 0.5533, 0.3139, 0.1769])],
+)
+def test_an_isolated_branch_ends_where_its_first_motion_comes_back_with_another_phase(period, frequency, start):
+    """It was walked as many times around as its motions have periods, with each special point as often."""
+    masses = gw.System(
+        ["a", "b"],
+        [[1.0, -1.0], [-1.0, 2.0]],
+        [[0.03, -0.03], [-0.03, 0.06]],
+        contacts=[gw.stop("stop", {"a": 1.0}, clearance=1.0, stiffness=100.0)],
+        harmonics=[gw.Harmonic(0.1, {"b": 1.0})],
+        frequency=frequency,
+    )
+    branch = gw.follow(gw.find_orbit(masses, period, start), "frequency", (0.5, 0.8))
+    assert [end.reason for end in branch.ends] == [EndReason.START, EndReason.CLOSED]
+    assert len(branch.special("fold")) == 2
+    first, last = branch.points[0], branch.points[-1]
+    assert np.abs(first.orbit.state - last.orbit.state).max() > 1e-2
+    assert np.abs(first.orbit.strobes(period) - last.orbit.state).max(axis=1).min() < 1e-12
+    values = sorted(each.value for each in branch.special_points)
+    assert np.diff(values).min() > 1e-9  # each was met once
+    assert gw.verify(branch).breaches == ()

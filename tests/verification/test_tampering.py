@@ -156,7 +156,7 @@ def test_a_branch_without_its_last_half_is_found(branch) -> None:
 @pytest.mark.parametrize(
     ("reason", "words"),
     [
-        (EndReason.CLOSED, "its last point is not its first"),
+        (EndReason.CLOSED, "its last motion is not its first"),
         (EndReason.JOINED, "no other branch is near its end"),
         (EndReason.TURNED_BACK, "it is ahead of the start"),
     ],

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch_start import (
     BranchStart,
@@ -211,7 +212,25 @@ class BranchTracer(Iterator[Step]):
 
     def _walk_from(self, options: WalkOptions, state: WalkState | None) -> Walk:
         start = self.beginning
-        return Walk(start.first, start.within, start.corrector, options, state, branched=start.singular, change=_change)
+        return Walk(
+            start.first,
+            start.within,
+            start.corrector,
+            options,
+            state,
+            branched=start.singular,
+            change=_change,
+            twins=self._with_other_phases,
+        )
+
+    def _with_other_phases(self) -> list[NDArray[np.float64]]:
+        """Return the first point with its motion begun at each other phase: a closed branch ends at the first of them.
+
+        Without them a closed branch of period 7 may be walked seven times around, with each special point seven times.
+        """
+        first, scales = self.beginning.first, self.beginning.corrector.scales[:-1]
+        others = self.beginning.equation.with_other_phases(first.orbit)
+        return [np.append(unknowns / scales, first.x[-1]) for unknowns in others]
 
     def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
         """Return the symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.

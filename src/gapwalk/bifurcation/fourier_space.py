@@ -17,7 +17,7 @@ from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
 from gapwalk.orbit.harmonic_balance.linear_part import deflections_in
-from gapwalk.orbit.orbit import Orbit, repeats
+from gapwalk.orbit.orbit import Orbit
 
 _ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
 
@@ -47,10 +47,7 @@ class LineSpace(StateSpace):
         """See `StateSpace.places`."""
         if self._branch.period % orbit.period:
             return []
-        lines = from_real_form(self._finest.unknowns(orbit).reshape(self._width, -1))
-        count = repeats(orbit.system)
-        later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / (self._branch.period * count))
-        return [real_form(lines * later**j).ravel() for j in range(orbit.period * count)]
+        return [self._finest.unknowns(orbit), *self._finest.with_other_phases(orbit)]
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
         """See `StateSpace.goal`."""

@@ -9,7 +9,7 @@ Method: docs/numerics/continuation.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -28,6 +28,8 @@ _SHORT = 2e-8  # step at which a walk first stops, so that its caller can try an
 _SHORTER = 0.1  # share of a shorter step that another method has left, at which it stops then
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
 _NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is negligible against the branch's curvature
+_SAME = 1e-6  # distance of two points that are the same
+_SAME_WAY = 0.8  # cosine of the angle between tangents where a walk passes its origin
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -139,6 +141,9 @@ class Walk(Iterator[BranchPoint]):
     change
         Function that returns how much two neighbouring points differ in quantities other than the unknowns (such as
         multipliers), as a share of the change allowed in a step; 0 if there are none.
+    twins
+        Function that returns other points, scaled, that stand for the same solution as the first one, such as a motion
+        with another phase. Where the walk reaches one of them, the branch has closed on itself.
     """
 
     def __init__(
@@ -151,9 +156,12 @@ class Walk(Iterator[BranchPoint]):
         trust: float = TRUST,
         branched: bool = False,
         change: Callable[[BranchPoint, BranchPoint], float] = lambda first, second: 0.0,
+        twins: Callable[[], Sequence[NDArray[np.float64]]] = tuple,
     ) -> None:
         self.origin, self.within, self.corrector, self.options = first, within, corrector, options
         self.trust, self.branched, self.change = trust, branched, change
+        self._find_twins = twins
+        self._twins: list[NDArray[np.float64]] | None = None
         self._first_step = self._longest(first, options.first_step)
         state = resume or WalkState(None, first, self._first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
@@ -217,10 +225,10 @@ class Walk(Iterator[BranchPoint]):
                 self.rejected += 1
                 self.step = shorter_step(self.step)
                 continue
-            if self._closes(point):
+            last = self._closing_point(point)
+            if last is not None:
                 self.end = End(EndReason.CLOSED, self.origin.value)
-                gap = length_of(self.origin.x - self.point.x)
-                return replace(self.origin, arclength=self.point.arclength + gap, memo={})
+                return last
             if point.value not in self.within:
                 return self._last_point(point)
             longest, change = self._longest(point, self.options.largest_step), self.change(self.point, point)
@@ -295,21 +303,42 @@ class Walk(Iterator[BranchPoint]):
             return None, 0.0
         return point, turn
 
-    def _closes(self, point: BranchPoint) -> bool:
-        """Return True if the step to `point` passes through the origin of the walk."""
+    def _closing_point(self, point: BranchPoint) -> BranchPoint | None:
+        """Return the origin of the walk, or a twin of it, if the step to `point` passes through it; None otherwise."""
         if self.point is self.origin or point.arclength < 4 * self._first_step:
-            return False
-        chord, gap = point.x - self.point.x, self.origin.x - self.point.x
+            return None
+        if point.tangent @ self.origin.tangent >= _SAME_WAY:
+            found = self._passed(point, self.origin.x, self.origin.tangent)
+            if found is not None:
+                gap = length_of(self.origin.x - self.point.x)
+                return replace(self.origin, arclength=self.point.arclength + gap, memo={})
+        if self._twins is None:
+            # twins that are the origin itself, as where a branch of twice the period begins, close nothing
+            self._twins = [each for each in self._find_twins() if length_of(each - self.origin.x) > _SAME]
+        for twin in self._twins:
+            found = self._passed(point, twin, None)
+            if found is not None:
+                length = self.point.arclength + length_of(found.x - self.point.x)
+                last = self.corrector.point(found, point.tangent, length)
+                if (
+                    last.tangent[-1] * self.origin.tangent[-1] > 0.0
+                ):  # a branch that ends in a flip comes back otherwise
+                    return last
+        return None
+
+    def _passed(
+        self, point: BranchPoint, place: NDArray[np.float64], normal: NDArray[np.float64] | None
+    ) -> Correction | None:
+        """Return the solution at a place if the step to `point` passes through it; the normal is the chord if None."""
+        chord, gap = point.x - self.point.x, place - self.point.x
         length2 = float(chord @ chord)
         along = float(chord @ gap) / length2
-        if not 0.0 < along <= 1.0 or point.tangent @ self.origin.tangent < 0.8:
-            return False
-        if length_of(gap - along * chord) > 0.3 * np.sqrt(length2):
-            return False
-        flat = self.origin.tangent
+        if not 0.0 < along <= 1.0 or length_of(gap - along * chord) > 0.3 * math.sqrt(length2):
+            return None
+        flat = chord / math.sqrt(length2) if normal is None else normal
         guess = hermite(self.point, point, along)  # from a chord Newton's method fails beside a sharp turn
-        found = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
-        return found is not None and length_of(found.x - self.origin.x) < 1e-6
+        found = self.corrector.correct(guess - ((guess - place) @ flat) * flat, flat)
+        return found if found is not None and length_of(found.x - place) < _SAME else None
 
     def _last_point(self, beyond: BranchPoint) -> BranchPoint | None:
         """Return the point of the branch at the limit that the step to `beyond` has passed."""

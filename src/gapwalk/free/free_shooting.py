@@ -303,6 +303,10 @@ class FreeEquation(OrbitEquation):
         """Return the equation with one segment more: its steps and its rounding differ."""
         return replace(self, options=replace(self.options, segments=self.options.segments + 1))
 
+    def with_other_phases(self, orbit: Orbit) -> list[NDArray[np.float64]]:
+        """Return nothing: the phase condition sets where a free motion begins."""
+        return []
+
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the change of the first state and of the frequency, with zeros for the other states."""
         size = self.system.state_size

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -18,7 +18,7 @@ from gapwalk.errors import ConvergenceError, FlowError, ModelError
 from gapwalk.flow.length_unit import smallness
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, phases
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -229,6 +229,21 @@ class OrbitEquation:
             The unknowns.
         """
         raise NotImplementedError
+
+    def with_other_phases(self, orbit: Orbit) -> list[NDArray[np.float64]]:
+        """Return the unknowns of a motion that begins later: at each other place where the excitation is the same.
+
+        Parameters
+        ----------
+        orbit
+            An orbit, found by this method.
+
+        Returns
+        -------
+        list of array, shape (N,) each
+            For an orbit of period m, m - 1 of them, or more if the excitation repeats within a forcing period.
+        """
+        return [self.unknowns(replace(orbit, state=state)) for state in phases(orbit)[1:]]
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).

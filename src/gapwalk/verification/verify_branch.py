@@ -26,6 +26,7 @@ from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError, VerificationError
+from gapwalk.orbit.orbit import phases
 from gapwalk.verification.branch_corrector import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 from gapwalk.verification.verify_balanced import verify_truncated
@@ -162,14 +163,11 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
             if end.reason is EndReason.TURNED_BACK and ahead > 0.0:
                 yield f"{said}, but it is ahead of the start, where the branch was walked to"
         case EndReason.CLOSED:
-            a, b = branch.points[0], branch.points[-1]
-            if len(a.x) == len(b.x):
-                apart = length_of(a.x - b.x)
-            else:  # harmonics may grow along a branch
-                state = np.abs(a.orbit.state)
-                apart = float(np.abs(a.orbit.state - b.orbit.state).max()) / max(float(state.max()), 1e-300)
+            a, b = branch.points[0].orbit, branch.points[-1].orbit
+            places = phases(a)  # a motion may come back with another phase
+            apart = float(np.abs(places - b.state).max(axis=1).min()) / max(float(np.abs(places).max()), 1e-300)
             if apart > _CLOSED:
-                yield f"{said}, but its last point is not its first"
+                yield f"{said}, but its last motion is not its first"
         case EndReason.JOINED:
             if not abs(end.value - point.value) <= _BEYOND * (abs(point.value) + scale):
                 yield f"{said}, but the branch ends at {point.value:.10g}"

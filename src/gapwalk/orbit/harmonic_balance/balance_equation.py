@@ -51,7 +51,7 @@ from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised, monodromy
 from gapwalk.orbit.harmonic_balance.residual_kernels import balance, beyond, changed, share
 from gapwalk.orbit.harmonic_balance.series import Series
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, repeats
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 
 _SHARE = 0.5  # share of each contact's stiffness that then belongs to the linear system
@@ -203,6 +203,12 @@ class BalanceEquation(OrbitEquation):
         lines = np.zeros((len(known), self.count + 1), dtype=complex)
         lines[:, : (kept - 1) * stride + 1 : stride] = known[:, :kept]
         return real_form(lines).ravel()
+
+    def with_other_phases(self, orbit: Orbit) -> list[NDArray[np.float64]]:
+        """See `OrbitEquation.with_other_phases`: the lines are turned."""
+        lines, count = from_real_form(self.unknowns(orbit).reshape(self._width, -1)), repeats(orbit.system)
+        later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / (self.period * count))
+        return [real_form(lines * later**shift).ravel() for shift in range(1, orbit.period * count)]
 
     def _from_positions(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
