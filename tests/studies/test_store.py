@@ -153,6 +153,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     assert reported == resumed.branches[0].values[1:].tolist()
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(path, monkeypatch) -> None:
     with monkeypatch.context() as earlier:
         earlier.setattr("gapwalk.continuation.walk_scales._CLEARANCES", 3.0)

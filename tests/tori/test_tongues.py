@@ -143,9 +143,10 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     assert finding is not None
     found = finding.record
     assert found.complete
-    assert found.failures == ()
-    (tongue,) = found.tongues
-    assert (str(tongue.ratio), tongue.period) in (("2/13", 13), ("11/13", 13))
+    # leaps also meet windows of 3/20, 2e-12 wide, whose tongues may be too narrow to be followed: that is said
+    assert [each for each in found.failures if "3/20" not in each] == []
+    place, tongue = next((place, each) for place, each in enumerate(found.tongues) if each.period == 13)
+    assert str(tongue.ratio) in ("2/13", "11/13")
     assert tongue.tip is not None
     # at the tip the orbit of period 1 has multipliers on the unit circle, with the angle of the fraction
     frequency, amplitude = tongue.tip.values
@@ -155,7 +156,7 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     kept = gw.load(path).finding
     assert kept is not None
     stored = kept.record
-    assert stored.tongues[0].tip.values == tongue.tip.values
+    assert stored.tongues[place].tip.values == tongue.tip.values
     assert list(stored.tables()) == ["tori", "events", "ends", "tongues"]
     assert "tongue 2/13" in str(stored.summary()) or "tongue 11/13" in str(stored.summary())
     assert gw.verify(path).ok

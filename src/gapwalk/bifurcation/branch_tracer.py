@@ -144,6 +144,7 @@ class BranchTracer(Iterator[Step]):
 
     def __next__(self) -> Step:
         state = self.state
+        self.beginning.corrector.forget()
         before, first = self.walk.previous, self.walk.point
         while True:
             try:

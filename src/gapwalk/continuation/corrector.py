@@ -168,6 +168,10 @@ class Corrector:
         known = self._recent.get(x.tobytes())
         return self.evaluate(x) if known is None else known
 
+    def forget(self) -> None:
+        """Forget the evaluations of earlier points, so that a step does not depend on whether the walk was resumed."""
+        self._recent.clear()
+
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> Course:
         """Return the unit tangent at a point, oriented along `along`, and the determinant bordered by it."""
         matrix = self._bordered(evaluation, along)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.turning_points import Turn
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 from gapwalk.orbit.friction_phases import Margin, margins_of
@@ -23,6 +25,7 @@ from gapwalk.orbit.friction_phases import Margin, margins_of
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
 
+_TURNS = 1e-9  # rate of a deflection, over the size of a state, that is only rounding where it turns at the start
 _SAMPLES = 96  # per forcing period: those of a motion with friction
 
 MEASURES = ("max", "min", "half", "mean", "rms")
@@ -162,6 +165,11 @@ def survey(orbit: Orbit) -> Survey:
         if len(factors) > 1 or sways:
             event = next(k for k, (slots, _) in enumerate(flow.equations.turning) if slots is contact.deflection)
         own = [turn for turn in turns if turn.event == event]
+        if len(own) % 2 and not sways and not structure.friction and not structure.reactions:
+            # turns alternate: of an odd number one is lost at the start, as where a free motion begins at its extremum
+            rate = sum([factor * float(orbit.state[n + i]) for i, factor in factors])
+            if abs(rate) <= _TURNS * magnitude(orbit.state, orbit.system):
+                own.insert(0, Turn(event, 0.0, orbit.state[:n].tolist()))
         values: list[float] = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
         if sways:
             angles = Angles(flow.equations.layout, coefficients, np.array([turn.theta for turn in own]))

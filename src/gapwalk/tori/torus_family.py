@@ -130,7 +130,7 @@ class TorusEvent:
     Examples
     --------
     >>> [event.ratio_words for event in tori.events]
-    ['5/11', '4/9']
+    ['4/9']
     """
 
     _row: ClassVar = {

@@ -197,7 +197,12 @@ export class Diagram {
     if (up) [c, d] = [Math.min(c, ...up), Math.max(d, ...up)];
     if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
     if (!(c <= d)) [c, d] = [0, 1];
-    const pad = (low, high) => { const p = (this.curves.hasLoci && !across ? 0.15 : 0.04) * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
+    const share = this.curves.hasLoci && !across ? 0.15 : 0.04;
+    const pad = (low, high) => {
+      const size = Math.max(Math.abs(low), Math.abs(high)); // values that differ by rounding only have no range of their own
+      const p = share * (high - low > 1e-9 * size ? high - low : size || 1);
+      return [low - p, high + p];
+    };
     return { x: pad(a, b), y: pad(c, d) };
   }
 
