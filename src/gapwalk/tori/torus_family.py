@@ -194,7 +194,7 @@ class TorusPoint:
     Examples
     --------
     >>> tori.points[0].value, tori.points[0].torus.curves
-    (2.2, 1)
+    (2.21, 1)
     """
 
     _row: ClassVar = {
