@@ -24,7 +24,7 @@ from gapwalk.tori.normal_stability import normal_exponents
 from gapwalk.tori.torus import Torus, error_of
 from gapwalk.tori.torus_equation import TorusEquation, refuse_without_tori
 
-_STROBES = 4096  # strobes on each curve from which the rotation number is computed
+_STROBES = (1024, 4096)  # strobes on each curve from which the rotation number is computed
 _ITERATIONS = 12  # Newton steps
 _CONTRACTION = 0.5  # ratio of successive residuals above which a small one is only rounding
 _LOST = 100.0  # growth of the residual at which Newton's method gives up
@@ -137,14 +137,28 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
     options = options or TorusOptions()
     refuse_without_tori(motion.system)
     if isinstance(motion, Torus):
-        curve, turns, curves = motion.states, motion.rotation, motion.curves
-    else:
-        curve, turns, curves = _start(motion, options)
+        return _resolved(motion.system, motion.states, motion.rotation, motion.curves, options)
+    if motion.orbit is not None:
+        raise ConvergenceError(
+            f"the motion is periodic (period {motion.orbit.period}); a torus needs a quasi-periodic one. Tori begin at "
+            "Neimark-Sacker points: gw.tori.follow_tori(special_point, ...)"
+        )
+    for strobes in _STROBES:  # few are enough in most cases, and they take longer than the torus itself
+        try:
+            return _resolved(motion.system, *_start(motion, strobes, options), options)
+        except NumericalError:
+            if strobes == _STROBES[-1]:
+                raise
+    raise AssertionError("there is a last number of strobes")
+
+
+def _resolved(system: System, curve: NDArray[np.float64], turns: float, curves: int, options: TorusOptions) -> Torus:
+    """Return the torus next to a curve, with as many samples as its accuracy needs; errors as `find_torus`."""
     count = odd(options.samples - 1) if len(curve) < options.samples else len(curve)
     while True:
         curve = resampled(curve, count)
         try:
-            torus = solve(motion.system, curves, turns, curve)
+            torus = solve(system, curves, turns, curve)
         except NumericalError as error:
             problem, found = str(error), None
         else:
@@ -165,21 +179,17 @@ def find_torus(motion: Settled | Attractor | Torus, options: TorusOptions | None
             curve, turns = found.states, found.rotation
 
 
-def _start(motion: Settled | Attractor, options: TorusOptions) -> tuple[NDArray[np.float64], float, int]:
-    """Return a curve, a rotation number and the number of curves from the strobes of a settled motion."""
-    if motion.orbit is not None:
-        raise ConvergenceError(
-            f"the motion is periodic (period {motion.orbit.period}); a torus needs a quasi-periodic one. Tori begin at "
-            "Neimark-Sacker points: gw.tori.follow_tori(special_point, ...)"
-        )
-    system = motion.system
-    strobe, state = Strobe(system), motion.strobes[-1]
-    first = rotation(np.vstack((motion.strobes, strobe.run(state, _STROBES))))
+def _start(motion: Settled | Attractor, count: int, options: TorusOptions) -> tuple[NDArray[np.float64], float, int]:
+    """Return a curve, a rotation number and the number of curves from so many strobes of a settled motion."""
+    strobe, state = Strobe(motion.system), motion.strobes[-1]
+    strobes = strobe.run(state, count)
+    first = rotation(np.vstack((motion.strobes, strobes)))
     if first is None:
         raise ConvergenceError(
             "the strobes of the motion lie on no closed curves; it may be chaotic (gw.classify), or not settled yet"
         )
-    strobes = strobe.run(state, _STROBES * first.curves)
+    if first.curves > 1:  # as many of each curve
+        strobes = np.vstack((strobes, strobe.run(strobes[-1], count * (first.curves - 1))))
     sharper = rotation(strobes, first.curves) or first
     on_one = strobes[:: sharper.curves]
     curve = of_quasi_periodic(on_one, sharper.number, odd(options.samples - 1), birkhoff_weights(len(on_one)))
