@@ -93,6 +93,7 @@ def test_the_ends_of_the_family_of_three_curves():
     assert family.ends[1].reason is gw.tori.TorusEndReason.SHRINKS
     assert family.ends[1].value == pytest.approx(0.859849, abs=1e-6)
     (graze,) = [each for each in family.events if each.kind is gw.tori.TorusEventKind.GRAZING]
-    assert graze.value == pytest.approx(0.853645, abs=max(graze.uncertainty, 1e-5))
+    assert graze.value == pytest.approx(0.853644, abs=graze.uncertainty + 1e-6)  # by simulation at eight values
+    assert graze.uncertainty < 1e-5
     touches = [each.torus.touches for each in family.points if each.value < graze.value - 1e-5]
     assert set(touches) == {(4, 6)}

@@ -96,8 +96,8 @@ def test_the_tip_is_the_neimark_sacker_point_whose_multipliers_turn_by_the_fract
     tongue = gw.tori.follow_tongue(window, "frequency", "harmonic1.amplitude", ((1.0, 1.3), (0.1, 0.5)))
     assert tongue.tip is not None
     assert tongue.tip.kind is gw.tori.TongueTipKind.NEIMARK_SACKER
-    start = gw.find_orbit(case.at(frequency=1.1), 2, gw.settle(case, frequency=1.1).strobes[-1])
-    (born,) = gw.follow(start, "frequency", (1.1, 1.12)).special("neimark-sacker")
+    start = gw.find_orbit(case.at(frequency=1.113), 2, gw.settle(case, frequency=1.113).strobes[-1])
+    (born,) = gw.follow(start, "frequency", 1.12).special("neimark-sacker")
     locus = gw.follow_locus(born, "frequency", "harmonic1.amplitude", ((1.05, 1.25), (0.2, 0.55)))
     angles = np.array([point.angle for point in locus.points])
     order = np.argsort(angles)

@@ -8,10 +8,12 @@ from fractions import Fraction
 
 import numpy as np
 
+from gapwalk.attractors.section import Strobe
 from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.continuation.zero_in_step import zero_in_step
+from gapwalk.tori.closed_curve import at_phases, phases
 from gapwalk.tori.locked_window import LockedWindow, locked_window
 from gapwalk.tori.tone_clock import has_tone
 from gapwalk.tori.torus import Torus
@@ -20,7 +22,8 @@ from gapwalk.tori.torus_ends import DENOMINATOR
 from gapwalk.tori.torus_family import TorusEvent, TorusEventKind
 from gapwalk.tori.torus_start import equation_of, torus_at
 
-_BISECTIONS = 6  # of a step in which a contact begins to graze
+_BISECTIONS = 8  # of a step in which a contact begins to graze
+_FINER, _MOST_PHASES = 8, 1025  # phases at which it is seen: times the samples, and at most
 _NAMED, _SOUGHT = 60, 20  # the largest denominators that are named in a leap, and whose locked motions are looked for
 
 
@@ -135,10 +138,20 @@ def _explained(event: TorusEvent, torus: Torus) -> TorusEvent:
 def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tuple[float, TorusEvent]:
     """Locate where a contact begins or ceases to graze along the tori of a step, by bisection; with its share.
 
-    It is seen at the samples, so that the bracket is not narrowed down further than they tell.
+    It is seen at more phases than the samples. The share of phases at which the contact is passed grows like the root
+    of the distance from the graze, so what these phases still miss is known, and counts as error.
     """
     first, last = torus_at(before), torus_at(after)
     low, high, middle = 0.0, 1.0, after
+    clear, grazing = (after, before) if first.grazes else (before, after)
+    passed = [_share_that_passes(torus_at(point)) for point in (clear, grazing)]
+    kind = TorusEventKind.GRAZING
+    if 0.0 < passed[0] < passed[1]:  # the samples of the end without it had missed it already
+        off = (clear.value - grazing.value) * passed[0] ** 2 / (passed[1] ** 2 - passed[0] ** 2)
+        turns = torus_at(clear).rotation
+        return float(clear is after), TorusEvent(
+            kind, clear.value + off, abs(off), turns, first.unstable, last.unstable
+        )
     for _ in range(_BISECTIONS):
         share = 0.5 * (low + high)
         correction = corrector.correct(hermite(before, after, share), before.tangent)
@@ -146,10 +159,25 @@ def _graze(before: BranchPoint, after: BranchPoint, corrector: Corrector) -> tup
             break
         length = share * (after.arclength - before.arclength)
         middle = corrector.point(correction, before.tangent, before.arclength + length)
-        low, high = (share, high) if torus_at(middle).grazes is first.grazes else (low, share)
+        low, high = (share, high) if bool(_share_that_passes(torus_at(middle))) is first.grazes else (low, share)
     width = (high - low) * abs(after.value - before.value)
-    kind, turns = TorusEventKind.GRAZING, torus_at(middle).rotation
-    return high, TorusEvent(kind, middle.value, width, turns, first.unstable, last.unstable)
+    missed = abs(grazing.value - middle.value) / max(1.0, _phases_of(torus_at(grazing)) * passed[1]) ** 2
+    return high, TorusEvent(
+        kind, middle.value, width + missed, torus_at(middle).rotation, first.unstable, last.unstable
+    )
+
+
+def _phases_of(torus: Torus) -> int:
+    """Return the number of phases at which contact events are counted."""
+    return max(torus.count, min(_FINER * torus.count, _MOST_PHASES))
+
+
+def _share_that_passes(torus: Torus) -> float:
+    """Return the share of phases from which the motion has another number of contact events than from most."""
+    strobe = Strobe(torus.system)
+    places = at_phases(torus.states, phases(_phases_of(torus)))
+    counts = np.array([len(strobe.arc(state, torus.curves).contacts) for state in places])
+    return float(np.mean(counts != np.bincount(counts).argmax()))
 
 
 def window_at(
