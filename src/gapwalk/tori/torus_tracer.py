@@ -312,7 +312,7 @@ class TorusTracer(Iterator[Step]):
         if leapt is not None:
             return leapt
         near = self._near_resonance(torus)
-        if state.previous is not None and is_small(torus):
+        if state.previous is not None and is_small(torus) and torus.size < torus_at(state.previous).size:
             self.end = shrunk(state.point, state.previous, equation_of(self.corrector).parameter)
             if not self.end.detail:
                 return None
