@@ -249,9 +249,11 @@ class Examination:
                 middle = 0.5 * (low + high)
                 faults, _ = self.special.kind.examined(self.special, before, self._beside(middle))
                 low, high = (middle, high) if faults else (low, middle)
-            return self._beside(0.5 * (low + high)).value
+            sides = self._beside(low), self._beside(high)
         except NumericalError:
             return None
+        # on one side a point of the walk, farther away, may stand for one that is not found
+        return min(sides, key=lambda each: abs(each.arclength - self.special.point.arclength)).value
 
     def _crossing(self, reach: float) -> float | None:
         """Return the parameter where the branch crosses another, with the other discretisation.
