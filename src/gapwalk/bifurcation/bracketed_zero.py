@@ -19,10 +19,8 @@ _SECANT = 1e-6  # arclength of a secant that tells how far a zero is
 _SHARE_LEFT = 0.25  # share of `EXACT`, by the secant, at which a zero is reached
 _PLACES = 5  # through which the inverse function is interpolated
 _ATTEMPTS = 100  # evaluations; about 45 halve a step of a walk to rounding
-_TINY, _BEYOND = (
-    1e-11,
-    4.0,
-)  # length of steps that only rounding keeps from converging, and how far beyond they are taken
+_TINY = 1e-11  # length of steps that only rounding keeps from converging
+_BEYOND = 4.0  # steps by which the next place lies beyond the zero then
 _NARROWER, _AS_HIGH = 0.125, 0.5  # shares of the bracket, and of the values at its ends, by which a jump is seen
 
 _Known = tuple[float, float]  # a place, and the value there
