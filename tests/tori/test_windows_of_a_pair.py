@@ -102,3 +102,16 @@ def test_the_periods_4_to_16_are_on_branches() -> None:
     assert max(stable[6]) > 0.6
     assert min(stable[7]) < 0.5843
     assert max(stable[7]) > 0.5955
+
+
+def test_period_17_is_on_branches_too() -> None:
+    """They are found from strobes of chaotic motions; each ends where its first motion comes back."""
+    for frequency, start, folds, stable in (
+        (0.6089727435721526, [1.021951, 0.639575, 0.194971, -0.031184], (0.6008837, 0.6111049), True),
+        (0.5920732219818438, [0.920752, 0.598261, 0.246509, 0.145162], (0.5883728, 0.5995406), False),
+    ):
+        branch = gw.follow(gw.find_orbit(nlvib_pair(), 17, start, frequency=frequency), "frequency", (0.5, 0.8))
+        assert branch.closed
+        values = [each.value for each in branch.special("fold")]
+        assert (min(values), max(values)) == pytest.approx(folds, abs=1e-7)
+        assert any(point.stable for point in branch.points) is stable
