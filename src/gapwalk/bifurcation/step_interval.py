@@ -261,7 +261,9 @@ class Search:
         def function(arclength: float) -> float:
             return _deflated(kind, self.interval.at(arclength), known)
 
-        others = [each for each in (self.before, *self.interval.points) if each is not None]
+        others = [each for each in self.interval.points if kind in each.memo]
+        if self.before is not None:
+            others.append(self.before)  # its value may have to be computed again, after a resumption
         beside = {each.arclength: _deflated(kind, each, known) for each in others if each is not a and each is not b}
         root, converged = zero_between(function, a.arclength, b.arclength, beside)
         return Zero(kind, self.interval.at(root), EXACT if converged else math.inf, kind.at)
