@@ -1,4 +1,4 @@
-"""What two masses with a stop do between their Neimark-Sacker points, against SciPy's DOP853 from event to event."""
+"""Motions of two masses with a stop between their Neimark-Sacker points, against SciPy's DOP853 with contact events."""
 
 import math
 

@@ -42,10 +42,8 @@ _NEAR = 0.25  # distance of a tip from these ends: in narrow tongues they are fa
 _SAME = 1e-6  # distance of the tips to which both sides lead
 _NARROW = 1e-8  # width of a window, relative to the parameter, at which its folds are no longer told apart
 _PLACES = (0, -1)  # of the ends of a locus among its points
-_SHARES, _OPENS = (
-    (0.02, 0.9),
-    0.01,
-)  # of the way along a side, and of the widths there: a tongue that opens like a wedge
+_SHARES = (0.02, 0.9)  # of the way along a side, at which widths are compared
+_OPENS = 0.01  # ratio of these widths: that of a tongue that opens like a wedge
 _SMALL = 1e-6  # step of differences, and change at which the tip is found, as shares of the extents
 _ITERATIONS = 12
 
