@@ -24,7 +24,7 @@ _MOST = 5  # processes for each line
 _POLL = 0.02  # seconds between two looks at what the explorer has
 
 # what a first point loaded before, and does not need
-_SLOW_IMPORTS = "import scipy.optimize, numpy.testing, numpy.f2py, gapwalk.studies.verify\n"
+_SLOW_IMPORTS = "import scipy.optimize, gapwalk.studies.verify\n"
 
 # stops as soon as the first point is in the file, and would be on the screen
 _FIRST_POINT = """\
@@ -53,7 +53,7 @@ def rows(effort: Effort) -> list[Row]:
                 least(["-c", _SLOW_IMPORTS + _FIRST_POINT, *first], repeats),
                 "slow imports",
                 (Target(0.8),),
-                note="The baseline loads what is not needed before: SciPy's optimize, NumPy's tests, verification",
+                note="The baseline loads what is not needed before: SciPy's optimize, verification",
             ),
             Row(GROUP, "gapwalk run, figure 13: all, with pictures", least(["-m", "gapwalk", *run], repeats)),
             explored(repeats),

@@ -5,7 +5,6 @@ import random
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from scipy.optimize import brentq
 
@@ -68,20 +67,15 @@ def test_what_has_no_zero_is_refused() -> None:
         zero_between_signs(lambda x: x**3 - 0.1, 0.0, 1.0, most=3)
 
 
-def test_a_branch_needs_no_slow_imports() -> None:
-    """They took a third of a second of CPU time before the first special point."""
+def test_a_branch_needs_no_slow_import() -> None:
+    """It took a quarter of a second of CPU time before the first special point."""
     script = (
         "import sys, gapwalk as gw\n"
         "orbit = gw.find_orbit(gw.paper.case('13'), frequency=0.9)\n"
         "branch = gw.follow(orbit, 'frequency', 0.8)\n"
-        "print(len(branch.special_points), *({'scipy.optimize', 'numpy.testing', 'numpy.f2py'} & {*sys.modules}))\n"
+        "print(len(branch.special_points), *({'scipy.optimize'} & {*sys.modules}))\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     count, *loaded = done.stdout.split()
     assert int(count) > 0
     assert loaded == []
-
-
-def test_numpy_is_as_before() -> None:
-    assert {"f2py", "testing"} <= {*np.__all__} & {*dir(np)}
-    assert np.testing.assert_array_equal([1.0], [1.0]) is None

@@ -24,7 +24,6 @@ ORDER = (
     "errors",
     "files",
     "bracketed_root",
-    "linear_algebra",
     "summary",
     "notebook",
     "model",

@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from gapwalk.answers.speed_course import SpeedCourse, angles_of, pieces_of
 from gapwalk.ensemble.batch import MOST_STEPS, BatchOptions
@@ -31,7 +32,6 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import contact_forces
 from gapwalk.flow.ramp import Ramped
-from gapwalk.linear_algebra import expm
 from gapwalk.model.coefficients import layout_of
 
 _SEED = 1905

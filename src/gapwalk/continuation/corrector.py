@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.linear_algebra import lapack
 from gapwalk.orbit.orbit_equation import Equation, Evaluation
 
 TRUST = 1e-7

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
-from gapwalk.linear_algebra import expm
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3

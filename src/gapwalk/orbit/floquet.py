@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eig, lapack
 
 from gapwalk.errors import NumericalError
-from gapwalk.linear_algebra import eig, lapack
 
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
-from gapwalk.linear_algebra import expm
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised
 from gapwalk.orbit.harmonic_balance.sampled_forces import Pairs
 
