@@ -56,7 +56,7 @@ def test_a_walk_whose_disk_is_full_keeps_what_it_reported_and_goes_on(tmp_path) 
     assert int(reported) > 10
     assert "long.gapwalk cannot be" in message
     assert "all that was reported is in the file" in message
-    assert len(gw.load(path).branches[0].points) > int(reported)
+    assert len(gw.load(path).branches[0].points) >= int(reported)
     resumed = gw.run(long_study(), path, resume=True)
     assert_same_branch(resumed.branches[0], long_result().branches[0])
     assert os.listdir(tmp_path) == [path.name]
@@ -96,7 +96,7 @@ def test_a_real_full_disk(tmp_path) -> None:
         path, filler = disk / "x.gapwalk", disk / "filler"
         with pytest.raises(StoreError, match=r"disk is full; all that was reported is in the file"):
             gw.run(long_study(), path, report=report)
-        assert len(gw.load(path).branches[0].points) > reported > 10
+        assert len(gw.load(path).branches[0].points) >= reported > 10
         with pytest.raises(StoreError, match=r"picture.png cannot be written: No space left on device"):
             write_whole(disk / "picture.png", b"x" * 400_000)
         assert not list(disk.glob(".picture*"))

@@ -113,7 +113,7 @@ def test_one_file_remains(written) -> None:
 
 @pytest.mark.usefixtures("at_once")
 def test_what_was_reported_is_in_the_file_even_while_it_is_written(path) -> None:
-    reported = 1  # the first point is there from the beginning
+    reported = 0
     seen = []
 
     def report(point, special_points) -> None:
@@ -150,7 +150,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     resumed = gw.run(study, path, resume=True, report=lambda point, special_points: reported.append(point.value))
     assert_same_result(resumed, gw.run(study))
     assert_same_result(resumed, gw.load(path))
-    assert reported == resumed.branches[0].values[1:].tolist()
+    assert reported == resumed.branches[0].values.tolist()
 
 
 @pytest.mark.usefixtures("at_once")
@@ -190,7 +190,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
         reported = max((int(line) for line in lines if line.strip().isdigit()), default=0)
         result = gw.load(path)
         points = result.branches[0].points
-        assert len(points) > reported
+        assert len(points) >= reported
         for a, b in zip(points[known:], whole.points[known:], strict=False):
             assert_same_point(a, b)
         known = len(points) - 1

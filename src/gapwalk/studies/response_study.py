@@ -110,11 +110,12 @@ class ResponseWork(Work):
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Walk to the end; the first Ctrl-C stops between two points."""
+        begun: tuple[Found, ...] = ()
         if self._start is None:
             self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)
             tracer = self._tracer(None)
             self._moments = [Moment((tracer.first,))]
-            yield Found((START.entry(self._start), MOMENT.entry(self._moments[0], 0)), ())
+            begun = (Found((START.entry(self._start), MOMENT.entry(self._moments[0], 0)), ((tracer.first, []),)),)
         else:
             tracer = self._tracer(_state(self._moments))
             _check_scales(self._moments[0], tracer)
@@ -122,6 +123,7 @@ class ResponseWork(Work):
         value = next(moment.points[-1].value for moment in reversed(self._moments) if moment.points)
         self._written = time.monotonic()
         with _interrupts() as interrupts:
+            yield from begun
             try:
                 for point, special_points in tracer:
                     value, state = point.value, tracer.state
@@ -139,10 +141,10 @@ class ResponseWork(Work):
                 raise KeyboardInterrupt
 
     def again(self) -> Iterator[tuple[Any, ...]]:
-        """Yield all points but the first, each with the special points before it."""
+        """Yield all points, each with the special points before it."""
         branch = self.record
         rest = list(branch.special_points)
-        for point in branch.points[1:]:
+        for point in branch.points:
             before = [special for special in rest if special.point.arclength <= point.arclength]
             del rest[: len(before)]
             yield point, before
