@@ -15,7 +15,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.flow import Flow
-from gapwalk.parallel.work_chunks import Pace
+from gapwalk.parallel.pace import Pace
 from gapwalk.parallel.workers import local_workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments

@@ -19,7 +19,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.cli.output import console
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.words import parameter_symbol
-from gapwalk.parallel.work_chunks import Pace
+from gapwalk.parallel.pace import Pace
 from gapwalk.studies.map import Map, MapSection
 from gapwalk.studies.study_kind import StudyKind
 from gapwalk.summary import printable

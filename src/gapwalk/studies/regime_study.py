@@ -30,7 +30,7 @@ from gapwalk.model.system import System, check_system
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import initial_state
-from gapwalk.parallel.work_chunks import do_in_stages
+from gapwalk.parallel.stages import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
-from gapwalk.parallel.work_chunks import Pace
+from gapwalk.parallel.pace import Pace
 from gapwalk.parallel.workers import Workers, local_workers
 from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
@@ -205,7 +205,7 @@ def run(
         Called with each new result, once it is in the file: of a response, each point and the special points before it;
         of a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or
         the locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
-        `gapwalk.parallel.work_chunks.Pace` of all. The stored part of a resumed result is reported first.
+        `gapwalk.parallel.pace.Pace` of all. The stored part of a resumed result is reported first.
 
     Returns
     -------

@@ -158,7 +158,7 @@ class Found(NamedTuple):
         then it is reported; where there is no file, it is reported at once.
     news
         Reports after it is stored: the arguments of each call. None: the value of the first entry, and the
-        `gapwalk.parallel.work_chunks.Pace` of the work.
+        `gapwalk.parallel.pace.Pace` of the work.
 
     Examples
     --------
