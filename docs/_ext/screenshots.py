@@ -18,8 +18,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, FloatRect, Page
 
-from tests.explorer.browser import READY, browser, choose_special, opened, served
-from tests.explorer.browser import until as wait_until
+from tests.explorer.browser import READY, browser, choose_special, opened, served, until
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
@@ -77,11 +76,6 @@ class Scene:
     play: Callable[[Page], None]
     shots: tuple[Shot, ...]
     dark: bool = False
-
-
-def until(page: Page, condition: str) -> None:
-    """Wait as long as it takes: a picture is worth it."""
-    wait_until(page, condition, patience=600.0)
 
 
 def grow(page: Page) -> None:

@@ -42,6 +42,7 @@ LONG = {
         "hysteresis",
         "belt",
         "impact-damper",
+        "windows",
     )
 } | {"howto/nothing-missing.md", "howto/loads.md", "howto/pictures.md", "reference/examples.md"}
 

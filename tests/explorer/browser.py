@@ -8,20 +8,19 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import TimeoutError as PatienceEnded
+
+from tests.waiting import PATIENCE
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
-
-PATIENCE = float(
-    os.environ.get("PAT", "120")
-)  # seconds: nothing here takes a tenth of that on a machine that does nothing else
 
 READY = "Boolean(window.gapwalk?.page.about)"
 """A file is open on the page."""
@@ -64,14 +63,24 @@ def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[s
         assert server.wait() in (0, 130, -end)
 
 
-def until(page: Page, condition: str, patience: float = PATIENCE) -> None:
-    """Wait until a condition holds on the page; its security policy lets no text be evaluated there by itself."""
-    end = time.monotonic() + patience
-    while time.monotonic() < end:
-        if page.evaluate(condition):
-            return
-        page.wait_for_timeout(10)
-    raise AssertionError(f"{condition} has not come true; the page says: {page.inner_text('#error')}")
+def new_page(chrome: Browser | None, **options: Any) -> Page:
+    """A page in a context of its own, in which all waits are as patient as `until`: the machine may be busy."""
+    assert chrome is not None  # a page has lost its browser
+    context = chrome.new_context(**options)
+    context.set_default_timeout(1e3 * PATIENCE)
+    return context.new_page()
+
+
+def until(page: Page, condition: str) -> None:
+    """Wait until a condition holds on the page, which looks itself: to ask it all the time takes a sixth of a core.
+
+    The page's security policy lets no text be evaluated there by itself, so the condition is made a function.
+    """
+    try:
+        page.wait_for_function(f"() => ({condition})", polling=10, timeout=1e3 * PATIENCE)
+    except PatienceEnded:
+        text = page.inner_text("#error")
+        raise AssertionError(f"{condition} has not come true; the page says: {text}") from None
 
 
 @contextmanager
@@ -80,7 +89,7 @@ def watched(address: str, *, height: int = 720, ready: str = READY) -> Iterator[
     wrong: list[str] = []
     own = (address, "blob:", "data:")
     with browser() as chrome:
-        page = chrome.new_page(viewport={"width": 1280, "height": height}, accept_downloads=True)
+        page = new_page(chrome, viewport={"width": 1280, "height": height}, accept_downloads=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
         page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))

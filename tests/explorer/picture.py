@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 import gapwalk as gw
-from tests.explorer.browser import browser, until
+from tests.explorer.browser import browser, new_page, until
 from tests.explorer.conftest import CLUTCH
 
 
@@ -14,7 +14,7 @@ def take_picture(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, browser() as chrome:
         file = Path(folder) / "clutch.html"
         gw.save_html(gw.run(gw.read_study(CLUTCH)), file)
-        page = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+        page = new_page(chrome, viewport={"width": 1280, "height": 800}, offline=True)
         page.goto(file.as_uri())
         until(page, "Number(document.body.dataset.branches) === 1")
         page.focus("#diagram")

@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
-from tests.explorer.browser import chromium, opened, served, until, watched
+from tests.explorer.browser import chromium, new_page, opened, served, until, watched
 from tests.explorer.conftest import ORIGIN, STOP, about
 from tests.explorer.test_web_app import unpacked
 from tests.studies.jobs import RATTLE, RUN_UP, study_of
@@ -297,7 +297,7 @@ def test_rattle_is_computed_from_the_page_and_shown_at_its_end(page) -> None:
 def test_a_saved_page_has_the_answer(page, folder, tmp_path, name) -> None:
     path, wrong = tmp_path / f"{name}.html", []
     gw.save_html(gw.load(folder / f"{name}.gapwalk"), path, motions=4)
-    kept = page.context.browser.new_context(offline=True).new_page()
+    kept = new_page(page.context.browser, offline=True)
     kept.on("pageerror", lambda error: wrong.append(str(error)))
     kept.goto(path.as_uri())
     until(kept, "Boolean(window.gapwalk?.answer?.content) && gapwalk.diagram.over !== null")
@@ -319,7 +319,7 @@ def test_the_first_special_points_of_a_branch_are_saved_with_what_moves_them(pag
     gw.save_html(branch, path, motions=4, gradients=1)
     with pytest.raises(ModelError, match="gradients is -1"):
         gw.save_html(branch, path, gradients=-1)
-    kept = page.context.browser.new_context(offline=True).new_page()
+    kept = new_page(page.context.browser, offline=True)
     kept.on("pageerror", lambda error: wrong.append(str(error)))
     kept.goto(path.as_uri())
     until(kept, "Number(document.body.dataset.branches) === 1")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.explorer.browser import boxes, nameless, opened, overlap, served, tree_of, until, watched
+from tests.explorer.browser import boxes, nameless, new_page, opened, overlap, served, tree_of, until, watched
 from tests.explorer.conftest import CLUTCH, STOP
 
 CHOOSING = "document.querySelectorAll('[data-start]').length > 5"
@@ -226,7 +226,7 @@ def test_a_text_that_is_left_without_being_saved_is_there_again(stop, folder) ->
 
 def test_a_file_with_errors_can_be_opened_in_the_editor(tmp_path, page) -> None:
     (tmp_path / "broken.toml").write_text('coordinates = ["x"]\nstifness = [1.0]\n', encoding="utf-8")
-    other = page.context.browser.new_page()
+    other = new_page(page.context.browser)
     with served(tmp_path) as address:
         other.goto(address)
         until(other, "!document.getElementById('error').hidden")

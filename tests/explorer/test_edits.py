@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page
 
 import gapwalk as gw
-from tests.explorer.browser import READY, browser, chromium, opened, served, until
+from tests.explorer.browser import READY, browser, chromium, new_page, opened, served, until
 from tests.explorer.conftest import CLUTCH, STOP
 
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
@@ -20,7 +20,7 @@ LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_poi
 def chrome() -> Iterator[Page]:
     chromium()
     with browser() as chrome:
-        yield chrome.new_page(viewport={"width": 1280, "height": 720})
+        yield new_page(chrome, viewport={"width": 1280, "height": 720})
 
 
 @pytest.fixture

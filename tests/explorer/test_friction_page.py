@@ -11,16 +11,7 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from gapwalk.explorer.motion_panels import details_of, panels_of
 from tests.dry.closed_forms import den_hartog
-from tests.explorer.browser import (
-    boxes,
-    choose_special,
-    chromium,
-    opened,
-    overlap,
-    served,
-    until,
-    watched,
-)
+from tests.explorer.browser import boxes, choose_special, chromium, new_page, opened, overlap, served, until, watched
 
 BRAKE = """\
 title = "Den Hartog"
@@ -288,7 +279,7 @@ def test_a_kept_page_has_loops_strips_and_energy(page, tmp_path) -> None:
     gw.save_html(branch, path, motions=20)
     wrong: list[str] = []
     assert page.context.browser is not None
-    kept = page.context.browser.new_context(offline=True).new_page()
+    kept = new_page(page.context.browser, offline=True)
     kept.on("pageerror", lambda error: wrong.append(str(error)))
     kept.goto(path.as_uri())
     until(kept, "Number(document.body.dataset.branches) === 1")

@@ -14,7 +14,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.html_file import STEPS, Blob
 from gapwalk.explorer.saved_page import content_of, lines_of
-from tests.explorer.browser import browser, until
+from tests.explorer.browser import browser, new_page, until
 
 TITLE = "</script><script>window.stolen = 1</script><b>&amp;"
 
@@ -48,8 +48,7 @@ def page(file) -> Iterator[Page]:
     """The file in a browser that reaches nothing, with an ear for errors."""
     wrong: list[str] = []
     with browser() as chrome:
-        context = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True)
-        page = context.new_page()
+        page = new_page(chrome, viewport={"width": 1280, "height": 800}, offline=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
         own = (file.as_uri(), "data:", "blob:")
@@ -175,7 +174,7 @@ def test_a_settled_motion_is_shown_at_once(page, tmp_path) -> None:
     path = tmp_path / "settled.html"
     gw.save_html(gw.settle(a_stop()), path, title="Settled")
     assert page.context.browser is not None
-    other = page.context.browser.new_context(offline=True).new_page()
+    other = new_page(page.context.browser, offline=True)
     other.goto(path.as_uri())
     until(other, "document.querySelectorAll('#history path.curve').length === 1")
     assert not other.is_visible("#picture")

@@ -10,7 +10,7 @@ from benchmarks.chain import chain
 from gapwalk.plot.machine.layout import NARROW, WIDE, scene_of
 from gapwalk.plot.machine.on_paper import svg_of
 from gapwalk.studies import read_studies
-from tests.explorer.browser import READY, boxes, browser, chromium, overlap, served, until
+from tests.explorer.browser import READY, boxes, browser, chromium, new_page, overlap, served, until
 from tests.explorer.conftest import CLUTCH
 
 EXAMPLES = ("clutch", "train", "idle", "belt", "impact_damper", "pendulum", "rod")
@@ -67,7 +67,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     file.write_text(TRAIN, encoding="utf-8")
     wrong: list[str] = []
     with served(file) as address, browser() as chrome:
-        page = chrome.new_page(viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+        page = new_page(chrome, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
         page.goto(address)
@@ -150,7 +150,7 @@ def test_texts_on_the_page_do_not_meet_and_can_be_read(page, width, height, sche
 def test_texts_of_the_gallery_do_not_meet(page) -> None:
     """Chromium measures the letters, which the layout only estimates."""
     systems = {name: read_studies(CLUTCH.with_name(f"{name}.toml"))[0].system for name in EXAMPLES}
-    measured = page.context.browser.new_page()
+    measured = new_page(page.context.browser)
     for name, system in {**systems, "chain": chain(10)}.items():
         for width in (NARROW, WIDE):
             scene = scene_of(system, width)

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page
 
 import gapwalk as gw
-from tests.explorer.browser import READY, browser, choose_special, chromium, opened, served, until
+from tests.explorer.browser import READY, browser, choose_special, chromium, new_page, opened, served, until
 from tests.explorer.conftest import CLUTCH, STOP
 
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
@@ -42,7 +42,7 @@ def page(address) -> Iterator[Page]:
     wrong: list[str] = []
     own = (address, "blob:", "data:")
     with browser() as chrome:
-        page = chrome.new_page(viewport={"width": 1280, "height": 720}, accept_downloads=True)
+        page = new_page(chrome, viewport={"width": 1280, "height": 720}, accept_downloads=True)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
         page.goto(address)

@@ -12,7 +12,7 @@ from gapwalk.explorer.answer_view import Alone, view_of
 from gapwalk.explorer.html_file import Blob
 from gapwalk.explorer.saved_page import content_of, lines_of
 from gapwalk.studies.study_registry import kind_of, kinds
-from tests.explorer.browser import browser, until
+from tests.explorer.browser import browser, new_page, until
 from tests.explorer.conftest import CLUTCH
 from tests.models import STOP
 from tests.studies.jobs import study_of
@@ -70,7 +70,7 @@ def test_a_page_of_each_kind_opens_alone_and_draws_something(results, tmp_path, 
     file = tmp_path / f"{name}.html"
     gw.save_html(results[name], file)
     with browser() as chrome:
-        page = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+        page = new_page(chrome, viewport={"width": 1280, "height": 800}, offline=True)
         wrong: list[str] = []
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
@@ -162,7 +162,7 @@ def test_a_saved_run_up_plays_without_a_server(tmp_path: Path) -> None:
     run = gw.ask.run_up(study.system, gw.ask.SpeedCourse.ramp(0.5, 0.9, 0.001))
     gw.save_html(run, file)
     with browser() as chrome:
-        page = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True).new_page()
+        page = new_page(chrome, viewport={"width": 1280, "height": 800}, offline=True)
         wrong: list[str] = []
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.goto(file.as_uri())

@@ -180,7 +180,7 @@ def test_news_of_a_growing_branch_come_at_most_four_times_a_second(page) -> None
             window.end_ = () => { events.close(); delete diagram.draw; };
         }"""
     )
-    before = page.evaluate("gapwalk.page.results.length")
+    before, begin = page.evaluate("[gapwalk.page.results.length, performance.now()]")
     page.click("#compute")
     until(page, f"gapwalk.page.results.length > {before} && gapwalk.page.results.at(-1).state === 'done'")
     until(page, f"gapwalk.curves.all.size === {before + 1}")
@@ -188,6 +188,6 @@ def test_news_of_a_growing_branch_come_at_most_four_times_a_second(page) -> None
     page.evaluate("end_()")
     for times in (news, drawings):
         assert len(times) >= 3
-        for k in range(len(times) - 6):
-            assert times[k + 6] - times[k] > 950.0  # four a second, and one or two late ones that came with the next
+        # from the beginning, four a second, and two more; on a busy machine late ones come together, but none too early
+        assert all(time - begin > 250.0 * (count - 2) - 50.0 for count, time in enumerate(times))
     page.click("#results li:last-child button:text-is('Delete')")

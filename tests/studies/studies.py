@@ -1,5 +1,6 @@
 """Studies that are walked in a moment, and a program that runs one of them so that it can be killed."""
 
+import signal
 import sys
 from functools import cache
 
@@ -30,14 +31,19 @@ def long_result() -> Result:
     return run(long_study())
 
 
-def main(path: str) -> None:
-    """Run the long study into a file, or go on with it; write a line for each point that is safe."""
+def main(path: str, wait_at: int | None = None) -> None:
+    """Run the long study into a file, or go on with it; write a line for each point that is safe.
+
+    At the point of a given number it waits for its end, so that it cannot be done before somebody kills it.
+    """
     count = 0
 
     def report(point, special_points) -> None:
         nonlocal count
         count += 1
         print(count, flush=True)
+        if count == wait_at:
+            signal.pause()
 
     result = run(long_study(), path, resume=True, report=report)
     print("complete" if result.complete else "stopped", flush=True)

@@ -1,12 +1,10 @@
 """Result files: nothing lost whatever happens to the run, equal bit for bit, and clear words for what is wrong."""
 
+import itertools
 import os
 import random
 import signal
 import sqlite3
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -19,10 +17,9 @@ from gapwalk.results.result_file import APPLICATION, SCHEMA, lock, reading
 from gapwalk.studies import response_study as response
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change, change_sealed
+from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.studies.studies import long_result, long_study, stop_study
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -166,37 +163,23 @@ def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(p
 
 
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undisturbed) -> None:
+    """Killed in each of the first three quarters of its reports: it waits at the end of a quarter for a late kill."""
     random.seed(1995)
-    whole, known, kills = undisturbed.branches[0], 0, 0
-    while True:
-        program = subprocess.Popen(
-            [sys.executable, "-c", f"from tests.studies.studies import main; main({str(path)!r})"],
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
-        )
-        assert program.stdout is not None
-        last, aim = "", known + random.randint(1, 1200)
-        for last in program.stdout:
-            if last.strip().isdigit() and int(last) >= aim and random.random() < 0.2:
-                time.sleep(random.uniform(0.0, 0.04))  # so that it dies at any place, not just after a report
-                program.kill()
-                kills += 1
-                break
-        lines = [last, *program.stdout]
-        program.stdout.close()
-        program.wait()
-        reported = max((int(line) for line in lines if line.strip().isdigit()), default=0)
+    whole, known = undisturbed.branches[0], 0
+    count = len(whole.points)  # of reports
+    program = f"from tests.studies.studies import main; main({str(path)!r}"
+    for begin, end in itertools.pairwise(count * quarter // 4 for quarter in range(4)):
+        lines = killed_after(random.randint(begin + 1, end), f"{program}, wait_at={end})", longest_wait=0.04)
+        reported = int(lines[-1])
+        assert reported <= end
         result = gw.load(path)
         points = result.branches[0].points
+        assert not result.complete
         assert len(points) >= reported
         for a, b in zip(points[known:], whole.points[known:], strict=False):
             assert_same_point(a, b)
         known = len(points) - 1
-        if "complete\n" in lines:
-            break
-    assert kills >= 2
+    assert killed_after(count + 2, f"{program})")[-1] == "complete"  # it prints a line less, and is not killed
     assert_same_result(gw.load(path), undisturbed)
     gw.run(long_study(), path, resume=True)
     assert os.listdir(path.parent) == [path.name]

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.tori import torus_continuation
 
 FILE = """
 coordinates = ["x"]
@@ -106,7 +107,9 @@ def test_a_mass_that_hits_a_stop_as_simulated():
     assert simulated == pytest.approx(on_torus, abs=1e-7)
 
 
-def test_in_a_model_file(tmp_path):
+def test_in_a_model_file(tmp_path, monkeypatch):
+    """In large steps: the other integrator takes a third of a second for each torus."""
+    monkeypatch.setattr(torus_continuation, "STEPS", gw.WalkOptions(initial_step=0.1, largest_step=0.2))
     file = tmp_path / "two.toml"
     file.write_text(FILE)
     result = gw.run(gw.read_study(file), tmp_path / "two.gapwalk")

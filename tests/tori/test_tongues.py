@@ -121,14 +121,14 @@ law = "mu*(x*x + v*v - 1)*v"
 mu = 0.8
 
 [[harmonic]]
-amplitude = 0.5
+amplitude = 0.502
 acts_on = { x = 1.0 }
 
 [study]
 kind = "tori"
 parameter = "frequency"
 from = 1.29
-to = 1.325
+to = 1.323
 max_period = 1
 accuracy = 1e-5
 samples = 17
@@ -143,9 +143,9 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     assert finding is not None
     found = finding.record
     assert found.complete
-    # leaps also meet windows of 3/20, 2e-12 wide, whose tongues may be too narrow to be followed: that is said
-    assert [each for each in found.failures if "3/20" not in each] == []
-    place, tongue = next((place, each) for place, each in enumerate(found.tongues) if each.period == 13)
+    assert found.failures == ()
+    assert {each.period for each in found.tongues} == {13}
+    place, tongue = 0, found.tongues[0]
     assert str(tongue.ratio) in ("2/13", "11/13")
     assert tongue.tip is not None
     # at the tip the orbit of period 1 has multipliers on the unit circle, with the angle of the fraction
@@ -167,7 +167,7 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ('tongues = { parameter = "harmonic1.amplitude", from = 0.6, to = 0.9 }', "has 0.5, outside of it"),
+        ('tongues = { parameter = "harmonic1.amplitude", from = 0.6, to = 0.9 }', "has 0.502, outside of it"),
         ('tongues = { parameter = "frequency", from = 0.6, to = 0.9 }', "which is the first one"),
         ('tongues = { parameter = "harmonic2.amplitude", from = 0.6, to = 0.9 }', "harmonic2"),
     ],

@@ -3,10 +3,10 @@
 heyoka keeps machine code in a database, in which it finds a flow by its equations and by heyoka's own version. It
 trusts what it finds: four flipped bits in a database ended the process, another processor may not know the
 instructions, and a truncated database was never rebuilt. So each flow has a database of its own, named by the
-processor, by its equations and by a checksum of its content. Only a database whose content matches its name is given to
-heyoka, as a copy. New machine code is stored, compressed to less than a third: beyond the size limit, flows that are
-used in turn would each be removed before they are used again. The folder must be the user's own; otherwise nothing is
-stored.
+processor and by its equations, which begins with a checksum. Only a database whose content matches its checksum is
+given to heyoka, as a copy. New machine code is stored, compressed to less than a third: beyond the size limit, flows
+that are used in turn would each be removed before they are used again. The folder must be the user's own; otherwise
+nothing is stored.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ _MOST_BYTES = 500_000_000
 
 _NAME = "cache.db"  # the name that heyoka uses
 _SUFFIX = ".db.z"  # of what is stored
+_CHECKSUM = 32  # bytes of the checksum with which it begins
 _PREFIX = "gapwalk-flow-"
 _one_at_a_time = RLock()  # the path of heyoka's database is global to the process
 
@@ -58,13 +59,14 @@ def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
                 yield
                 return
             stem = hashlib.sha256(f"{processor()} {hy.__version__} {equations}".encode()).hexdigest()[:32]
-            _copy_unchanged(folder, stem, work / _NAME)
+            file = folder / f"{stem}{_SUFFIX}"
+            _copy_unchanged(file, work / _NAME)
             size = _opened(work)
             yield
             is_new = size is not None and state.get_diskcache_size() > size
             state.set_diskcache_path(before[0])  # closes the database, so that all is in one file
             if is_new:
-                _keep(folder, stem, work / _NAME)
+                _keep(file, work / _NAME)
         finally:
             state.set_diskcache_path(before[0])
             state.set_diskcache_enabled(before[1])
@@ -125,22 +127,19 @@ def processor() -> str:
     return f"{platform.machine()} {platform.processor()} {platform.node()}"
 
 
-def _copy_unchanged(folder: Path, stem: str, copy: Path) -> None:
-    """Copy the database whose content is unchanged, if there is one; remove others of its name."""
+def _copy_unchanged(file: Path, copy: Path) -> None:
+    """Copy the database of a file if its content is unchanged; remove the file if it is not."""
     try:
-        for file in folder.glob(f"{stem}-*{_SUFFIX}"):
-            content = file.read_bytes()
-            if file.name == _name(stem, content):
-                copy.write_bytes(zlib.decompress(content))
-                os.utime(file)  # it was used
-                return
+        content = file.read_bytes()
+        if hashlib.sha256(content[_CHECKSUM:]).digest() == content[:_CHECKSUM]:
+            copy.write_bytes(zlib.decompress(content[_CHECKSUM:]))
+            os.utime(file)  # it was used
+        else:
             file.unlink(missing_ok=True)
+    except FileNotFoundError:
+        pass  # it has never been compiled, or another process has just removed it
     except OSError:  # no room for the copy: a partial one is worse than none
         copy.unlink(missing_ok=True)
-
-
-def _name(stem: str, content: bytes) -> str:
-    return f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}{_SUFFIX}"
 
 
 def _opened(work: Path) -> int | None:
@@ -155,21 +154,17 @@ def _opened(work: Path) -> int | None:
         return None
 
 
-def _keep(folder: Path, stem: str, copy: Path) -> None:
-    """Store a database in place of those of its name."""
+def _keep(file: Path, copy: Path) -> None:
+    """Store a copy of a database in a file."""
     with suppress(OSError):
         content = zlib.compress(copy.read_bytes(), 1)
-        name = _name(stem, content)
-        write_whole(folder / name, content)
-        for file in folder.glob(f"{stem}-*{_SUFFIX}"):
-            if file.name != name:
-                file.unlink(missing_ok=True)
-        known = sorted(((file.stat().st_mtime, file) for file in folder.iterdir()), reverse=True)
+        write_whole(file, hashlib.sha256(content).digest() + content)
+        known = sorted(((each.stat().st_mtime, each) for each in file.parent.iterdir()), reverse=True)
         total = 0
-        for _, file in known:  # beyond the size limit, those that were used longest ago are removed
-            total += file.stat().st_size
+        for _, each in known:  # beyond the size limit, those that were used longest ago are removed
+            total += each.stat().st_size
             if total > _MOST_BYTES:
-                file.unlink(missing_ok=True)
+                each.unlink(missing_ok=True)
 
 
 def write_whole(file: Path, content: bytes) -> None:

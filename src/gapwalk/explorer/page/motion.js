@@ -110,7 +110,7 @@ export class MotionView {
 
   clear() {
     this.request?.abort();
-    this.place = this.motion = null;
+    this.place = this.motion = this.details = null;
     $("panels").hidden = true;
     this.wanted = this.logged = "";
     if (this.scenes) this.rest(this.scenes);
