@@ -20,6 +20,7 @@ from gapwalk.bifurcation.friction_changes import (
     find_changes,
     located_again,
 )
+from gapwalk.bifurcation.friction_margins import own_phase
 from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 _EPS = float(np.finfo(float).eps)
 _ALONG = (1e-5, 1e-4, 1e-6)  # arclengths over which the margin of an onset of slip tells its rate
 _FARTHEST = 1e-6  # largest arclength within which two computations may place a change
+_LENGTHS = (1e-8, 4e-8)  # arclengths from a change at which the length of its phase tells where it vanishes
+_ROOT = 9.0  # growth of the square of that length between them, which is 4 for a root, and 16 for a line
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -116,7 +119,8 @@ class Sliding(Kind):
 def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
     """Estimate the error of a change that was located by the sequences of phases on both sides, not by its margin.
 
-    It is the distance within which the second computation has the same sequences on both sides.
+    It is the distance within which the second computation has the same sequences on both sides, and the one from there
+    to where the phase vanishes.
     """
     before, after, contact = located.before, located.point, located.change.contact
     assert before is not None
@@ -126,10 +130,28 @@ def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
         there = second.at(before, -reach), second.at(after, reach)
         if [text_of(each.orbit.friction.get(contact, [])) for each in there] == sides:
             width = abs(after.x[-1] and after.value / after.x[-1])
-            along = width * (abs(float(after.tangent[-1])) * reach + blur.off)
+            along = width * (abs(float(after.tangent[-1])) * (reach + _unseen(located, second)) + blur.off)
             return SAFETY * (along + abs(second.at(after).value - after.value)) + ROUNDING * (abs(after.value) + width)
         reach *= 2.0
     return math.inf
+
+
+def _unseen(located: Located, second: ErrorEstimator) -> float:
+    """Return the arclength from a change of sequences to where its phase vanishes, if a quantity touches zero there.
+
+    The length of such a phase grows as the root of the arclength. The flow leaves out those so brief that rounding
+    would decide on them.
+    """
+    before, after, contact = located.before, located.point, located.change.contact
+    assert before is not None
+    is_longer = len(before.orbit.friction.get(contact, [])) > len(after.orbit.friction.get(contact, []))
+    start, way = (before, -1.0) if is_longer else (after, 1.0)
+    points = [second.at(start, way * away) for away in _LENGTHS]
+    own = (own_phase(point.orbit, located.change, located.change.theta) for point in points)
+    squares = [phase.length**2 for phase in own if phase is not None]
+    if len(squares) < len(points) or not 1.0 < squares[1] / squares[0] < _ROOT:
+        return 0.0  # another event cuts it short
+    return abs(_LENGTHS[0] - squares[0] * (_LENGTHS[1] - _LENGTHS[0]) / (squares[1] - squares[0]))
 
 
 def _new(search: Search, found: list[Located]) -> list[Located]:
