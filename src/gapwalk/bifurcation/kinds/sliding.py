@@ -21,7 +21,7 @@ from gapwalk.bifurcation.friction_changes import (
     located_again,
 )
 from gapwalk.bifurcation.friction_margins import own_phase
-from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips
+from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, position_of
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -36,6 +36,9 @@ _ALONG = (1e-5, 1e-4, 1e-6)  # arclengths over which the margin of an onset of s
 _FARTHEST = 1e-6  # largest arclength within which two computations may place a change
 _LENGTHS = (1e-8, 4e-8)  # arclengths from a change at which the length of its phase tells where it vanishes
 _ROOT = 9.0  # growth of the square of that length between them, which is 4 for a root, and 16 for a line
+_STAYS = (
+    1e-3  # share of the distance that friction moves on one side, below which it has kept its position on the other
+)
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -228,6 +231,26 @@ class SlipOnset(Sliding):
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""
         return not change.reverses and change.before == 0 and change.alone
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """See `Kind.examined`: there is slip on one side, or friction is pushed along without net slip.
+
+        Then its force just reaches one of its bounds, or was led a little away from it, and its position moves in the
+        direction of slip. On the other side it is kept exactly.
+        """
+        faults, function = super().examined(special, before, after)
+        if faults:
+            name, sign = special.contact.rsplit(" ", 1)
+            contact = [each.name for each in special.orbit.system.structure.contacts].index(name)
+            kept = position_of(special.orbit, contact)
+            sides = [position_of(each.orbit, contact) - kept for each in (before, after)]
+            stays, moves = sorted(sides, key=abs)
+            sticks = all(never_slips(each.orbit, contact) for each in (before, after))
+            if sticks and abs(stays) < _STAYS * abs(moves) and moves * int(f"{sign}1") > 0.0:
+                return [], None
+        return faults, function
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error on the side on which friction never slips: beyond, slip depends on the root.
