@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
@@ -200,9 +201,11 @@ def _locate_beside(interval: StepInterval, first: BranchPoint, last: BranchPoint
     beside the zero of the margin.
     """
     low, high = (interval.points[place].arclength for place in (0, -1))
-    before, after = (interval.at(min(max(last.arclength + shift, low), high)) for shift in (-_UNSEEN, _UNSEEN))
-    found = _locate(interval, before, after, change) if before is not after else None
-    return found or Located(last, change, last.arclength - first.arclength, first)
+    with suppress(NumericalError):
+        before, after = (interval.at(min(max(last.arclength + shift, low), high)) for shift in (-_UNSEEN, _UNSEEN))
+        if before is not after and (found := _locate(interval, before, after, change)) is not None:
+            return found
+    return Located(last, change, last.arclength - first.arclength, first)
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:

@@ -36,9 +36,7 @@ _ALONG = (1e-5, 1e-4, 1e-6)  # arclengths over which the margin of an onset of s
 _FARTHEST = 1e-6  # largest arclength within which two computations may place a change
 _LENGTHS = (1e-8, 4e-8)  # arclengths from a change at which the length of its phase tells where it vanishes
 _ROOT = 9.0  # growth of the square of that length between them, which is 4 for a root, and 16 for a line
-_STAYS = (
-    1e-3  # share of the distance that friction moves on one side, below which it has kept its position on the other
-)
+_STAYS = 1e-3  # share of the distance that friction moves on one side of its onset, below which it stays on the other
 _SIGNS = {1: "+", -1: "-"}
 
 
