@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,3 +113,28 @@ def test_a_walk_that_two_coinciding_events_stop_names_them() -> None:
     branch = gw.follow(gw.find_orbit(system), "frequency", 1.005 * system.frequency)
     assert branch.ends[-1].reason is EndReason.STEP
     assert "stages0.one - and stages0dry change at once at theta = 2.68635" in branch.ends[-1].detail
+
+
+def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> None:
+    """Also where both bounds are nearly reached, so that guesses from farther away slip."""
+    system = random_system(166)
+    up, down = (
+        gw.follow(gw.find_orbit(system.at(frequency=start)), "frequency", end)
+        for start, end in ((0.79, 0.8025), (0.8025, 0.79))
+    )
+    assert [each.contact for each in up.special_points] == ["stages0dry -", "stages0dry +"]
+    first, second = up.special_points
+    assert second.value - first.value > 1e-3
+    ends = down.special_points
+    assert sorted(each.contact for each in ends) == ["stages0dry +", "stages0dry -"]
+    assert all(abs(each.value - second.value) < second.uncertainty + each.uncertainty < 2e-9 for each in ends)
+
+
+def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip() -> None:
+    """Beyond it the walk may be a little within the edge of the continuum, where its force does not reach its bound."""
+    branch = gw.follow(gw.find_orbit(random_system(166).at(frequency=0.79)), "frequency", 0.7952)
+    assert [each.kind for each in branch.special_points] == [gw.Kind.SLIP_ONSET]
+    assert gw.verify(branch).ok
+    onset = branch.special_points[0]
+    turned = replace(branch, special_points=(replace(onset, contact="stages0dry +"),))
+    assert not gw.verify(turned).ok

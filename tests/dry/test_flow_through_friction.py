@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import gapwalk as gw
 from gapwalk.errors import NumericalError
-from gapwalk.flow.dry_motion import DryModes
+from gapwalk.flow.dry_motion import DryModes, modes_along
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.friction_gauge import FrictionGauge
 from gapwalk.flow.lone_friction import LoneFriction
@@ -233,6 +233,30 @@ def test_a_gauge_reads_the_same_from_compiled_values_as_from_formulas(name: str)
             for each in gauges
         )
         assert np.array(quick, dtype=float) == pytest.approx(np.array(exact, dtype=float), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["iwan", "springs of stages", "springs that are pressed"])
+def test_a_gauge_knows_how_states_move(name: str) -> None:
+    """Against differences of the motion; a spring whose host is open has let go, and in slip it follows its limit."""
+    system, h = SYSTEMS[name][0], 1e-4
+    coefficients, structure = coefficients_of(system), system.structure
+    gauge = FrictionGauge(layout_of(structure), structure.friction[0])
+    shifts = h * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    thetas = np.add.outer(np.linspace(0.0, 2.0 * PERIOD, 500)[1:-1], shifts).ravel()
+    start = start_of(system)
+    found = flow_of(system).sample(coefficients, start, np.append(0.0, thetas))
+    modes = modes_along(structure, thetas, found.slips, found.holds)
+    events = np.array([each.theta for each in (*found.contacts, *found.slips)])
+    compared = set[tuple[int, bool]]()
+    for middle in range(2, len(thetas), 5):
+        if np.abs(events - thetas[middle]).min() < 3.0 * h:
+            continue
+        near = found.states[middle - 1 : middle + 4]
+        along = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ near / (12.0 * h * coefficients[0])
+        moves = gauge.motion(coefficients, float(thetas[middle]), near[2], modes.at(middle))
+        assert moves == pytest.approx(along, abs=1e-7)
+        compared.add((int(modes.slips[middle, 0]), bool(moves[2 * system.size])))
+    assert {(1, False), (0, True)} <= compared if name == "iwan" else {(0, False), (0, True)} <= compared
 
 
 @pytest.mark.parametrize("name", ["slip", "stick", "static", "belt", "two that stick", "along another direction"])

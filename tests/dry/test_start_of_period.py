@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.bifurcation.start_of_period import smooth_between
 from gapwalk.continuation.walk import EndReason
+from gapwalk.flow.flow import PERIOD
 from gapwalk.model.contact import Contact, Side, Stage, friction
 from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
@@ -130,3 +131,22 @@ def test_gaps_are_measured_in_the_section_in_which_they_were_walked() -> None:
     assert float(np.linalg.norm(branch.points[1].x - branch.points[0].x)) == pytest.approx(ahead, rel=1e-6)
     assert abs(float(np.linalg.norm(last.x - first.x)) / ahead - 1.0) > 0.1
     assert gw.verify(branch).worst(Check.GAPS).size < 0.1
+
+
+@pytest.mark.parametrize("ends", [(0.9735, 0.9745), (0.9745, 0.9735)])
+def test_a_stop_that_never_pushes_is_not_held_where_its_plastic_impact_is_just_before_the_start(
+    ends: tuple[float, float],
+) -> None:
+    """The load less the spring's force at the stop is cos(theta) - 1: it is zero at 0 rad, and pulls elsewhere.
+
+    Within 2e-4 rad after the impact the body is still at the stop to rounding, where the motion begins.
+    """
+    wall = Contact("wall", {"x": 1.0}, [Stage(1.0, side=Side.POSITIVE)], law="rigid", restitution=0.0)
+    load = Harmonic(1.0, {"x": 1.0})
+    system = System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[load], frequency=ends[0])
+    orbit = gw.find_orbit(system.at(frequency=0.97402))
+    assert [each.theta - PERIOD for each in orbit.events] == [pytest.approx(-1.158e-4, abs=1e-7)]
+    assert orbit.held == {0: (0, 1)}
+    branch = gw.follow(gw.find_orbit(system), "frequency", ends[1])
+    assert branch.ends[-1].reason is EndReason.RANGE
+    assert branch.special_points == ()

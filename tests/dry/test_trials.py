@@ -3,15 +3,16 @@
 import json
 import os
 import signal
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
+import gapwalk as gw
 from gapwalk.errors import Interrupted
 from tests.dry.trials.__main__ import apart, table
 from tests.dry.trials.random_systems import random_system
-from tests.dry.trials.trial import Trial, attempt
+from tests.dry.trials.trial import Trial, _differences, attempt
 from tests.tiers import some_of
 
 
@@ -20,6 +21,21 @@ def test_each_ends_with_a_result_or_a_reason(seed: int) -> None:
     trial = attempt(f"random {seed}", random_system(seed), factor=1.02, sampled=2)
     assert trial.faults == []
     assert {"orbit", "motion", "sweep"} <= trial.ends.keys()
+
+
+def test_a_way_back_that_ends_early_is_compared_as_far_as_it_leads() -> None:
+    system = random_system(145)
+    there = gw.follow(gw.find_orbit(system), "frequency", 1.3 * system["frequency"])
+    back = gw.follow(there.points[-1].orbit, "frequency", system["frequency"])
+    assert len(there.special_points) == len(back.special_points) == 8
+    assert _differences(there, back) == []
+    last = next(place for place, each in enumerate(back.points) if each.value < 0.5)  # beyond the first five points
+    within = tuple(each for each in back.special_points if each.value > 0.5)
+    cut = replace(back, points=back.points[: last + 1], special_points=within)
+    assert len(within) == 5
+    assert _differences(there, cut) == []
+    assert len(_differences(there, replace(cut, special_points=within[1:]))) == 1
+    assert len(_differences(replace(there, special_points=there.special_points[:-1]), cut)) == 1
 
 
 def endless() -> str:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.friction_margins import Change, instant_of, margin, modes_around, own_phase
@@ -41,6 +42,7 @@ _NEAR = 0.05  # share of its range within which a least value that appears count
 _FAR, _LONG = 0.6, 4e-3  # the same in steps of more than this arclength
 _BIRTH = 2e-4  # arclength to which the appearance of such a value is narrowed down
 _JUMPS = 1e-11  # arclength from a located point within which the margin is that small too
+_UNSEEN = 1e-6  # arclength within which the margin of a change is zero if it was found by halving
 _TOUCH = 1e-6  # margin of a located point, relative to the margins at the ends of its bracket, that is only rounding
 
 
@@ -128,7 +130,7 @@ def find_changes(
         if len(located) == len(changes) or (len(onsets) == len(changes) and located):
             return _refined(interval, before, first, last, sorted(located, key=lambda each: each.point.arclength))
     if length < _SMALLEST:
-        return [Located(last, change, length, first) for change in changes or []]
+        return [_locate_beside(interval, first, last, change) for change in changes or []]
     middle = interval.middle(first, last)
     return find_changes(interval, before, first, middle) + find_changes(interval, first, middle, last)
 
@@ -190,6 +192,20 @@ def _refined(
         return located
     # where nothing changes any more, the margin that vanishes at the end would let the part be halved over and over
     return [each for part in [*left, (first, *ends), *right] for each in find_changes(interval, *part)]
+
+
+def _locate_beside(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located:
+    """Locate a change between two points that halving has found: by its margin, or where it has none, as their place.
+
+    The flow leaves out slip and stick so brief that rounding would decide on them, so the sequence changes a little
+    beside the zero of the margin.
+    """
+    low, high = (interval.points[place].arclength for place in (0, -1))
+    with suppress(NumericalError):
+        before, after = (interval.at(min(max(last.arclength + shift, low), high)) for shift in (-_UNSEEN, _UNSEEN))
+        if before is not after and (found := _locate(interval, before, after, change)) is not None:
+            return found
+    return Located(last, change, last.arclength - first.arclength, first)
 
 
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, change: Change) -> Located | None:

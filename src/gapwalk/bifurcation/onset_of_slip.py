@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the ste
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
 _REACHED, _CLOSE = 1e-13, 1e-9  # arclength from it at which it is reached, and at which it is accepted
 _APPROACHES = 60
-_ASIDE = 1e-6  # change of a position that tells how the force follows it, in scaled variables
+_ASIDE = (1e-6, 1e-7)  # changes of a position that tell how the force follows it, in scaled variables
 _AT_REST = 1e-7  # arclength from the place of rest at which it is accepted: positions are kept on a grid of 1e-9
 _HALVINGS = 20  # of a step towards it that leads to slip
 
@@ -58,6 +59,15 @@ class Located(NamedTuple):
 def never_slips(orbit: Orbit, contact: int) -> bool:
     """Return True if friction sticks in all of an orbit."""
     return [phase.mode for phase in orbit.friction.get(contact, [])] == [0]
+
+
+def position_of(orbit: Orbit, contact: int) -> float:
+    """Return the position that friction has at the start of the period, which it keeps until it slips."""
+    system = orbit.system
+    structure, n = system.structure, system.size
+    vector = coefficients_of(system)[layout_of(structure).contacts[contact].deflection]
+    extension = orbit.state[2 * n + structure.memories.index(contact)] if contact in structure.memories else 0.0
+    return float(vector @ orbit.state[:n] - extension)
 
 
 def locate_onsets(
@@ -191,7 +201,8 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
         If there is no such place between the points, or positions are no freedom of the orbits.
     """
     search = _RestSearch(corrector, stuck, far, contact)
-    here, matrix = search.at(np.zeros(2)), search.slopes()
+    first, matrix = search.at(np.zeros(2)), search.slopes()
+    here = first
     reserves, step, left = here.reserves, np.zeros(2), math.inf
     for _ in range(_APPROACHES):
         step = np.linalg.solve(matrix, -reserves) if abs(np.linalg.det(matrix)) > 0.0 else np.full(2, np.nan)
@@ -200,13 +211,13 @@ def find_rest(corrector: Corrector, stuck: BranchPoint, far: BranchPoint, contac
         left, share = abs(float(step[0])), _SHARE
         if left < _REACHED:
             break
-        ahead = search.near(here.place + share * step)
+        ahead = search.near(here.place + share * step, here, first)
         for _ in range(_HALVINGS if left > _CLOSE else 0):
             if ahead is not None:
                 break
             share *= 0.5
-            ahead = search.near(here.place + share * step)
-        if ahead is None or not np.abs(ahead.reserves).max() < 0.9 * np.abs(here.reserves).max():
+            ahead = search.near(here.place + share * step, here, first)
+        if ahead is None or not np.abs(ahead.reserves).max() < (1.0 - 0.1 * share) * np.abs(here.reserves).max():
             break
         moved, change = ahead.place - here.place, ahead.reserves - reserves
         matrix = matrix + np.outer(change - matrix @ moved, moved) / float(moved @ moved)
@@ -241,18 +252,25 @@ class _RestSearch:
         least = [min((each for each in own if each.side == side), key=lambda each: each.value) for side in (1, -1)]
         self._thetas = {each.side: each.theta for each in least}
 
-    def near(self, place: NDArray[np.float64]) -> _Tried | None:
-        """Return the orbit at a place; None if friction slips there."""
-        try:
-            return self.at(place)
-        except LookupError:
-            return None
+    def near(self, place: NDArray[np.float64], *origins: _Tried) -> _Tried | None:
+        """Return the orbit at a place, sought from some orbits in turn; None if friction slips there."""
+        for origin in origins:
+            with suppress(LookupError):
+                return self.at(place, origin)
+        return None
 
-    def at(self, place: NDArray[np.float64]) -> _Tried:
-        """Return the orbit at a place; raise a LookupError if friction slips there."""
+    def at(self, place: NDArray[np.float64], origin: _Tried | None = None) -> _Tried:
+        """Return the orbit at a place, sought from another one; by default the stuck point.
+
+        Raises
+        ------
+        LookupError
+            If friction slips there. A guess from far away may slip too, and then leads to another position.
+        """
         point = self._stuck
-        if place.any():
-            guess = point.x + place[0] * self._along + place[1] * self._way
+        if origin is not None:
+            away, ahead = place - origin.place, origin.point.tangent / float(origin.point.tangent @ self._along)
+            guess = origin.point.x + away[0] * ahead + away[1] * self._way
             correction = self._corrector.correct(guess, point.tangent)
             if correction is None:
                 raise LookupError
@@ -275,9 +293,14 @@ class _RestSearch:
         """Return the derivatives of both reserves by distance and position at the stuck point."""
         here = self.at(np.zeros(2))
         # a shift that makes the smaller reserve larger, and with it a step towards slip
-        aside = math.copysign(_ASIDE, here.reserves[1] - here.reserves[0])
-        shifted = self.near(np.array([0.0, aside])) or self.at(np.array([0.0, -aside]))
-        ahead = self.at(np.array([_FIRST * self.length, shifted.place[1]]))
+        way = math.copysign(1.0, here.reserves[1] - here.reserves[0])
+        tries = (self.near(np.array([0.0, way * aside]), here) for share in _ASIDE for aside in (share, -share))
+        shifted = next((each for each in tries if each is not None), None)
+        if shifted is None:
+            raise LookupError
+        ahead = self.near(np.array([_FIRST * self.length, shifted.place[1]]), here, shifted)
+        if ahead is None:
+            raise LookupError
         along = (ahead.reserves - shifted.reserves) / (ahead.place[0] - shifted.place[0])
         return np.column_stack((along, (shifted.reserves - here.reserves) / shifted.place[1]))
 

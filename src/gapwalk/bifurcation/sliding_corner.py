@@ -12,6 +12,7 @@ another one: a step of the size of the jump would reach it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -52,14 +53,42 @@ def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     if discontinuity_ahead(corrector, point) is not None:
         return None
     corner = _corner(corrector, point)
-    for guess, tangent, length in _guesses(corrector, corner):
-        correction = corrector.correct(guess, tangent, near=1e-3 * length)
-        if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
-            continue
-        beyond = corrector.point(correction, tangent, corner.arclength + length)
-        if sequence(beyond.orbit) != here:
-            return Passage(beyond, _special(corrector, corner, beyond), length)
+    for way, length in _ways(corrector, corner):
+        beyond = _beyond(corrector, corner, way, length)
+        if beyond is not None and sequence(beyond.orbit) != here:
+            beyond = _first_beyond(corrector, corner, way, beyond)
+            return Passage(beyond, _special(corrector, corner, beyond), beyond.arclength - corner.arclength)
     return None
+
+
+def _beyond(corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], length: float) -> BranchPoint | None:
+    """Return the point at a distance from a corner in a direction; None if there is none."""
+    guess = corner.x + length * way
+    correction = corrector.correct(guess, way, near=1e-3 * length)
+    if correction is None or length_of(correction.x - guess) > _ASTRAY * length:
+        return None
+    return corrector.point(correction, way, corner.arclength + length)
+
+
+def _first_beyond(
+    corrector: Corrector, corner: BranchPoint, way: NDArray[np.float64], beyond: BranchPoint
+) -> BranchPoint:
+    """Return the point beyond a corner before the sequence changes once more, which it may do within the step over it.
+
+    The two changes together may look like a third one.
+    """
+    here, length = sequence(corner.orbit), beyond.arclength - corner.arclength
+    first: BranchPoint | None = None
+    for probe in (each for each in _PROBES if each < length):
+        nearer = _beyond(corrector, corner, way, probe)
+        if nearer is None or sequence(nearer.orbit) == here:
+            continue
+        if sequence(nearer.orbit) != sequence((first or nearer).orbit):
+            break
+        if sequence(nearer.orbit) == sequence(beyond.orbit):
+            return beyond
+        first = nearer
+    return first or beyond
 
 
 def _differs(corrector: Corrector, point: BranchPoint, probe: float) -> bool:
@@ -96,8 +125,8 @@ def sequence(orbit: Orbit) -> tuple[object, ...]:
     return tuple((contact, text_of(phases)) for contact, phases in orbit.friction.items()), start
 
 
-def _guesses(corrector: Corrector, corner: BranchPoint):
-    """Iterate over guesses beyond the corner, each with the direction there and the length of the step."""
+def _ways(corrector: Corrector, corner: BranchPoint) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Iterate over directions beyond the corner, each with lengths of the step."""
     known: list[NDArray[np.float64]] = []
     for probe in _PROBES:
         try:
@@ -111,7 +140,7 @@ def _guesses(corrector: Corrector, corner: BranchPoint):
                 continue
             known.append(way)
             for length in _STEPS:
-                yield corner.x + length * way, way, length
+                yield way, length
 
 
 def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> list[SpecialPoint]:

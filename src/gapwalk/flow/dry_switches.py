@@ -112,13 +112,26 @@ class DrySwitches(LoneFriction):
                 self.slips[place] = 1 if rate > 0.0 else -1
         if candidates:
             if not self._sticks_alone(candidates, theta):
-                self._hold(theta, candidates)
+                self._leave(self._hold(theta, candidates), theta)
             project(self, theta)
         known: Readings | None = None
         for place, memory in enumerate(self.memory_of):
             if memory is not None:
                 known = self._begin_memory(place, memory, theta, known)
         self.apply()
+
+    def _leave(self, now: Readings, theta: float) -> None:
+        """Open those stops, of the ones that are held at the start, whose force is zero there and then would pull."""
+        if not self.sign_of or not self.held:
+            return
+        zero = NEAR * max(largest(now.accelerations), self.speed() / self.base.item(0))
+        doubtful = [each for each in self.held if each in self.sign_of and abs(float(now.reactions[each])) <= zero]
+        if not doubtful:
+            return
+        soon = self._soon(now, theta)
+        pulling = [each for each in doubtful if self.sign_of[each] * float(soon.reactions[each]) < 0.0]
+        if pulling:
+            self._hold(theta, [each for each in self.held if each not in pulling])
 
     def _begin_memory(self, place: int, memory: int, theta: float, known: Readings | None = None) -> Readings | None:
         """Decide whether a Jenkins element sticks from its extension and slip rate; it is never beyond its limit.

@@ -159,15 +159,26 @@ class FrictionGauge:
         return balance(held[rows], q, v, forces, angles.waves)
 
     def motion(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes) -> NDArray:
-        """Return the derivatives of states over time, shape as `y`; extensions in slip follow a limit that varies."""
+        """Return the derivatives of states over time, shape as `y`."""
         n, structure = self.n, self.layout.structure
         turning = self._accelerations(coefficients, Angles(self.layout, coefficients, theta), y, modes)
         found = np.concatenate((y[..., n : 2 * n], turning, 0.0 * y[..., 2 * n :]), axis=-1)
         for place, contact in enumerate(structure.memories):
             gauge = self if contact == self.contact else FrictionGauge(self.layout, contact, self._readings)
-            if not modes.slips[gauge.place]:
-                found[..., 2 * n + place] = gauge.rate(coefficients, theta, y, modes, 1)
+            found[..., 2 * n + place] = gauge._extending(coefficients, theta, y, modes, found)
         return found
+
+    def _extending(self, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, motion: NDArray) -> NDArray:
+        """Return the derivative of the extension over time, from those of positions and velocities.
+
+        In stick it is the slip rate, in slip that of the limit. A spring without a limit, whose host is open, has let
+        go: it does not extend.
+        """
+        angle = theta + 1j * _STEP / float(coefficients[0])
+        limit, _ = self.bound_and_force(coefficients.astype(complex), angle, y + 1j * _STEP * motion, modes)
+        if slip := int(modes.slips[self.place]):
+            return slip * np.imag(limit) / _STEP / coefficients[self._slots.numbers["stiffness"]]
+        return np.where(np.real(limit) > 0.0, self.rate(coefficients, theta, y, modes, 1), 0.0)
 
     def change(self, function: Any, coefficients: NDArray, theta: Any, y: NDArray, modes: DryModes, side: int) -> Any:
         """Return the derivative over time of `rate` or `reserve` along the motion under some modes; shape as `rate`."""
@@ -187,17 +198,19 @@ class FrictionGauge:
     def course(
         self, function: Any, coefficients: NDArray, theta: float, y: NDArray, modes: DryModes, side: int
     ) -> Course:
-        """Return `rate` or `reserve` at one instant with two derivatives over time under some modes.
+        """Return `rate` or `reserve` at one instant with two derivatives over time under the modes just before it.
 
-        The second derivative is that of a quantity that is smooth there, to a few digits.
+        The second derivative is that of a quantity that is smooth there, to a few digits. It is taken from before the
+        instant: an event may follow at once.
         """
         step, way = _BESIDE * float(coefficients[0]), self.motion(coefficients, theta, y, modes)
-        shares = np.array((-1.0, 0.0, 1.0))
+        shares = np.array((0.0, -1.0, -2.0))
         thetas, states = theta + _BESIDE * shares, y + step * np.multiply.outer(shares, way)
         if function == self.rate:
             value = function(coefficients, theta, y, modes, side)
             slopes = self.acceleration(coefficients, thetas, states, modes, side)
         else:
             values, slopes = self._along(function, coefficients, thetas, states, modes, side)
-            value = values[1]
-        return Course(float(value), float(slopes[1]), float(slopes[2] - slopes[0]) / (2.0 * step))
+            value = values[0]
+        bend = float(3.0 * slopes[0] - 4.0 * slopes[1] + slopes[2]) / (2.0 * step)
+        return Course(float(value), float(slopes[0]), bend)

@@ -352,7 +352,8 @@ class Evaluation(NamedTuple):
         Data that the equation needs to construct an orbit from a solution.
     reach
         Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
-        contribution of a touch grows with the square root of its depth. Infinite if it is not known.
+        contribution of a touch grows with the square root of its depth; 0 where friction begins the period in another
+        mode than that in which it ends it. Infinite if it is not known.
 
     Examples
     --------

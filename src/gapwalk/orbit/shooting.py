@@ -126,7 +126,7 @@ class ShootingEquation(OrbitEquation):
         found = assembled(free, states)
         if kept and direction is not None:
             self._centre(found, coefficients, direction, arcs, states)
-        reach = _shallowest(arcs) * float(coefficients[0])
+        reach = _shallowest(arcs) * float(coefficients[0]) if _modes_go_on(arcs) else 0.0
         return Evaluation(found.residual, found.by_unknowns, found.by_parameter, arcs, reach)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
@@ -325,6 +325,18 @@ def _shallowest(arcs: list[Arc]) -> float:
                 first = begun.pop(event.switch)
                 least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
     return least
+
+
+def _modes_go_on(arcs: list[Arc]) -> bool:
+    """Return True if all friction begins each arc in the mode in which it ends the arc before.
+
+    A spring in slip whose extension is a little within its limit would stick at first, until it is there again.
+    """
+    if not arcs[0].slips:
+        return True
+    ends = [{event.contact: event.slip for event in arc.slips} for arc in arcs]
+    begins = [{event.contact: event.slip for event in reversed(arc.slips)} for arc in arcs]
+    return all(begin == end for begin, end in zip(begins, [ends[-1], *ends[:-1]], strict=True))
 
 
 @lru_cache(maxsize=16)

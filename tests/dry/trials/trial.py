@@ -195,8 +195,9 @@ def _judge(trial: Trial, branch: gw.Branch, sampled: int, back: str = "") -> Non
 def _walk_back(trial: Trial, branch: gw.Branch, to: float, sampled: int) -> None:
     """Walk from the end of the range back to its beginning.
 
-    If the branch reached the end, its last orbit is the first of the way back, on which the same special points must
-    be found. Otherwise an orbit is sought there, and what is walked is verified.
+    If the branch reached the end, its last orbit is the first of the way back. The same special points must be found as
+    far as that leads; if it ends earlier, which needs a reason as any end does, what it has walked is verified too.
+    Otherwise an orbit is sought at the end of the range, and what is walked from there is verified.
     """
     begin, last = branch.points[0].value, branch.points[-1].orbit
     same = branch.ends[-1].reason is EndReason.RANGE and branch.points[-1].value == to and not trial.slow
@@ -210,26 +211,26 @@ def _walk_back(trial: Trial, branch: gw.Branch, to: float, sampled: int) -> None
     if found is None:
         return
     trial.back = trial.back if trial.slow else found.ends[-1].reason.value
-    if not same:
+    if not same or found.ends[-1].reason is not EndReason.RANGE:
         _judge(trial, found, sampled, "back ")
-    elif trial.slow:
-        return  # what was cut off lacks points
-    elif found.ends[-1].reason is not EndReason.RANGE:
-        trial.faults.append(f"back: what was walked to its end ends on the way back: {found.ends[-1]}")
-    else:
+    if same and not trial.slow:  # what was cut off lacks points
         trial.faults += _differences(branch, found)
 
 
 def _differences(there: gw.Branch, back: gw.Branch) -> list[str]:
-    """Return the special points that only one of two walks along one branch has, as sentences."""
+    """Return the special points that only one of two walks along one branch has, as sentences.
+
+    The second walk begins where the first one ends; what lies beyond its own end it cannot have found.
+    """
     places = [[each.value for each in branch.special_points] for branch in (there, back)]
     labels = [[(each.kind, each.contact) for each in branch.special_points] for branch in (there, back)]
+    begin = _reached(there, back.points[-1].orbit)
     left, faults = [*range(len(places[1]))], []
     for value, label, special in zip(places[0], labels[0], there.special_points, strict=True):
         near = [each for each in left if labels[1][each] == label and abs(places[1][each] - value) < _FOUND * value]
         if near:
             left.remove(min(near, key=lambda each: abs(places[1][each] - value)))
-        elif not _is_left_elsewhere(special, back):
+        elif special.point.arclength >= begin and not _is_left_elsewhere(special, back):
             faults.append(f"back: {special!r} is not found on the way back")
     alone = [back.special_points[each] for each in left]
     return faults + [
@@ -237,6 +238,21 @@ def _differences(there: gw.Branch, back: gw.Branch) -> list[str]:
         for special in alone
         if not _is_left_elsewhere(special, there)
     ]
+
+
+def _reached(there: gw.Branch, last: gw.Orbit) -> float:
+    """Return the arclength of the first point of a branch that a walk back has passed: the one after its last orbit."""
+
+    def apart(first: gw.Orbit, second: gw.Orbit) -> float:
+        places = [
+            np.append(each.state / np.abs(last.state).max(), each.system["frequency"]) for each in (first, second)
+        ]
+        return float(np.linalg.norm(places[0] - places[1]))
+
+    def detour(pair: tuple[BranchPoint, BranchPoint]) -> float:
+        return sum(apart(each.orbit, last) for each in pair) - apart(pair[0].orbit, pair[1].orbit)
+
+    return min(pairwise(there.points), key=detour)[1].arclength
 
 
 def _is_left_elsewhere(special: gw.SpecialPoint, other: gw.Branch) -> bool:

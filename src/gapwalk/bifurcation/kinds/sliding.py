@@ -20,7 +20,8 @@ from gapwalk.bifurcation.friction_changes import (
     find_changes,
     located_again,
 )
-from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips
+from gapwalk.bifurcation.friction_margins import own_phase
+from gapwalk.bifurcation.onset_of_slip import Located, directions_left, never_slips, position_of
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.point_on_branch import BranchPoint
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 _EPS = float(np.finfo(float).eps)
 _ALONG = (1e-5, 1e-4, 1e-6)  # arclengths over which the margin of an onset of slip tells its rate
 _FARTHEST = 1e-6  # largest arclength within which two computations may place a change
+_LENGTHS = (1e-8, 4e-8)  # arclengths from a change at which the length of its phase tells where it vanishes
+_ROOT = 9.0  # growth of the square of that length between them, which is 4 for a root, and 16 for a line
+_STAYS = 1e-3  # share of the distance that friction moves on one side of its onset, below which it stays on the other
 _SIGNS = {1: "+", -1: "-"}
 
 
@@ -116,7 +120,8 @@ class Sliding(Kind):
 def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
     """Estimate the error of a change that was located by the sequences of phases on both sides, not by its margin.
 
-    It is the distance within which the second computation has the same sequences on both sides.
+    It is the distance within which the second computation has the same sequences on both sides, and the one from there
+    to where the phase vanishes.
     """
     before, after, contact = located.before, located.point, located.change.contact
     assert before is not None
@@ -126,10 +131,28 @@ def _error_of_bracket(located: Located, second: ErrorEstimator) -> float:
         there = second.at(before, -reach), second.at(after, reach)
         if [text_of(each.orbit.friction.get(contact, [])) for each in there] == sides:
             width = abs(after.x[-1] and after.value / after.x[-1])
-            along = width * (abs(float(after.tangent[-1])) * reach + blur.off)
+            along = width * (abs(float(after.tangent[-1])) * (reach + _unseen(located, second)) + blur.off)
             return SAFETY * (along + abs(second.at(after).value - after.value)) + ROUNDING * (abs(after.value) + width)
         reach *= 2.0
     return math.inf
+
+
+def _unseen(located: Located, second: ErrorEstimator) -> float:
+    """Return the arclength from a change of sequences to where its phase vanishes, if a quantity touches zero there.
+
+    The length of such a phase grows as the root of the arclength. The flow leaves out those so brief that rounding
+    would decide on them.
+    """
+    before, after, contact = located.before, located.point, located.change.contact
+    assert before is not None
+    is_longer = len(before.orbit.friction.get(contact, [])) > len(after.orbit.friction.get(contact, []))
+    start, way = (before, -1.0) if is_longer else (after, 1.0)
+    points = [second.at(start, way * away) for away in _LENGTHS]
+    own = (own_phase(point.orbit, located.change, located.change.theta) for point in points)
+    squares = [phase.length**2 for phase in own if phase is not None]
+    if len(squares) < len(points) or not 1.0 < squares[1] / squares[0] < _ROOT:
+        return 0.0  # another event cuts it short
+    return abs(_LENGTHS[0] - squares[0] * (_LENGTHS[1] - _LENGTHS[0]) / (squares[1] - squares[0]))
 
 
 def _new(search: Search, found: list[Located]) -> list[Located]:
@@ -206,6 +229,26 @@ class SlipOnset(Sliding):
     def owns(self, change: Change) -> bool:
         """See `Sliding.owns`: slip where there was stick all the time."""
         return not change.reverses and change.before == 0 and change.alone
+
+    def examined(
+        self, special: SpecialPoint, before: BranchPoint, after: BranchPoint
+    ) -> tuple[list[str], Callable[[BranchPoint], float] | None]:
+        """See `Kind.examined`: there is slip on one side, or friction is pushed along without net slip.
+
+        Then its force just reaches one of its bounds, or was led a little away from it, and its position moves in the
+        direction of slip. On the other side it is kept exactly.
+        """
+        faults, function = super().examined(special, before, after)
+        if faults:
+            name, sign = special.contact.rsplit(" ", 1)
+            contact = [each.name for each in special.orbit.system.structure.contacts].index(name)
+            kept = position_of(special.orbit, contact)
+            sides = [position_of(each.orbit, contact) - kept for each in (before, after)]
+            stays, moves = sorted(sides, key=abs)
+            sticks = all(never_slips(each.orbit, contact) for each in (before, after))
+            if sticks and abs(stays) < _STAYS * abs(moves) and moves * int(f"{sign}1") > 0.0:
+                return [], None
+        return faults, function
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error on the side on which friction never slips: beyond, slip depends on the root.
