@@ -84,25 +84,19 @@ def test_beside_a_graze_tori_are_followed_from_the_smallest():
 
 
 @pytest.mark.slow
-def test_beside_a_graze_the_family_ends_on_the_motion_of_period_7():
-    options = gw.tori.TorusOptions(max_samples=257)
+@pytest.mark.parametrize("samples", [257, 513])
+def test_beside_a_graze_the_family_ends_on_the_motion_of_period_7(samples):
+    """On its way it leaps over windows such as that of 11/75, which is 2e-9 wide."""
+    options = gw.tori.TorusOptions(max_samples=samples)
     family = gw.tori.follow_tori(point(0.5819), "frequency", (0.5, 0.8), options=options)
     end = family.ends[1]
     assert end.reason is gw.tori.TorusEndReason.RESONANCE
     assert "approaches 1/7; period 7, stable" in end.detail
     assert "a contact grazes along the torus (0 to 2 contact events)" in end.detail
-    assert end.value == pytest.approx(0.58190183, abs=2e-7)
+    assert end.value == pytest.approx(0.58190183, abs=2e-8)
     assert EVENTS.RESONANCE in {each.kind for each in family.events}
-    near = min(family.points, key=lambda each: abs(each.value - 0.5819017))
-    state = near.torus.state()
-    met = rotation(simulated(near.value, state))
-    assert met is not None
-    assert met.number == pytest.approx(near.torus.rotation, abs=1e-4)
-    assert repeats(simulated(0.581902, state), 7)
-
-
-@pytest.mark.slow
-def test_a_walk_that_fails_where_tori_grow_does_not_say_that_they_shrink():
-    family = gw.tori.follow_tori(point(0.5819), "frequency", (0.5, 0.8))
-    assert family.ends[1].reason in (gw.tori.TorusEndReason.STEP, gw.tori.TorusEndReason.RESONANCE)
-    assert family.ends[1].value > 0.58190165
+    # each torus is one: motions from it turn by its rotation number
+    for each in family.points:
+        met = rotation(gw.analysis.strobe(each.torus.system, each.torus.state(), 8_000).states, 1)
+        assert met is None or met.number == pytest.approx(each.torus.rotation, abs=1e-5)
+    assert repeats(simulated(0.581902, family.points[-1].torus.state()), 7)

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import PchipInterpolator
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
@@ -99,14 +98,24 @@ def test_the_tip_is_the_neimark_sacker_point_whose_multipliers_turn_by_the_fract
     start = gw.find_orbit(case.at(frequency=1.113), 2, gw.settle(case, frequency=1.113).strobes[-1])
     (born,) = gw.follow(start, "frequency", 1.12).special("neimark-sacker")
     locus = gw.follow_locus(born, "frequency", "harmonic1.amplitude", ((1.05, 1.25), (0.2, 0.55)))
-    angles = np.array([point.angle for point in locus.points])
-    order = np.argsort(angles)
-    place = PchipInterpolator(angles[order], locus.values[order])(2.0 * np.pi / 9.0)
-    np.testing.assert_allclose(tongue.tip.values, place, rtol=1e-4)
-    # close to the tip the width falls like a power of the distance, 9/2 - 1
-    tip = tongue.tip.values[1]
-    widths = [tongue.width(tip + away) for away in (0.01, 0.02, 0.04)]
-    assert np.diff(np.log(widths)) / math.log(2.0) == pytest.approx([3.5, 3.5], abs=0.5)
+    # the locus passes the angle of the fraction twice
+    away = np.array([point.angle for point in locus.points]) - 2.0 * np.pi / 9.0
+    (passed,) = np.nonzero(away[1:] * away[:-1] < 0.0)
+    shares = away[passed] / (away[passed] - away[passed + 1])
+    places = locus.values[passed] + shares[:, None] * (locus.values[passed + 1] - locus.values[passed])
+    assert len(places) == 2
+    assert np.abs(places / tongue.tip.values - 1.0).max(axis=1).min() < 1e-4
+    orbit = gw.find_orbit(
+        case.at({"frequency": tongue.tip.values[0], "harmonic1.amplitude": tongue.tip.values[1]}),
+        2,
+        locus.points[passed[1]].orbit.state,
+    )
+    assert orbit.multipliers[:2] == pytest.approx(np.exp([2j * np.pi / 9.0, -2j * np.pi / 9.0]), abs=1e-7)
+    # towards the tip the width falls like the power 9/2 - 1 of the distance, up to a share in proportion to it
+    widths = [tongue.width(tongue.tip.values[1] + away) for away in (0.0005, 0.001, 0.002)]
+    powers = np.diff(np.log(widths)) / math.log(2.0)
+    assert powers[1] < powers[0] < 3.5
+    assert 2.0 * powers[0] - powers[1] == pytest.approx(3.5, abs=0.1)
 
 
 STUDY = """
@@ -121,14 +130,14 @@ law = "mu*(x*x + v*v - 1)*v"
 mu = 0.8
 
 [[harmonic]]
-amplitude = 0.502
+amplitude = 0.5
 acts_on = { x = 1.0 }
 
 [study]
 kind = "tori"
 parameter = "frequency"
 from = 1.29
-to = 1.323
+to = 1.32194
 max_period = 1
 accuracy = 1e-5
 samples = 17
@@ -143,9 +152,15 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
     assert finding is not None
     found = finding.record
     assert found.complete
-    assert found.failures == ()
-    assert {each.period for each in found.tongues} == {13}
-    place, tongue = 0, found.tongues[0]
+    # leaps also meet windows of 3/20, 2e-12 wide, whose tongues may be too narrow to be followed: that is said
+    assert [each for each in found.failures if "3/20" not in each] == []
+    # the range ends just beyond the window at 1.3218, so that the family ends there: it has a tongue too
+    last = found.families[0].ends[1].window
+    assert last is not None
+    assert [side.period for side in found.tongues[-1].sides] == [13, 13]
+    for side, fold in zip(found.tongues[-1].sides, last.folds, strict=True):
+        assert abs(side.values[:, 0] - fold.value).min() < 1e-9
+    place, tongue = next((place, each) for place, each in enumerate(found.tongues) if each.period == 13)
     assert str(tongue.ratio) in ("2/13", "11/13")
     assert tongue.tip is not None
     # at the tip the orbit of period 1 has multipliers on the unit circle, with the angle of the fraction
@@ -167,7 +182,7 @@ def test_a_file_asks_for_tongues(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ('tongues = { parameter = "harmonic1.amplitude", from = 0.6, to = 0.9 }', "has 0.502, outside of it"),
+        ('tongues = { parameter = "harmonic1.amplitude", from = 0.6, to = 0.9 }', "has 0.5, outside of it"),
         ('tongues = { parameter = "frequency", from = 0.6, to = 0.9 }', "which is the first one"),
         ('tongues = { parameter = "harmonic2.amplitude", from = 0.6, to = 0.9 }', "harmonic2"),
     ],

@@ -61,6 +61,7 @@ def _outline(tongue: Tongue) -> NDArray[np.float64]:
     """Return the points along one side, to the tip if there is one, and back along the other side."""
     one, other = (side.values for side in tongue.sides)
     size = np.ptp(np.concatenate((one, other)), axis=0)
+    size[size == 0.0] = 1.0  # a tongue too narrow to be followed has one point on each side
     if tongue.tip is not None:
         tip = np.array(tongue.tip.values)
         one, other = (

@@ -6,12 +6,13 @@ Both kinds meet in folds at the two ends of the window in which the motion is lo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
-from gapwalk.bifurcation.follow import follow
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.follow import BranchWalk, walk
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.corrector import Corrector
@@ -22,12 +23,14 @@ from gapwalk.orbit.orbit import Orbit, true_period
 from gapwalk.orbit.orbit_equation import Newton, solve
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.tori.closed_curve import TURN
-from gapwalk.tori.torus import Torus
+from gapwalk.tori.torus import Torus, relative_size
 
 _STARTS = 4  # phases, within one q-th of a turn, from which orbits are looked for
 _NEWTON = Newton(iterations=15, halvings=3)
 _NEAR = 0.3  # largest distance of a locked orbit from the torus, as a share of its size
 _STEPS = WalkOptions(initial_step=1e-4, largest_step=2e-3, max_points=300)
+_FIRST, _LONGEST = 0.01, 0.05  # such steps, over the way along the curve after which the branch closes on itself
+_REPEATED = 1e-2  # distance of two folds that are the same, over the width of the window
 _TURNED = 1e-4  # radians over which the direction of the curve is taken
 _PERIODS = 120  # the longest orbits that are looked for, in forcing periods
 
@@ -72,6 +75,16 @@ class LockedWindow:
     def width(self) -> float:
         """Width of the range."""
         return self.high - self.low
+
+    def distance(self, value: float) -> float:
+        """Return the distance of a value of the parameter from the range; 0 inside.
+
+        Parameters
+        ----------
+        value
+            The value.
+        """
+        return max(self.low - value, value - self.high, 0.0)
 
     @property
     def words(self) -> str:
@@ -163,16 +176,37 @@ def locked_window(
         return None
     value = orbit.system[parameter]
     try:
-        branch = follow(orbit, parameter, (low, high), walk=_STEPS)
+        branch = _once_round(walk(orbit, parameter, (low, high), walk=_steps(torus, ratio.denominator)))
     except GapwalkError:
         return LockedWindow(ratio, value, value, False, orbit)
     folds = sorted(branch.special(Kind.FOLD), key=lambda each: each.value)
     stable = [point.orbit for point in branch.points if point.stable]
     values = [point.value for point in branch.points]
     chosen = stable[len(stable) // 2] if stable else orbit
-    if len(folds) < 2:
+    # in a window as narrow as rounding, folds are not told apart
+    if len(folds) < 2 or folds[-1].value - folds[0].value <= folds[0].uncertainty + folds[-1].uncertainty:
         return LockedWindow(ratio, min(values), max(values), False, chosen)
     return LockedWindow(ratio, folds[0].value, folds[-1].value, True, chosen, (folds[0], folds[-1]))
+
+
+def _steps(torus: Torus, parts: int) -> WalkOptions:
+    """Return the steps along locked orbits: from one to the next they pass one of so many parts of the curve."""
+    part = TURN * relative_size(torus) / parts
+    first, longest = min(_STEPS.initial_step, _FIRST * part), min(_STEPS.largest_step, _LONGEST * part)
+    return replace(_STEPS, initial_step=first, largest_step=longest)
+
+
+def _once_round(steps: BranchWalk) -> Branch:
+    """Return a branch, walked until its folds repeat: then each orbit has taken the place of the next one on the curve.
+
+    Their places may be too near to each other for the walk to see that the branch has closed.
+    """
+    folds: list[float] = []
+    for _ in steps:
+        folds += [each.value for each in steps.special_points if each.kind is Kind.FOLD]
+        if len(folds) > 2 and abs(folds[-1] - folds[0]) < _REPEATED * abs(folds[1] - folds[0]):
+            break
+    return steps.branch
 
 
 def _orbit(torus: Torus, period: int, parts: int, parameter: str, value: float) -> Orbit | None:

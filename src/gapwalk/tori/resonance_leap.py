@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Corrector, ahead
+from gapwalk.continuation.corrector import Corrector, ahead, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range
 from gapwalk.errors import NumericalError
@@ -41,6 +41,7 @@ _DENOMINATORS = np.arange(1.0, 101.0)  # of the fractions that it avoids
 _ALONG = 0.5  # change of the rotation number along a tangent, over that along a good step, below which it is distorted
 _FARTHER = 3.0  # the longest leap over a resonance that has stopped a walk, over the longest step
 _SHRUNK = 0.3  # size of a torus, over that before a leap, below which it may be no torus
+_ROUGHER = 10.0  # error of a torus along which a contact grazes, over that before a leap, above which it is too rough
 _FAR = 2.0  # distance of a torus from where a leap expects it, over the length of the leap, at which it is another one
 
 
@@ -146,21 +147,22 @@ class Strides:
     ) -> tuple[Corrector, BranchPoint] | None:
         """Return the torus of a rotation number next to a point, with its corrector; None if there is none.
 
-        Next to a resonance the tangent leads along it: then the guess is along the good step.
+        It is looked for along the tangent, and along the good step: next to a resonance the tangent leads along it, and
+        where a contact grazes it is less certain than the direction between two tori.
         """
         scale = float(corrector.scales[-2])
         change = (aim - torus_at(point).rotation) / scale
-        along = point.tangent
-        if abs(along[-2] * scale) * good.length < _ALONG * abs(good.turned):
-            along = good.along(corrector)
-        guess = point.x + along * (change / along[-2])
-        length = float(np.linalg.norm(guess - point.x))
-        if length > longest:
-            return None
-        normal = np.zeros(len(guess))
+        normal = np.zeros(len(point.x))
         normal[-2] = 1.0
-        found = corrector.correct(guess, normal)
-        if found is None or np.linalg.norm(found.x - guess) > _FAR * length:
+        step = good.along(corrector)
+        distorted = abs(point.tangent[-2] * scale) * good.length < _ALONG * abs(good.turned)
+        for along in (step,) if distorted else (point.tangent, step):
+            guess = point.x + along * (change / along[-2])
+            length = length_of(guess - point.x)
+            found = corrector.correct(guess, normal) if length <= longest else None
+            if found is not None and length_of(found.x - guess) <= _FAR * length:
+                break
+        else:
             return None
         try:
             landed = corrector.point(found, normal * np.sign(good.turned), point.arclength)
@@ -169,22 +171,24 @@ class Strides:
         torus, before = torus_at(landed), torus_at(point)
         if torus.size < _SHRUNK * before.size or has_shrunk(point, landed):
             return None  # the orbit to which the tori shrink solves the equation with any rotation number
-        if self._is_fine(torus):
+        if self._is_fine(torus, before):
             return corrector, landed
         finer = self.options.finer(torus.count)
         if finer is None or not torus.is_resolved:
             return None
         posed = posed_with(corrector, landed, finer, self.within)
-        return posed if posed is not None and self._is_fine(torus_at(posed[1])) else None
+        return posed if posed is not None and self._is_fine(torus_at(posed[1]), before) else None
 
-    def _is_fine(self, torus: Torus) -> bool:
+    def _is_fine(self, torus: Torus, before: Torus) -> bool:
         """Return True if a leap may end at a torus: with the most samples, if it is nearly as accurate as required.
 
-        Otherwise it is next to another resonance, unless a contact grazes along it.
+        If it is not, it is next to another resonance. Where a contact grazes along tori, their errors are larger; then
+        it must not be much less accurate than the one before.
         """
-        if not self.options.accepts(torus) or torus.grazes:
-            return self.options.accepts(torus)
-        return torus.error**2 <= self.options.accuracy * max(self.options.accuracy, self.options.tolerated)
+        accuracy = self.options.accuracy
+        if torus.grazes:
+            return self.options.accepts(torus) and torus.error <= _ROUGHER * max(accuracy, before.error)
+        return self.options.accepts(torus) and torus.error**2 <= accuracy * max(accuracy, self.options.tolerated)
 
 
 def far_from_fractions(

@@ -32,6 +32,7 @@ from gapwalk.notebook import Shown
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import chosen
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
 from gapwalk.summary import Rows, SummaryParts, rows_of, summarizes
 from gapwalk.tori.closed_curve import TURN
 from gapwalk.tori.locked_window import LockedWindow
@@ -40,6 +41,8 @@ _LOST = (LocusEndReason.STEP, LocusEndReason.RESONANCE, LocusEndReason.COARSE)  
 _MEETS = 5e-3  # distance of the ends of both loci within which they meet, as a share of their extents
 _NEAR = 0.25  # distance of a tip from these ends: in narrow tongues they are far from it
 _SAME = 1e-6  # distance of the tips to which both sides lead
+# tolerance of folds: loci are strongly curved next to a tip, and a last Newton step from 1e-10 left residuals of 8e-9
+_EXACT = Shooting(tolerance=1e-11)
 _NARROW = 1e-8  # width of a window, relative to the parameter, at which its folds are no longer told apart
 _PLACES = (0, -1)  # of the ends of a locus among its points
 _SHARES = (0.02, 0.9)  # of the way along a side, at which widths are compared
@@ -289,7 +292,9 @@ def follow_tongue(
             f"the window of {window.ratio} has no two folds ({window.words}), so no tongue can be followed from it; "
             "choose an event whose window is_whole"
         )
-    lower, upper = sides = tuple(follow_locus(fold, first, second, to, walk=walk) for fold in window.folds)
+    lower, upper = sides = tuple(
+        follow_locus(fold, first, second, to, walk=walk, method=_EXACT) for fold in window.folds
+    )
     curves = window.orbit.period // window.ratio.denominator
     tip = _tip_of((lower, upper), window.ratio, curves, to[1])
     ends, failures = list[str](), list[str]()

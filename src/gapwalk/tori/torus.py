@@ -19,7 +19,7 @@ from gapwalk.tori.closed_curve import TURN, at_phases, phases, tail
 
 _NEUTRAL = 1e-7  # growth per return to a curve below which a deviation counts as not growing
 _CERTAIN = 3.0  # errors by which a growth must exceed zero
-_RESOLVED = 0.02  # largest error of a curve, as a share of its own size, with which it has a shape
+_RESOLVED = 5e-4  # largest error of a curve, as a share of its own size: with twice as much simulations show no torus
 _ANGLES = 64  # angles of a forcing period at which measures are taken
 
 
@@ -127,8 +127,7 @@ class Torus(Shown):
     @property
     def is_resolved(self) -> bool:
         """True if the error is small beside the curve itself, and not only beside the motion."""
-        motion = float(np.abs(self.states / self.system.state_scales()).max())
-        return self.error * motion <= _RESOLVED * self.size
+        return self.error <= _RESOLVED * relative_size(self)
 
     def state(self, psi: float = 0.0) -> NDArray[np.float64]:
         """Return the state of the curve at a phase, in radians; shape (state_size,).
@@ -249,6 +248,11 @@ class Torus(Shown):
             f"Torus({pace_text(self.system)}, {curves}, rotation number {self.rotation:.12g}, {state}, "
             f"error {self.error:.1g})"
         )
+
+
+def relative_size(torus: Torus) -> float:
+    """Return the size of a torus over that of its motion."""
+    return torus.size / float(np.abs(torus.states / torus.system.state_scales()).max())
 
 
 def reversed_torus(torus: Torus) -> Torus:

@@ -65,9 +65,9 @@ class TorusDiagram(Shown):
 
     @property
     def windows(self) -> tuple[LockedWindow, ...]:
-        """The windows of all families whose ends are folds, each once."""
+        """The windows along all families, and at their ends, whose own ends are folds, each once."""
         found: list[LockedWindow] = []
-        for window in (event.window for family in self.families for event in family.events):
+        for window in (each.window for family in self.families for each in (*family.events, *family.ends)):
             if window is None or len(window.folds) != 2:
                 continue
             period, value = window.orbit.period, window.folds[0].value

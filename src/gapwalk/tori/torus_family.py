@@ -58,6 +58,8 @@ class TorusEnd:
         Rotation number there.
     detail
         The evidence, in words; may be empty.
+    window
+        The motions to which the motion locks there; None if there are none.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class TorusEnd:
     value: float
     rotation: float
     detail: str = ""
+    window: LockedWindow | None = None
 
     @property
     def reason_words(self) -> str:

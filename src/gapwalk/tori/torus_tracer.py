@@ -15,7 +15,7 @@ from gapwalk.tori.closed_curve import odd, resampled, tail, tangents
 from gapwalk.tori.locked_window import LockedWindow
 from gapwalk.tori.resonance_leap import FEW, MANY, NEXT, Stride, Strides, far_from_fractions, posed_with
 from gapwalk.tori.torus import Torus
-from gapwalk.tori.torus_ends import DENOMINATOR, has_shrunk, is_small, locked, resonance_near, rough, shrunk
+from gapwalk.tori.torus_ends import DENOMINATOR, halved, has_shrunk, locked, resonance_near, rough, shrunk, vanished
 from gapwalk.tori.torus_events import events_between, events_in_leap, simplest, window_at
 from gapwalk.tori.torus_family import TorusEnd, TorusEndReason, TorusEvent, TorusEventKind, TorusPoint
 from gapwalk.tori.torus_solution import TorusOptions
@@ -62,6 +62,7 @@ class TorusTracer(Iterator[Step]):
         self.corrector, self._moved = beginning.corrector, 0.0
         self._strides = Strides(beginning.within, options, walk.largest_step)
         self._leaping: Stride | None = None  # the step that leaps continue, as long as they succeed
+        self._halving = False  # True if the last step has halved the size of the torus, where others fail
         self._untried = np.inf  # step below which a leap has not been tried since the last good step
         self.end: TorusEnd | None = None
         self.walk = self._walk_from(WalkState(None, beginning.first, walk.first_step, 0))
@@ -84,6 +85,8 @@ class TorusTracer(Iterator[Step]):
                 raise StopIteration
             state = self.walk.state
             leapt = self._leap_on(state.point) if self._leaping is not None else None
+            if leapt is None and self._halving:
+                leapt = self._halve(state.point)
             if leapt is None and self._is_short(state):
                 leapt = self._pass(state, FEW)
             if leapt is not None:
@@ -215,14 +218,26 @@ class TorusTracer(Iterator[Step]):
             return None
         leapt = self._pass(state, MANY)
         if leapt is None:
-            torus = torus_at(state.point)
-            for near in (self._near_resonance(torus), self._resonance_ahead(torus)):
-                window = None if near is None else self._window(state.point, near)
-                if near is not None and window is not None:
-                    self.end = locked(state.point, near, window)
-                    return None
-            self.end = rough(state.point, torus_at(rejected))
+            self.end = self._locked_beside(state.point) or rough(
+                state.point, torus_at(rejected), self._crept(state.point)
+            )
         return leapt
+
+    def _locked_beside(self, last: BranchPoint) -> TorusEnd | None:
+        """Return the end of a family whose last torus is in a window of locked motions, or next to one; else None."""
+        for ratio in (self._near_resonance(torus_at(last)), self._crept(last), self._resonance_ahead(torus_at(last))):
+            window = None if ratio is None else self._window(last, ratio)
+            if ratio is not None and window is not None and window.distance(last.value) <= window.width:
+                return locked(last, ratio, window)
+        return None
+
+    def _crept(self, last: BranchPoint) -> Fraction | None:
+        """Return the simplest fraction to which the rotation number has come since the last good step; None if none."""
+        good = self._strides.good
+        if good is None or self.beginning.second is not None:
+            return None
+        low, high = sorted((torus_at(good.end).rotation, torus_at(last).rotation))
+        return simplest(low, high) if low < high else None
 
     def _pass(self, state: WalkState, lengths: tuple[float, ...]) -> Step | None:
         """Return the step over a resonance, by a leap, or from the motion beyond a locked window; None if none is."""
@@ -250,6 +265,17 @@ class TorusTracer(Iterator[Step]):
         self.walk = self._walk_from(WalkState(None, leap.end, leap.length, self.walk.state.count + 1))
         self._pose_again(self.walk.state, leap.end)
         return TorusPoint(leap.end.value, torus_at(leap.end), leap.end.arclength), events
+
+    def _halve(self, last: BranchPoint) -> Step | None:
+        """Return the step to a torus of half the size, and record the end if they shrink; None if there is none."""
+        point = halved(last, self.corrector)
+        self._halving = point is not None
+        if point is None:
+            return None
+        self.end = vanished(last, point, equation_of(self.corrector).parameter)
+        self.walk = self._walk_from(WalkState(None, point, self.walk.step, self.walk.state.count + 1))
+        events = events_between(last, point, self.corrector, self.beginning.within)
+        return TorusPoint(point.value, torus_at(point), point.arclength), events
 
     def _window(self, last: BranchPoint, ratio: Fraction) -> LockedWindow | None:
         """Return the locked motions at the last torus, or ahead of it; None if none are found."""
@@ -308,16 +334,15 @@ class TorusTracer(Iterator[Step]):
                 _REASONS[end.reason], self.walk.point.value, torus_at(self.walk.point).rotation, end.detail
             )
             return None
-        leapt = self._pass(state, MANY)
+        leapt = self._halve(state.point) or self._pass(state, MANY)
         if leapt is not None:
             return leapt
+        self.end = self._locked_beside(state.point)
         near = self._near_resonance(torus)
-        if state.previous is not None and is_small(torus) and torus.size < torus_at(state.previous).size:
-            self.end = shrunk(state.point, state.previous, equation_of(self.corrector).parameter)
-            if not self.end.detail:
-                return None
-        if near is None:
+        if self.end is None and torus.error > self.options.accuracy:
+            self.end = rough(state.point, torus, self._crept(state.point))
+        elif self.end is None and near is not None:
+            self.end = locked(state.point, near, None)
+        elif self.end is None:
             self.end = TorusEnd(TorusEndReason.STEP, state.point.value, torus.rotation, end.detail)
-        else:
-            self.end = locked(state.point, near, self._window(state.point, near))
         return None
