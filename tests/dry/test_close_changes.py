@@ -49,3 +49,17 @@ def test_the_error_of_a_change_includes_what_the_flow_leaves_out() -> None:
     assert [each.contact for each in found] == ["jenkins0 -", "jenkins1 -", "coulomb2 -"]
     assert rigid.uncertainty < 1e-12
     assert all(1e-12 < abs(each.value - rigid.value) < each.uncertainty < 1e-8 for each in springs)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_stick_that_ends_in_slip_either_way_is_located_where_the_contact_that_presses_opens(way: int) -> None:
+    """The bounds vanish there: the direction of slip changes where stick ends at the opening itself."""
+    start, end = (0.4587, 0.45885)[::way]
+    beside = [-0.022, -0.464, -0.336, 0.144, -0.167, 0.23]  # of three motions
+    orbit = gw.find_orbit(random_system(10).at(frequency=start), 1, beside)
+    (found,) = gw.follow(orbit, "frequency", end).special("switching-sliding")
+    assert found.value == pytest.approx(0.45877588185856, abs=1e-12)
+    assert found.uncertainty < 1e-10
+    sticks = [phase.stop for phase in found.orbit.friction[3] if phase.mode == 0]
+    openings = [event.theta for event in found.orbit.events if event.switch == 2 and not event.enters]
+    assert abs(sticks[-1] - openings[-1]) < 1e-9

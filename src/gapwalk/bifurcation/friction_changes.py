@@ -5,6 +5,8 @@ orbit is zero. It is defined on both sides and continuous:
 
 - Where the slip rate reverses its sign, the margin is the *reserve* of the force there: friction sticks if the force
   that it needs for that is within its bound.
+- Where stick ends in slip of one direction or of the other, the margin is the difference of the reserves of both: there
+  the bounds vanish, as where the contact that presses opens.
 - Where slip is interrupted by stick, the margin is the least slip rate. With stick, it is the value that the rate would
   reach if slip went on, to leading order: ``-g'^2 / (2 g'')`` of the rate g where slip ends.
 - Where stick is interrupted by slip, the margin is the least reserve, and with slip the value that it would reach.

@@ -101,9 +101,11 @@ def margin(orbit: Orbit, change: Change, near: float) -> tuple[float, float]:
         )
         if not apart(theta, near, full) < _SAME:
             raise LookupError
-        now = instant_of(orbit, theta)
-        reserve = gauge.reserve(coefficients, now.theta, now.state, gauge.sticking(now.modes), -change.side)
-        return theta, float(reserve)
+        now, side = instant_of(orbit, theta), change.side
+        at = coefficients, now.theta, now.state, gauge.sticking(now.modes)
+        reserve = float(gauge.reserve(*at, -side))
+        # stick ends at one bound or at the other, whose reserve is zero; both are where the bounds vanish
+        return theta, reserve if change.before else reserve - float(gauge.reserve(*at, side))
     quantity = _Quantity(orbit, gauge, change)
     own = own_phase(orbit, change, near)
     if own is not None:
