@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.tori import torus_continuation
 
 FILE = """
 coordinates = ["x"]
@@ -32,6 +31,10 @@ parameter = "frequency"
 from = 0.9
 to = 0.905
 tone = { amplitude = 0.1, acts_on = { x = 1.0 }, frequency = 1.2727922 }
+
+[study.walk]
+initial_step = 0.1
+largest_step = 0.2
 """
 
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
@@ -107,15 +110,14 @@ def test_a_mass_that_hits_a_stop_as_simulated():
     assert simulated == pytest.approx(on_torus, abs=1e-7)
 
 
-def test_in_a_model_file(tmp_path, monkeypatch):
-    """In large steps: the other integrator takes a third of a second for each torus."""
-    monkeypatch.setattr(torus_continuation, "STEPS", gw.WalkOptions(initial_step=0.1, largest_step=0.2))
+def test_in_a_model_file(tmp_path):
     file = tmp_path / "two.toml"
     file.write_text(FILE)
     result = gw.run(gw.read_study(file), tmp_path / "two.gapwalk")
     assert result.finding is not None
     found = result.finding.record
     (family,) = found.families
+    assert len(family.points) < 10  # in the large steps of the file
     assert (found.starts, found.complete, family.ends[1].reason) == ((), True, gw.tori.TorusEndReason.RANGE)
     assert family.rotations == pytest.approx(1.2727922 / family.values - 1.0, abs=1e-9)
     again = gw.load(tmp_path / "two.gapwalk").finding

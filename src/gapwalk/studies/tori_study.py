@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
@@ -48,7 +49,7 @@ class ToriStudy(BranchOptions):
     Parameters
     ----------
     parameter, begin, end, measure, period, start, walk, method, verify
-        As `BranchOptions`, for the first branch; the range is that of all.
+        As `BranchOptions`, for the first branch; the range is that of all. With a `tone`, `walk` is for the tori.
     max_period
         Longest period, in forcing periods, of branches to switch to.
     max_branches
@@ -293,7 +294,8 @@ class TwoToneWork(Work):
             return
         asked = self._asked
         first = two_tones(self._system.at({asked.parameter: asked.begin}), self._tone, options=asked.tori)
-        self._families = (found_by(follow_tori, first, asked.parameter, asked.end, options=asked.tori),)
+        walk = None if asked.walk == WalkOptions() else asked.walk  # those of tori have a default of their own
+        self._families = (found_by(follow_tori, first, asked.parameter, asked.end, walk=walk, options=asked.tori),)
         yield Found((FAMILY.entry(self._families[0], 0), TORI.entry(((), 0))))
 
     def last(self, *, finished: bool) -> Iterable[Entry]:
