@@ -83,6 +83,16 @@ class LockedWindow:
         ----------
         value
             The value.
+
+        Returns
+        -------
+        float
+            The distance, in units of the parameter.
+
+        Examples
+        --------
+        >>> window.distance(window.low)
+        0.0
         """
         return max(self.low - value, value - self.high, 0.0)
 
