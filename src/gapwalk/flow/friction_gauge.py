@@ -102,7 +102,7 @@ class FrictionGauge:
             columns, table = read
             force = columns[..., : table.shape[1]] @ table[self.n + self.reaction]
             return columns[..., table.shape[1] + 3 * self.place + 2], force
-        if self._has_constant_limit:  # nothing but the spring
+        if self.memory is not None and self._has_constant_limit:  # nothing but the spring
             own = {name: coefficients[slot] for name, slot in self._slots.numbers.items()}
             return self._law.breakaway([], own), own["stiffness"] * y[..., 2 * self.n + self.memory]
         angles, n = Angles(self.layout, coefficients, theta), self.n
