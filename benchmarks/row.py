@@ -64,7 +64,7 @@ class Row:
     @property
     def reached(self) -> tuple[bool, ...]:
         """For each target whether it is reached."""
-        return tuple(self._reaches(target) for target in self.targets)
+        return tuple(bool(self._reaches(target)) for target in self.targets)  # NumPy's numbers compare to its own bool
 
     def as_dict(self) -> dict[str, Any]:
         """The row in plain types, for JSON."""

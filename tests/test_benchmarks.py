@@ -39,6 +39,12 @@ def test_the_cheapest_line_has_all_that_a_line_must_have():
     }  # fmt: skip
 
 
+def test_an_estimate_by_numpy_is_plain_in_json():
+    row = Row("group", "what", np.float64(2.0), np.float64(120.0), "estimate", (Target(60.0, "ratio"),))
+    (told,) = json.loads(as_json([row]))["rows"]
+    assert (told["ratio"], told["reached"]) == (60.0, [True])
+
+
 def test_the_command_prints_a_table_and_writes_json(tmp_path, capsys):
     main(["period", "--quick", "--json", str(tmp_path / "rows.json")])
     printed = capsys.readouterr().out
