@@ -24,6 +24,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.orbit.sticking import kept_row
 
 _FIRST = 1e-3  # the first step towards the onset of slip, as a share of the step of the walk
 _SHARE = 0.99  # share of the way to it in each step, since there are no such orbits beyond
@@ -63,11 +64,8 @@ def never_slips(orbit: Orbit, contact: int) -> bool:
 
 def position_of(orbit: Orbit, contact: int) -> float:
     """Return the position that friction has at the start of the period, which it keeps until it slips."""
-    system = orbit.system
-    structure, n = system.structure, system.size
-    vector = coefficients_of(system)[layout_of(structure).contacts[contact].deflection]
-    extension = orbit.state[2 * n + structure.memories.index(contact)] if contact in structure.memories else 0.0
-    return float(vector @ orbit.state[:n] - extension)
+    row = kept_row(layout_of(orbit.system.structure), coefficients_of(orbit.system), contact)
+    return float(row @ orbit.state)
 
 
 def locate_onsets(

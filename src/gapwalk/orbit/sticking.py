@@ -56,7 +56,7 @@ def stuck_in(layout: CoefficientLayout, coefficients: NDArray[np.float64], arcs:
     """
     found = []
     for contact in never_slipping(arcs):
-        kept = _kept_row(layout, coefficients, contact)
+        kept = kept_row(layout, coefficients, contact)
         carried = kept
         for arc in reversed(arcs):
             carried = carried @ transition_of(arc)
@@ -128,7 +128,7 @@ def reset_of(
     return reset, offset
 
 
-def _kept_row(layout: CoefficientLayout, coefficients: NDArray[np.float64], contact: int) -> NDArray[np.float64]:
+def kept_row(layout: CoefficientLayout, coefficients: NDArray[np.float64], contact: int) -> NDArray[np.float64]:
     """Return the derivative by the state of what friction keeps while it sticks; shape (state_size,)."""
     structure = layout.structure
     row = np.zeros(structure.state_size)
