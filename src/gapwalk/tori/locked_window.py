@@ -193,7 +193,7 @@ def locked_window(
     stable = [point.orbit for point in branch.points if point.stable]
     values = [point.value for point in branch.points]
     chosen = stable[len(stable) // 2] if stable else orbit
-    # in a window as narrow as rounding, folds are not told apart
+    # in a window as narrow as rounding, folds cannot be distinguished
     if len(folds) < 2 or folds[-1].value - folds[0].value <= folds[0].uncertainty + folds[-1].uncertainty:
         return LockedWindow(ratio, min(values), max(values), False, chosen)
     return LockedWindow(ratio, folds[0].value, folds[-1].value, True, chosen, (folds[0], folds[-1]))

@@ -26,7 +26,7 @@ DENOMINATOR = 12
 
 _RESONANT = 0.02  # distance of a rotation number from p/q, times q, within which the resonance is named
 _SMALL = 1e-3  # size of a torus, over that of the motion, at which a failing walk has perhaps reached its orbit
-_SMALLEST = 1e-8  # such a size below which a torus cannot be told from its orbit
+_SMALLEST = 1e-8  # such a size below which a torus cannot be distinguished from its orbit
 _INVERTED = -0.5  # cosine between successive curves below which the second one is the first, inverted
 # distances within which the Neimark-Sacker point is looked for, in steps of the family: beyond the point its curves
 # are the same, inverted, so that a step over it may change the parameter little
