@@ -167,6 +167,26 @@ def test_the_result_depends_neither_on_threads_nor_on_the_other_trajectories():
     assert few.states.tobytes() == one.states[100:107].tobytes()
 
 
+@pytest.mark.parametrize(("count", "threads", "started"), [(300, 1, 0), (40, 2, 0), (300, 2, 2)])
+def test_threads_start_only_where_several_work(monkeypatch, count, threads, started):
+    """Two processes that start a thread for each call disturb each other: they took as long as one and a half."""
+    begun, start = [], threading.Thread.start
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: (begun.append(thread), start(thread)))
+    options = BatchOptions(steps=120, threads=threads)
+    batch_flow_of(clutch(), options).run(draw(clutch(), count), 1)
+    assert len(begun) == started
+
+
+def test_a_long_run_in_this_thread_is_that_of_several_threads():
+    system, periods = clutch(), 600  # more than are done between two looks for Ctrl-C
+    states = draw(system, 70)
+    flows = [batch_flow_of(system, BatchOptions(steps=120, threads=threads)) for threads in (1, 2)]
+    one, two = (flow.run(states, periods, every=7, survey=450) for flow in flows)
+    assert one.strobes.tobytes() == two.strobes.tobytes()
+    assert one.survey.low.tobytes() == two.survey.low.tobytes()
+    assert one.survey.impacts.tobytes() == two.survey.impacts.tobytes()
+
+
 def test_strobes_are_the_states_every_so_many_periods():
     system = clutch()
     states = draw(system, 10)
@@ -236,8 +256,9 @@ def test_basins_of_figure_15():
     assert np.count_nonzero(back[1] & ~back[0]) == 901
 
 
-def test_ctrl_c_ends_a_run_at_once():
-    flow = batch_flow_of(clutch(), BatchOptions(steps=100))
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_ends_a_run_at_once(threads):
+    flow = batch_flow_of(clutch(), BatchOptions(steps=100, threads=threads))
     flow.run(draw(clutch()), 1)
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):

@@ -142,8 +142,13 @@ def _carry(ramped, courses, phases, states, bins, options: BatchOptions, per_tim
             for table, part in zip(tallies, rows, strict=True):
                 table[lanes, number] = part.reshape(len(lanes), *table.shape[2:])
 
-    with ThreadPoolExecutor(min(options.thread_count, len(blocks))) as pool:
-        list(pool.map(work, blocks))
+    threads = min(options.thread_count, len(blocks))
+    if threads == 1:
+        for lanes in blocks:
+            work(lanes)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(work, blocks))
     error, worst, trials = _judge(ramped, courses, phases, strobes, bins, options.sample)
     low, high, forces, impacts = tallies
     return BatchedRunUps(low, high, forces, impacts, strobes, error, worst, trials, per_time)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -46,6 +46,7 @@ _TURN_ERROR = 1e-4
 _LEAST = 24  # fewest steps per period of the highest harmonic
 _SPARE = 1.1
 _MOST_AT_ONCE = 4.0
+_STEPS_AT_ONCE = 50_000  # of a block, between two looks for Ctrl-C: some milliseconds
 
 
 @dataclass(frozen=True)
@@ -388,22 +389,35 @@ class Blocks:
         numbers = kernel.source.numbers(self.block_plan.scheme, self.block_plan.linear)
         times = kernel.source.times(self.block_plan.scheme, self.block_plan.linear, self.block_plan.steps).ravel()
 
-        def work(block: int) -> None:
+        def work(block: int, periods: Sequence[int]) -> None:
             lanes = slice(None) if self.block_plan.shared else self._lanes[block * LANES : (block + 1) * LANES]
             own = np.ascontiguousarray(numbers[:, lanes]).ravel()
-            kernel.advance(
-                self._data[block].reshape(-1), own, times, self._first, periods, self.block_plan.steps, self._every,
-                self._record[block], self._left[block], self._last[block], LIMIT, self._stop,
-            )  # fmt: skip
+            first = self._first
+            for number in periods:
+                kernel.advance(
+                    self._data[block].reshape(-1), own, times, first, number, self.block_plan.steps, self._every,
+                    self._record[block], self._left[block], self._last[block], LIMIT, self._stop,
+                )  # fmt: skip
+                first += number
 
-        self._share_out(work)
+        self._share_out(work, periods)
         self._first += periods
 
-    def _share_out(self, work: Callable[[int], None]) -> None:
-        """Process all blocks, several at a time. Ctrl-C stops them within a forcing period."""
-        with ThreadPoolExecutor(min(self.threads, len(self._data))) as pool:
+    def _share_out(self, work: Callable[[int, Sequence[int]], None], periods: int) -> None:
+        """Process all blocks, several at a time. Ctrl-C stops them within a forcing period, or some milliseconds.
+
+        What one thread does is done by this one: threads that are started for a millisecond, and waited for, have the
+        scheduler move processes to and fro, so that two of them on two cores take as long as on one and a half.
+        """
+        blocks = range(len(self._data))
+        if min(self.threads, len(blocks)) == 1:
+            portion = max(1, _STEPS_AT_ONCE // self.block_plan.steps)  # this thread hears of Ctrl-C between calls
+            for block in blocks:
+                work(block, [min(portion, periods - start) for start in range(0, periods, portion)])
+            return
+        with ThreadPoolExecutor(min(self.threads, len(blocks))) as pool:
             try:
-                list(pool.map(work, range(len(self._data))))
+                list(pool.map(partial(work, periods=[periods]), blocks))
             except BaseException:
                 self._stop[0] = 1
                 raise
