@@ -102,6 +102,10 @@ class EventCall:
         """Report an event of friction; return whether the integrator continues."""
         return self.owner().at_slip(self.index, direction)
 
+    def restart(self, _integrator: Any, _direction: int) -> bool:
+        """Report that the Taylor series begins anew, and nothing else; return whether the integrator continues."""
+        return self.owner().at_restart()
+
     def turn(self, integrator: Any, theta: float, _direction: int) -> None:
         """Report an event that does not stop the integrator."""
         self.owner().at_event(self.index, theta)
@@ -151,9 +155,13 @@ class Switchboard(BreakpointGeometry):
         """
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns, self._moving = columns, self._state[: 2 * self.n]
+        self._is_plain = [  # nothing but the switch changes at its events
+            not (rebounds or (columns and jump is not None) or self.dry.count or self.modes.mode_count)
+            for rebounds, jump in zip(self._rebounds, self._jumps, strict=True)
+        ]
         self.modes.attach(integrator)
         self.dry.attach(integrator, columns, readings, self._coefficient_change())
-        if self.count or self.modes.mode_count or self.dry.count:
+        if self.count or self.modes.mode_count or self.dry.count or self.equations.restarts:
             answer_events(self, integrator.t_events)
 
     @property
@@ -274,12 +282,19 @@ class Switchboard(BreakpointGeometry):
         # beside another event, a crossing is set as soon as it is within rounding; a slow one is reported later
         self._changed[switch], self._speeds[switch] = theta if reported else theta + _LATE, abs(velocity)
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
-        if self._rebounds[switch]:
+        if self._is_plain[switch]:
+            self._parameters[self._first + switch] = self._inside[switch] = inside
+        elif self._rebounds[switch]:
             others = self._impacts.strike(switch, theta)  # an impulse may press on stops that are held
             self._log_released(theta)
             for other in others:
                 self.log.append(ContactEvent(theta, other, True, 0.0))
-            return True
+        else:
+            self._cross(switch, velocity, inside, theta)
+        return True
+
+    def _cross(self, switch: int, velocity: float, inside: bool, theta: float) -> None:
+        """Set a switch, and carry out what else changes with it: friction, modes, and derivatives of the motion."""
         contact = self.equations.switches[switch][0]
         if self.dry.count and self.dry.concerns(contact, self._jumps[switch] is not None):
             now = self.dry.read(theta)
@@ -295,7 +310,6 @@ class Switchboard(BreakpointGeometry):
         if self.dry.count:
             self.dry.closed = self._closed()
         self._refresh_modes(theta)
-        return True
 
     def _repeats(self, switch: int, velocity: float, theta: float) -> bool:
         """Return True if an event follows the last change of its switch within time or distance that is rounding."""
@@ -448,6 +462,11 @@ class Switchboard(BreakpointGeometry):
         if self.count:
             self._settle_simultaneous(range(self.count), self._integrator.time)
         return self._go_on(self._integrator.time)
+
+    def at_restart(self) -> bool:
+        """Return whether the integrator continues where only its Taylor series begins anew."""
+        self.event_limit -= 1
+        return self.event_limit > 0
 
     def _log_released(self, theta: float) -> None:
         """Log that stops open which the last event has let go: their own, friction that slips, or an impulse."""

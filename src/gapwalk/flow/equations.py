@@ -10,7 +10,7 @@ forces are the formulas of the force laws (`gapwalk.model.laws`), and all deriva
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.run_time_parameters import RunTimeParameters
 from gapwalk.model.coefficients import ContactSlots, StageSlots, Wave
-from gapwalk.model.laws import Friction, Host, Stages, StageTerms
+from gapwalk.model.laws import Friction, Host, Stages, StageShape, StageTerms, closed_form_of
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
@@ -28,28 +28,38 @@ FUNCTIONS = {
     "pow": lambda base, power: (hy.expression(0.0) + base) ** power,
 }
 """Functions of formulas, of expressions."""
+_HIDDEN = {"tanh": (-19.0, 19.0), "exp": (-63.0, -54.0, -45.0, -36.0)}
+"""Arguments of functions at which their growth becomes visible beside 1, or beside numbers up to 1e10 smaller."""
+_SMALL = 1e-4  # factor that keeps event functions smaller than the motion, for each root
 
 
 class _ContactLaw(NamedTuple):
     """Force of a contact; its derivatives by each deflection and its rate; the guards of its modes; and its friction.
 
-    Each derivative has the slots of the deflection by which it is.
+    Each derivative has the slots of the deflection by which it is. `restarts` are expressions that vanish where the
+    Taylor series has to begin anew; `is_polynomial` is True if the force is a polynomial of the motion in each mode.
     """
 
     force: hy.expression
     slopes: list[tuple[NDArray[np.intp], list[hy.expression]]]
     guards: list[hy.expression]
     limits: tuple[hy.expression, hy.expression]
+    restarts: list[hy.expression]
+    is_polynomial: bool
 
 
 class _Seen(NamedTuple):
-    """A contact as its law sees it, in symbols of its own; the motion has the expression of each symbol."""
+    """A contact as its law sees it, in symbols of its own; the motion has the expression of each symbol.
+
+    `calls` are the functions that the law evaluates, with their arguments.
+    """
 
     rate: hy.expression
     stages: Stages
     numbers: dict[str, Any]
     moves: list[tuple[hy.expression, hy.expression]]
     motion: dict[hy.expression, hy.expression]
+    calls: list[tuple[str, hy.expression]]
 
 
 class Equations(RunTimeParameters):
@@ -105,6 +115,22 @@ class Equations(RunTimeParameters):
     def guard(self, contact: int, mode: int) -> hy.expression:
         """Return the event function of a mode of a law."""
         return self._contact_laws[contact].guards[mode]
+
+    @cached_property
+    def restarts(self) -> list[hy.expression]:
+        """Event functions that vanish where the Taylor series of the motion has to begin anew.
+
+        The rest of ``tanh(u)`` to 1 or -1 is below rounding where ``|u| > 19``, and so are all its derivatives: nothing
+        in the series shows that the function turns farther on, and a step would lead beyond it. The same holds for
+        ``exp(u)`` far below 0. A step therefore ends where they become visible; from there the series shows it.
+        """
+        found = {str(each): each for law in self._contact_laws for each in law.restarts}
+        return list(found.values())
+
+    @cached_property
+    def is_polynomial(self) -> bool:
+        """True if all forces are polynomials of the motion in each mode, and the speed is constant."""
+        return not self.ramp and all(law.is_polynomial for law in self._contact_laws)
 
     def slip_guards(self, place: int) -> list[hy.expression]:
         """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
@@ -394,9 +420,12 @@ class Equations(RunTimeParameters):
                 for vector, pair in zip(vectors, moves, strict=True)
             ]
             low, high = (hy.subs(each, motion) for each in limits)
-            laws.append(
-                _ContactLaw(hy.subs(force, motion), slopes, [hy.subs(each, motion) for each in guards], (low, high))
-            )
+            guards = [hy.subs(each, motion) for each in guards]
+            restarts = [_restart(name, hy.subs(each, motion)) for name, each in seen.calls if name in _HIDDEN]
+            restarts = [each for each in restarts if hy.get_variables(each)]
+            shapes = tuple(StageShape(stage.sign, stage.innermost) for stage in contact.stages)
+            is_polynomial = law.is_dry or closed_form_of(law, shapes) is not None
+            laws.append(_ContactLaw(hy.subs(force, motion), slopes, guards, (low, high), restarts, is_polynomial))
         return laws
 
     def _seen(self, index: int, prefix: str = "") -> _Seen:
@@ -414,7 +443,9 @@ class Equations(RunTimeParameters):
             stages.append(StageTerms(stage.sign, depth, hy.par[first + place], stage.innermost, own))
         first = self.first_mode + sum(each.form.law.mode_count for each in self.layout.contacts[:index])
         modes = [hy.par[first + mode] for mode in range(law.mode_count)]
-        arguments = Stages(stages, hy.sum, dict(zip(names, given, strict=True)), modes, FUNCTIONS)
+        calls: list[tuple[str, hy.expression]] = []
+        functions = {**FUNCTIONS, **{name: partial(_noted, calls, name) for name in _HIDDEN}}
+        arguments = Stages(stages, hy.sum, dict(zip(names, given, strict=True)), modes, functions)
         if index in self.dry:
             arguments.slip = hy.par[self.first_slip + self.dry.index(index)]
         if index in self.layout.structure.memories:
@@ -423,7 +454,7 @@ class Equations(RunTimeParameters):
         motion = {}
         for place, (x, rate) in enumerate(moves):
             motion[x], motion[rate] = self._deflection(contact, place), self._deflection_rate(contact, place)
-        return _Seen(given[0][1], arguments, numbers, moves, motion)
+        return _Seen(given[0][1], arguments, numbers, moves, motion, calls)
 
     def _named(self, slots: Mapping[str, int], waves: Mapping[str, Wave]) -> dict[str, Any]:
         """Return the symbols of some parameters by name."""
@@ -486,3 +517,17 @@ class Equations(RunTimeParameters):
             hy.diff(function, each) * change for each, change in zip(state, symbols, strict=True) if str(each) in used
         ]
         return hy.sum(parts or [hy.expression(0.0)])
+
+
+def _noted(calls: list[tuple[str, hy.expression]], name: str, argument: Any) -> hy.expression:
+    """Return a function of an argument, and note that it was evaluated."""
+    calls.append((name, hy.expression(0.0) + argument))
+    return FUNCTIONS[name](argument)
+
+
+def _restart(name: str, argument: hy.expression) -> hy.expression:
+    """Return an expression that vanishes where the growth of a function becomes visible."""
+    found = hy.expression(1.0)
+    for place in _HIDDEN[name]:
+        found = found * (_SMALL * (argument - place))
+    return found

@@ -40,7 +40,9 @@ T = TypeVar("T")
 PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
-_TOLERANCE = 1e-15
+# Taylor series of order 16 leave less than rounding if the forces are polynomials: such motions are entire functions,
+# whose series converge faster the longer they are. A force with poles needs order 19; the order follows from these.
+_POLYNOMIAL, _TOLERANCE = 1.2e-13, 1e-15
 _TRIES = ((math.inf, 1e-13), (PERIOD / 128, 1e-11), (PERIOD / 2048, 1e-9))  # longest step, and `DrySwitches.unseen`
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
@@ -168,11 +170,15 @@ class Flow:
                     hy.t_event(guard, callback=EventCall(2 * place + number).slip, cooldown=COOLDOWN)
                     for place in range(len(equations.dry))
                     for number, guard in enumerate(equations.slip_guards(place))
+                ]
+                + [
+                    hy.t_event(place, callback=EventCall(index).restart, cooldown=COOLDOWN)
+                    for index, place in enumerate(equations.restarts)
                 ],
                 nt_events=[
                     hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
                 ],
-                tol=_TOLERANCE,
+                tol=_POLYNOMIAL if equations.is_polynomial else _TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
         self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None
@@ -298,7 +304,7 @@ class _Integrator:
         equations = self.equations
         self._active, self._length = equations.active, equations.length
         self._changing = equations.components if self.directions else None
-        self._has_events = bool(equations.switches or equations.modes or equations.dry)
+        self._has_events = bool(equations.switches or equations.modes or equations.dry or equations.restarts)
         self._still = np.zeros((self.directions, len(equations.pattern)))
         self._identity = np.zeros(len(self._state) - self.size)
         if self._width:

@@ -275,7 +275,7 @@ def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...]
     try:
         force = _symbols(law.force(Symbols.of(_RATE), stages, numbers))
         return tuple(_term(product, factor) for product, factor in force.products.items())
-    except (TypeError, ValueError):  # another operation, or a product of several stages
+    except (KeyError, TypeError, ValueError):  # a function, another operation, or a product of several stages
         return None
 
 

@@ -1,0 +1,128 @@
+"""Where Taylor series of the flow begin anew, and how long they are: against SciPy and closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import gapwalk as gw
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.model.coefficients import coefficients_of
+from tests.systems import clutch
+
+
+def softened(text, **numbers):
+    """An oscillator with a force by formula."""
+    force = gw.force("f", {"x": 1.0}, text, **numbers)
+    return gw.System(["x"], [[1.0]], [[0.1]], contacts=[force], harmonics=[gw.Harmonic(0.7, {"x": 1.0})])
+
+
+# tanh and exp that are constant to rounding over most of a motion, but not all of it
+HIDDEN = {
+    "friction as a tanh": ("m*tanh(v/w)", {"m": 0.1, "w": 1e-3}, lambda x, v: 0.1 * np.tanh(v / 1e-3)),
+    "Stribeck": (
+        "m*(1 + a*exp(-(v/s)**2))*tanh(v/w)",
+        {"m": 0.1, "a": 0.5, "s": 0.05, "w": 0.01},
+        lambda x, v: 0.1 * (1.0 + 0.5 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01),
+    ),
+    "soft stop": ("k*exp(a*(x - 1))", {"k": 1.0, "a": 50.0}, lambda x, v: np.exp(50.0 * (x - 1.0))),
+    "stiff soft stop": ("k*exp(a*(x - 1))", {"k": 1e3, "a": 200.0}, lambda x, v: 1e3 * np.exp(200.0 * (x - 1.0))),
+    "a rounded stop": (
+        "k*log(1 + exp(a*(x - 1)))",
+        {"k": 1.0, "a": 50.0},
+        lambda x, v: np.logaddexp(0.0, 50 * (x - 1)),
+    ),
+    "a step of the position": (
+        "m*tanh(a*(x - 0.5))",
+        {"m": 0.1, "a": 80.0},
+        lambda x, v: 0.1 * np.tanh(80 * (x - 0.5)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_no_step_leads_beyond_a_function_that_is_constant_to_rounding_before(name):
+    text, numbers, force = HIDDEN[name]
+    random = np.random.default_rng(1)
+    for frequency in (0.2, 0.6, 1.4):
+        system = softened(text, **numbers).at(frequency=frequency)
+        state = np.array([-abs(random.normal()), random.normal()])
+
+        def rates(t, y, frequency=frequency):
+            return [y[1], 0.7 * math.cos(frequency * t) - 0.1 * y[1] - y[0] - force(*y)]
+
+        # short steps: a method of Runge and Kutta steps over it too
+        span, options = (0.0, PERIOD / frequency), {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+        wanted = solve_ivp(rates, span, state, max_step=0.01, **options).y[:, -1]
+        arc = flow_of(system, transition=True).integrate(coefficients_of(system), state, 0.0, PERIOD)
+        assert arc.state == pytest.approx(wanted, abs=1e-10)
+
+
+def test_the_derivatives_pass_such_functions_too():
+    text, numbers, _ = HIDDEN["Stribeck"]
+    system, state, step = softened(text, **numbers).at(frequency=0.3), np.array([-0.9, 1.3]), 1e-6
+    flow, coefficients = flow_of(system, transition=True), coefficients_of(system)
+
+    def end(state):
+        return flow_of(system).integrate(coefficients, state, 0.0, PERIOD).state
+
+    wanted = np.array([(end(state + step * e) - end(state - step * e)) / (2.0 * step) for e in np.eye(2)]).T
+    found = flow.integrate(coefficients, state, 0.0, PERIOD).transition
+    assert found == pytest.approx(wanted, abs=1e-6 * np.abs(wanted).max())
+
+
+def test_a_law_of_ones_own_is_watched_like_a_formula():
+    class Saturating(gw.laws.Law):
+        name, words = "saturating", "a force that saturates"
+        stage_parameters = (gw.laws.CLEARANCE, gw.laws.STIFFNESS)
+
+        def force(self, rate, stages, numbers):
+            tanh = stages.functions["tanh"]
+            return stages.total(s.closed * s["stiffness"] * s.sign * tanh(1e3 * s.sign * s.depth) for s in stages)
+
+    contact = gw.Contact("stop", {"x": 1.0}, [gw.Stage(0.5, 0.3)], law=Saturating())
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[contact], harmonics=[gw.Harmonic(0.7, {"x": 1.0})])
+    equations = flow_of(system).equations
+    assert len(equations.restarts) == 2  # one on each side
+    assert not equations.is_polynomial
+
+
+def test_series_of_polynomial_forces_are_shorter_than_others():
+    orders = {
+        name: flow_of(system)._compiled.order
+        for name, system in {
+            "gaps": clutch(),
+            "cubic": gw.System(
+                ["x"], [[1.0]], [[0.1]], contacts=[gw.Contact("s", {"x": 1.0}, [gw.Stage(0.5, 9.0, 2.0)])]
+            ),
+            "friction": gw.System(["x"], [[1.0]], [[0.1]], contacts=[gw.friction("f", {"x": 1.0}, 0.1)]),
+            "a quotient": softened("x/(1 + x**2)"),
+            "tanh": softened("tanh(v)"),
+        }.items()
+    }
+    assert orders == {"gaps": 16, "cubic": 16, "friction": 16, "a quotient": 19, "tanh": 19}
+
+
+def test_series_of_order_16_leave_less_than_rounding():
+    """A linear oscillator with a load of the fifth order against the exponential of its matrix."""
+    random, worst = np.random.default_rng(4), 0.0
+    for frequency in random.uniform(0.1, 2.0, 12):
+        load = gw.Harmonic(0.3, {"x": 1.0}, order=5)
+        system = gw.System(["x", "y"], [[2.0, -1.0], [-1.0, 1.5]], [[0.1, 0.0], [0.0, 0.05]], harmonics=[load])
+        system, state = system.at(frequency=frequency), random.normal(size=4)
+        # of positions, velocities over time, and the cosine and sine of the load, over the angle
+        matrix = np.zeros((6, 6))
+        matrix[:2, 2:4], matrix[2, 4] = np.eye(2) / frequency, 0.3 / frequency
+        matrix[2:4, :2] = -np.array([[2.0, -1.0], [-1.0, 1.5]]) / frequency
+        matrix[2:4, 2:4] = -np.diag([0.1, 0.05]) / frequency
+        matrix[4, 5], matrix[5, 4] = -5.0, 5.0
+        wanted = np.append(state, [1.0, 0.0])
+        for _ in range(64):
+            wanted = expm(matrix * PERIOD / 64) @ wanted
+        flow = flow_of(system)
+        assert flow._compiled.order == 16
+        found = flow.integrate(coefficients_of(system), state, 0.0, PERIOD).state
+        worst = max(worst, float(np.abs(found - wanted[:4]).max() / np.abs(state).max()))
+    assert worst < 1e-14  # 64 exponentials have rounding too
