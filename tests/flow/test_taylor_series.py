@@ -102,7 +102,7 @@ def test_series_of_polynomial_forces_are_shorter_than_others():
             "tanh": softened("tanh(v)"),
         }.items()
     }
-    assert orders == {"gaps": 16, "cubic": 16, "friction": 16, "a quotient": 19, "tanh": 19}
+    assert orders == {"gaps": 16, "cubic": 16, "friction": 19, "a quotient": 19, "tanh": 19}
 
 
 def test_series_of_order_16_leave_less_than_rounding():

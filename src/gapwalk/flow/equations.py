@@ -37,7 +37,8 @@ class _ContactLaw(NamedTuple):
     """Force of a contact; its derivatives by each deflection and its rate; the guards of its modes; and its friction.
 
     Each derivative has the slots of the deflection by which it is. `restarts` are expressions that vanish where the
-    Taylor series has to begin anew; `is_polynomial` is True if the force is a polynomial of the motion in each mode.
+    Taylor series has to begin anew. `is_polynomial` is True if the force is a polynomial of the motion while its stages
+    stay as they are.
     """
 
     force: hy.expression
@@ -129,8 +130,12 @@ class Equations(RunTimeParameters):
 
     @cached_property
     def is_polynomial(self) -> bool:
-        """True if all forces are polynomials of the motion in each mode, and the speed is constant."""
-        return not self.ramp and all(law.is_polynomial for law in self._contact_laws)
+        """True if all forces are polynomials of the motion between contact events, and the speed is constant.
+
+        Not with friction or rigid stops: how far a walk comes through their grazes depends on the last digit.
+        """
+        dry = self.dry or self.stops
+        return not (self.ramp or dry) and all(law.is_polynomial for law in self._contact_laws)
 
     def slip_guards(self, place: int) -> list[hy.expression]:
         """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
@@ -424,7 +429,7 @@ class Equations(RunTimeParameters):
             restarts = [_restart(name, hy.subs(each, motion)) for name, each in seen.calls if name in _HIDDEN]
             restarts = [each for each in restarts if hy.get_variables(each)]
             shapes = tuple(StageShape(stage.sign, stage.innermost) for stage in contact.stages)
-            is_polynomial = law.is_dry or closed_form_of(law, shapes) is not None
+            is_polynomial = closed_form_of(law, shapes) is not None
             laws.append(_ContactLaw(hy.subs(force, motion), slopes, guards, (low, high), restarts, is_polynomial))
         return laws
 
