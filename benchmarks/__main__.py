@@ -62,7 +62,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, reducer, start, tori
+    from benchmarks import (
+        balance,
+        branch,
+        compiling,
+        diagram,
+        growth,
+        jobs,
+        mass,
+        paper,
+        period,
+        reducer,
+        start,
+        suite,
+        tori,
+    )
 
     return {
         "period": period.rows,
@@ -77,6 +91,7 @@ def _groups() -> dict[str, Callable]:
         "tori": tori.rows,
         "jobs": jobs.rows,
         "paper": paper.rows,
+        "suite": suite.rows,
     }
 
 

@@ -1,13 +1,14 @@
 """The benchmarks run and say what they should; no times are asserted here."""
 
 import json
+import sys
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks import history, mass, period, start
+from benchmarks import history, mass, period, start, suite
 from benchmarks.__main__ import main
 from benchmarks.busy import MeasuredProcesses
 from benchmarks.chain import ScipyChain, chain
@@ -85,6 +86,16 @@ def test_a_run_is_recorded_only_if_it_is_asked_for(tmp_path, monkeypatch, capsys
 
 def test_the_start_of_a_process_is_measured():
     assert 0.0 < start.least(["-c", "sum(range(10**5))"], 1) < start.least(["-c", "import numpy"], 1)
+
+
+def test_the_checks_are_measured_with_their_processes_and_one_that_fails_reaches_nothing():
+    row = suite.measured([sys.executable, "-c", "sum(range(10**6))"], 90.0)
+    assert row.seconds > 0.0
+    assert row.reached == (True,)
+    assert row.targets[0].limit == 180.0
+    failed = suite.measured([sys.executable, "-c", "raise SystemExit(1)"], 90.0)
+    assert failed.reached == ()
+    assert "it failed" in failed.note
 
 
 def test_an_unknown_group_is_refused(capsys):

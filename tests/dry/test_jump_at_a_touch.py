@@ -30,9 +30,10 @@ def system(frequency: float) -> System:
 def walked() -> tuple[Branch, Branch]:
     """Walk towards the touch from both sides."""
     low, high = 0.651, 0.657
+    walk = gw.WalkOptions(largest_step=0.05)  # each point is verified
     return (
-        gw.follow(gw.find_orbit(system(low)), "frequency", high),
-        gw.follow(gw.find_orbit(system(high)), "frequency", low),
+        gw.follow(gw.find_orbit(system(low)), "frequency", high, walk=walk),
+        gw.follow(gw.find_orbit(system(high)), "frequency", low, walk=walk),
     )
 
 

@@ -153,7 +153,7 @@ def test_a_branch_goes_on_where_both_sides_of_a_stop_graze_at_once(phase: float)
     loads = [gw.Harmonic(0.5, {"x": 1.0}), gw.Harmonic(1.0, {"x": 1.0}, 3, phase)]
     stop = Contact("stop", {"x": 1.0}, [Stage(1.0, side=Side.BOTH)], law="rigid", restitution=0.8)
     system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=loads, frequency=1.6)
-    branch = gw.follow(gw.find_orbit(system), "frequency", 1.1, walk=gw.WalkOptions(max_points=120))
+    branch = gw.follow(gw.find_orbit(system), "frequency", 1.1, walk=gw.WalkOptions(max_points=60, largest_step=0.03))
     assert {(each.kind, each.contact) for each in branch.special_points} == {
         ("grazing", "stop -"),
         ("grazing", "stop +"),

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +38,8 @@ def chromium() -> str:
 
 
 @contextmanager
-def browser() -> Iterator[Browser]:
-    """A browser without a window."""
+def started() -> Iterator[Browser]:
+    """A new browser without a window."""
     path = chromium()
     with sync_playwright() as driver:
         found = driver.chromium.launch(executable_path=path, args=list(_FLAGS))
@@ -47,6 +47,39 @@ def browser() -> Iterator[Browser]:
             yield found
         finally:
             found.close()
+
+
+_keeper: ExitStack | None = None
+_kept: list[Browser] = []
+
+
+@contextmanager
+def browser_kept() -> Iterator[None]:
+    """Within it, `browser` starts one browser, which is closed at its end."""
+    global _keeper  # noqa: PLW0603
+    with ExitStack() as _keeper:
+        yield
+    _kept.clear()
+    _keeper = None
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """A browser that has no page open, and remembers none."""
+    if _keeper is None:
+        with started() as found:
+            yield found
+        return
+    if not _kept:
+        _kept.append(_keeper.enter_context(started()))
+    (found,) = _kept
+    before = found.contexts
+    try:
+        yield found
+    finally:
+        for context in found.contexts:
+            if context not in before:
+                context.close()
 
 
 @contextmanager
@@ -64,9 +97,12 @@ def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[s
 
 
 def new_page(chrome: Browser | None, **options: Any) -> Page:
-    """A page in a context of its own, in which all waits are as patient as `until`: the machine may be busy."""
+    """A page in a context of its own, in which all waits are as patient as `until`: the machine may be busy.
+
+    By default its machines stand still: to draw them anew in each frame takes more time than all that is tested.
+    """
     assert chrome is not None  # a page has lost its browser
-    context = chrome.new_context(**options)
+    context = chrome.new_context(**{"reduced_motion": "reduce", **options})
     context.set_default_timeout(1e3 * PATIENCE)
     return context.new_page()
 

@@ -1,8 +1,10 @@
 """A workspace with model files that are walked in a moment, and a server of it that tests ask without a network."""
 
-from collections.abc import Callable, Iterator
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from starlette.testclient import TestClient
@@ -12,10 +14,22 @@ from gapwalk.explorer.web_app import application
 from tests import models
 from tests.waiting import until
 
+T = TypeVar("T")
+
 ORIGIN = "http://127.0.0.1"
 
 STOP = models.STOP + models.response(0.9)
 CLUTCH = Path(__file__).parents[2] / "examples" / "clutch.toml"
+
+
+@pytest.fixture(autouse=True, scope="package")
+def _kept_between_modules() -> Iterator[None]:
+    """All modules of this folder use one browser, and one process that computes for pages: each takes a second."""
+    from tests.explorer.browser import browser_kept
+    from tests.explorer.serving import engine_kept
+
+    with browser_kept(), engine_kept():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -50,6 +64,12 @@ def do(client) -> Callable[..., dict[str, Any]]:
         return wait(client, file, answer.json()["key"])
 
     return do
+
+
+def run_apart(work: Coroutine[Any, Any, T]) -> T:
+    """Run asynchronous work in a thread of its own: the loop of the browser that is kept holds that of the tests."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, work).result()
 
 
 def result_of(client: TestClient, file: str, key: str) -> dict[str, Any]:

@@ -13,8 +13,9 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.session import Session
 from gapwalk.explorer.web_app import application
-from tests.explorer.browser import chromium, new_page, opened, served, until, watched
+from tests.explorer.browser import chromium, new_page, opened, until, watched
 from tests.explorer.conftest import ORIGIN, STOP, about
+from tests.explorer.serving import serving
 from tests.explorer.test_web_app import unpacked
 from tests.studies.jobs import RATTLE, RUN_UP, study_of
 
@@ -142,7 +143,7 @@ def test_the_script_of_an_answer_repeats_it(client, records, folder, monkeypatch
 def page(folder) -> Iterator[Page]:
     """The page of the server of that folder, with an ear for errors: there are none."""
     chromium()
-    with served(folder / "rattle.gapwalk") as address, watched(address, height=800) as page:
+    with serving(folder / "rattle.gapwalk") as address, watched(address, height=800) as page:
         yield page
 
 

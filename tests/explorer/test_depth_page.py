@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.explorer.browser import boxes, opened, served, until, watched
+from tests.explorer.browser import boxes, opened, until, watched
+from tests.explorer.serving import serving
 from tests.explorer.test_saved_answers import FAMILY, MAP
 from tests.models import STOP
 
@@ -27,7 +28,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     folder = tmp_path_factory.mktemp("depth")
     for name, text in (("family", FAMILY), ("map", MAP), ("settle", SETTLE)):
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
-    with served(folder / "family.toml") as address, watched(address, height=800) as page:
+    with serving(folder / "family.toml") as address, watched(address, height=800) as page:
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done' && Boolean(gapwalk.answer.content)")
         until(page, "gapwalk.curves.all.size === 3 && !gapwalk.page.updating")

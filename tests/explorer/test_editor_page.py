@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.explorer.browser import boxes, nameless, new_page, opened, overlap, served, tree_of, until, watched
+from tests.explorer.browser import boxes, nameless, new_page, opened, overlap, tree_of, until, watched
 from tests.explorer.conftest import CLUTCH, STOP
+from tests.explorer.serving import serving
 
 CHOOSING = "document.querySelectorAll('[data-start]').length > 5"
 WALKED = "gapwalk.editor.chart.curve?.whole && !gapwalk.editor.isBusy && gapwalk.editor.timer === undefined"
@@ -22,7 +23,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def page(folder) -> Iterator[Page]:
     """The page of a folder without a file: it begins in the editor."""
-    with served(folder) as address, watched(address, ready=CHOOSING) as page:
+    with serving(folder) as address, watched(address, ready=CHOOSING) as page:
         yield page
 
 
@@ -227,7 +228,7 @@ def test_a_text_that_is_left_without_being_saved_is_there_again(stop, folder) ->
 def test_a_file_with_errors_can_be_opened_in_the_editor(tmp_path, page) -> None:
     (tmp_path / "broken.toml").write_text('coordinates = ["x"]\nstifness = [1.0]\n', encoding="utf-8")
     other = new_page(page.context.browser)
-    with served(tmp_path) as address:
+    with serving(tmp_path) as address:
         other.goto(address)
         until(other, "!document.getElementById('error').hidden")
         assert "broken.toml:2: stifness is not a key here" in other.inner_text("#error")

@@ -12,6 +12,7 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from tests.explorer.browser import READY, browser, chromium, new_page, opened, served, until
 from tests.explorer.conftest import CLUTCH, STOP
+from tests.explorer.serving import serving
 
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
 
@@ -33,7 +34,7 @@ def folder(tmp_path) -> Path:
 
 @pytest.fixture
 def page(chrome, folder) -> Iterator[Page]:
-    with served(folder / "stop.toml") as address:
+    with serving(folder / "stop.toml") as address:
         chrome.goto(address)
         until(chrome, READY)
         yield chrome

@@ -11,7 +11,8 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from gapwalk.explorer.motion_panels import details_of, panels_of
 from tests.dry.closed_forms import den_hartog
-from tests.explorer.browser import boxes, choose_special, chromium, new_page, opened, overlap, served, until, watched
+from tests.explorer.browser import boxes, choose_special, chromium, new_page, opened, overlap, until, watched
+from tests.explorer.serving import serving
 
 BRAKE = """\
 title = "Den Hartog"
@@ -165,7 +166,7 @@ def workspace(tmp_path_factory) -> Path:
 def page(workspace) -> Iterator[Page]:
     """The page of the server, with an ear for errors: there are none."""
     chromium()
-    with served(workspace / "brake.toml") as address, watched(address) as page:
+    with serving(workspace / "brake.toml") as address, watched(address) as page:
         yield page
 
 

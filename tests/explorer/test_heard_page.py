@@ -7,8 +7,9 @@ import pytest
 from playwright.sync_api import Page
 
 import gapwalk as gw
-from tests.explorer.browser import boxes, opened, overlap, served, until, watched
+from tests.explorer.browser import boxes, opened, overlap, until, watched
 from tests.explorer.conftest import CLUTCH
+from tests.explorer.serving import serving
 from tests.explorer.test_heard import TRAIN
 
 LOOP = """import("/static/sound.js").then(({ loopOf }) => {
@@ -34,7 +35,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     folder = tmp_path_factory.mktemp("heard")
     (folder / "clutch.toml").write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
     (folder / "train.toml").write_text(TRAIN, encoding="utf-8")
-    with served(folder / "train.toml") as address, watched(address, height=800) as page:
+    with serving(folder / "train.toml") as address, watched(address, height=800) as page:
         yield page
 
 

@@ -8,8 +8,9 @@ from playwright.sync_api import Page
 
 from gapwalk.explorer.motion_panels import scenes_of
 from gapwalk.studies import read_studies
-from tests.explorer.browser import boxes, opened, overlap, served, until, watched
+from tests.explorer.browser import boxes, opened, overlap, until, watched
 from tests.explorer.conftest import CLUTCH, STOP
+from tests.explorer.serving import serving
 from tests.explorer.test_machine_page import TRAIN
 
 STUDY = 'kind = "response"\nparameter = "speed"\nfrom = "1500 rpm"\nto = "1450 rpm"\nmeasure = "max.mesh"\n'
@@ -72,7 +73,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     file = folder / "train.toml"
     file.write_text(TRAIN.partition("[study]")[0] + "[study]\n" + STUDY, encoding="utf-8")
     (folder / "stop.toml").write_text(STOP, encoding="utf-8")
-    with served(file) as address, watched(address) as page:
+    with serving(file) as address, watched(address) as page:
         yield page
 
 

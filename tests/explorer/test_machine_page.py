@@ -10,8 +10,9 @@ from benchmarks.chain import chain
 from gapwalk.plot.machine.layout import NARROW, WIDE, scene_of
 from gapwalk.plot.machine.on_paper import svg_of
 from gapwalk.studies import read_studies
-from tests.explorer.browser import READY, boxes, browser, chromium, new_page, overlap, served, until
+from tests.explorer.browser import READY, boxes, browser, chromium, new_page, overlap, until
 from tests.explorer.conftest import CLUTCH
+from tests.explorer.serving import serving
 
 EXAMPLES = ("clutch", "train", "idle", "belt", "impact_damper", "pendulum", "rod")
 
@@ -66,8 +67,8 @@ def page(tmp_path_factory) -> Iterator[Page]:
     file = tmp_path_factory.mktemp("machine") / "train.toml"
     file.write_text(TRAIN, encoding="utf-8")
     wrong: list[str] = []
-    with served(file) as address, browser() as chrome:
-        page = new_page(chrome, viewport={"width": 1280, "height": 720}, reduced_motion="reduce")
+    with serving(file) as address, browser() as chrome:
+        page = new_page(chrome, viewport={"width": 1280, "height": 720})
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
         page.goto(address)
@@ -145,6 +146,36 @@ def test_texts_on_the_page_do_not_meet_and_can_be_read(page, width, height, sche
     assert drawing[2] <= width
     colours = page.locator("#machine .m-name").first.evaluate("e => getComputedStyle(e).fill")
     assert (sum(map(int, colours.strip("rgb()").split(","))) > 382) == (scheme == "dark")
+
+
+def test_it_moves_by_itself_unless_one_wants_no_motion_and_asks_for_frames_only_while_it_does(page) -> None:
+    page.evaluate(
+        """() => {
+            window.frames_ = 0;
+            const original = window.requestAnimationFrame;
+            window.requestAnimationFrame = (then) => (window.frames_++, original(then));
+        }"""
+    )
+    look = "document.querySelector('#machine .machine').innerHTML"
+    at_rest = page.evaluate(look)
+    page.wait_for_timeout(100)
+    assert page.evaluate("frames_") == 0
+    assert page.evaluate(look) == at_rest
+    page.click("#play")
+    until(page, "frames_ > 5")
+    assert page.evaluate(look) != at_rest
+    page.click("#play")
+    page.wait_for_timeout(50)  # for a frame that was on its way
+    asked = page.evaluate("frames_")
+    page.wait_for_timeout(100)
+    assert page.evaluate("frames_") == asked
+    moving = new_page(page.context.browser, reduced_motion="no-preference")
+    moving.goto(page.url)
+    until(moving, READY)
+    assert moving.evaluate("gapwalk.motion.machine.playing")
+    moving.context.close()
+    page.reload()
+    until(page, READY)
 
 
 def test_texts_of_the_gallery_do_not_meet(page) -> None:

@@ -1,6 +1,5 @@
 """The model editor without a page: checks of a text, its numbers, its response, and files that stay the user's own."""
 
-import asyncio
 import io
 import json
 import re
@@ -17,7 +16,7 @@ from gapwalk.explorer.workspace import Workspace
 from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source, value_spans
 from gapwalk.studies import read_studies
-from tests.explorer.conftest import STOP
+from tests.explorer.conftest import STOP, run_apart
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STARTS = [each["name"] for each in starts()]
@@ -160,12 +159,12 @@ def test_a_walk_that_nobody_waits_for_is_given_up_and_the_next_one_comes_at_once
         return [news async for news in live.of(STOP, "", "")]
 
     try:
-        news = asyncio.run(both())
+        news = run_apart(both())
         process = live._process
         assert news[0]["across"]
         assert news[-1]["end"] == ""
         assert sum(len(each.get("x", ())) for each in news) > 20
-        again = asyncio.run(both())  # in another loop, by the same process
+        again = run_apart(both())  # in another loop, by the same process
         assert again[-1]["end"] == ""
         assert live._process is process
     finally:

@@ -6,7 +6,8 @@ import pytest
 from playwright.sync_api import Page
 
 from tests import models
-from tests.explorer.browser import choose_special, chromium, served, until, watched
+from tests.explorer.browser import choose_special, chromium, until, watched
+from tests.explorer.serving import serving
 
 SAID = "document.getElementById('next-text').textContent"
 STEPS = "[...document.querySelectorAll('#next-steps button:not(:disabled)')].map((button) => button.dataset.step)"
@@ -17,7 +18,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     chromium()
     file = tmp_path_factory.mktemp("next") / "stop.toml"
     file.write_text(models.STOP + models.response(1.4), encoding="utf-8")
-    with served(file) as address, watched(address) as page:
+    with serving(file) as address, watched(address) as page:
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
         yield page

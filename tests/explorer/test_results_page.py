@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page
 
-from tests.explorer.browser import chromium, served, until, watched
+from tests.explorer.browser import chromium, until, watched
 from tests.explorer.conftest import STOP
+from tests.explorer.serving import serving
 
 COUNT = "gapwalk.curves.all.size === {}"
 ITEM = "#results li:nth-child({}) "
@@ -18,7 +19,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     chromium()
     file = tmp_path_factory.mktemp("results") / "stop.toml"
     file.write_text(STOP, encoding="utf-8")
-    with served(file) as address, watched(address) as page:
+    with serving(file) as address, watched(address) as page:
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done'")
         page.click("summary:text-is('Values')")

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page
 
-from tests.explorer.browser import boxes, nameless, opened, overlap, served, tree_of, until, watched
+from tests.explorer.browser import boxes, nameless, opened, overlap, tree_of, until, watched
 from tests.explorer.machines import MACHINES
+from tests.explorer.serving import serving
 
 SIZES = [(1280, 720), (3840, 2160), (390, 844)]
 SHOWN = "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1"
@@ -21,7 +22,7 @@ def page(tmp_path_factory) -> Iterator[Page]:
     folder = tmp_path_factory.mktemp("machines")
     for name, text in MACHINES.items():
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
-    with served(folder / "five.toml") as address, watched(address) as page:
+    with serving(folder / "five.toml") as address, watched(address) as page:
         yield page
 
 

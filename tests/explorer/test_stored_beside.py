@@ -3,8 +3,9 @@
 import io
 
 import gapwalk as gw
-from tests.explorer.browser import opened, served, until, watched
+from tests.explorer.browser import opened, until, watched
 from tests.explorer.conftest import STOP
+from tests.explorer.serving import serving
 
 
 def test_results_of_a_run_are_named_and_opened(tmp_path) -> None:
@@ -13,7 +14,7 @@ def test_results_of_a_run_are_named_and_opened(tmp_path) -> None:
     study = gw.read_study(io.StringIO(STOP))
     for name in ("stop.gapwalk", "stop-light.gapwalk", "stopper.gapwalk"):
         gw.run(study, tmp_path / name)
-    with served(tmp_path / "stop.toml") as address, watched(address) as page:
+    with serving(tmp_path / "stop.toml") as address, watched(address) as page:
         opened(page, "stop.toml")
         page.wait_for_selector("#empty a")
         text = page.inner_text("#empty")

@@ -20,7 +20,7 @@ from gapwalk.explorer.motion_panels import Flows, SupersededError
 from gapwalk.explorer.progress_stream import Events
 from gapwalk.explorer.result_list import listed
 from gapwalk.explorer.session import Session
-from tests.explorer.conftest import CLUTCH, STOP, about, wait
+from tests.explorer.conftest import CLUTCH, STOP, about, run_apart, wait
 
 JSON = {"content-type": "application/json"}
 
@@ -274,7 +274,7 @@ def test_a_second_click_gives_up_the_first() -> None:
         flows.close()
         return found
 
-    _, first, second, other = asyncio.run(clicks())
+    _, first, second, other = run_apart(clicks())
     assert isinstance(first, SupersededError)
     assert (second, other) == (None, None)
     assert calls == ["second", "other"]
@@ -327,7 +327,7 @@ def test_no_more_pages_listen_than_there_is_room_for() -> None:
         assert isinstance(events.join(), asyncio.Event)
         return found
 
-    found = asyncio.run(come())
+    found = run_apart(come())
     assert [isinstance(each, ModelError) for each in found] == [False] * 16 + [True] * 24
 
 

@@ -56,25 +56,28 @@ def exact(stiffness: float, order: int) -> float:
     return 4.0 * math.sqrt(stiffness - 0.01) / order
 
 
-def command(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Call the command line in a process that knows the toy."""
-    program = f"import sys, tests.toys.imaginary_pair\nfrom gapwalk.cli import main\nsys.exit(main({[*words]!r}))"
+def commands(folder: Path, *calls: tuple[str, ...]) -> str:
+    """What the command line prints in calls, one after the other, in a process that knows the toy; each succeeds."""
+    program = "import sys, tests.toys.imaginary_pair\nfrom gapwalk.cli import main\n" + "".join(
+        f"if main({[*words]!r}): sys.exit({' '.join(words)!r} + ' failed')\n" for words in calls
+    )
     root = Path(__file__).resolve().parents[2]
     script = f"import sys\nsys.path.insert(0, {str(root)!r})\n{program}"
-    return subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("toy")
     (folder / "toy.toml").write_text(MODEL)
-    done = command("run", "toy.toml", "--quiet", folder=folder)
-    assert done.returncode == 0, done.stdout + done.stderr
+    commands(folder, ("run", "toy.toml", "--quiet"))
     return folder
 
 
 def document(folder: Path, name: str) -> dict:
-    return json.loads(command("show", name, "--json", folder=folder).stdout)
+    return json.loads(commands(folder, ("show", name, "--json")))
 
 
 @pytest.mark.parametrize("name", ["toy-response.gapwalk", "toy-balanced.gapwalk"])
@@ -88,7 +91,7 @@ def test_it_is_located_stored_and_shown(folder: Path, name: str) -> None:
 
 def test_it_is_followed_in_two_parameters(folder: Path) -> None:
     """The branch is followed by another process, which has to know the toy too."""
-    assert command("export", "toy-locus.gapwalk", "--output", "locus.csv", folder=folder).returncode == 0
+    commands(folder, ("export", "toy-locus.gapwalk", "--output", "locus.csv"))
     rows = list(csv.DictReader((folder / "locus.csv").read_text(encoding="utf-8").splitlines()))
     stiffness = [float(row["stiffness.x.x"]) for row in rows]
     assert min(stiffness) < 0.75
@@ -97,12 +100,15 @@ def test_it_is_followed_in_two_parameters(folder: Path) -> None:
         assert abs(float(row["frequency"]) - exact(value, 3)) < 1e-9
 
 
-@pytest.mark.parametrize("name", ["toy-response.gapwalk", "toy-locus.gapwalk"])
-def test_it_is_verified_and_drawn(folder: Path, name: str) -> None:
-    for words in (("verify", name), ("export", name, "--output", "picture.svg")):
-        done = command(*words, folder=folder)
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert "imaginary pair" in (folder / "picture.svg").read_text(encoding="utf-8")
+def test_it_is_verified_and_drawn(folder: Path) -> None:
+    names = ("toy-response", "toy-locus")
+    commands(
+        folder,
+        *(("verify", f"{name}.gapwalk") for name in names),
+        *(("export", f"{name}.gapwalk", "--output", f"{name}.svg") for name in names),
+    )
+    for name in names:
+        assert "imaginary pair" in (folder / f"{name}.svg").read_text(encoding="utf-8")
 
 
 def test_a_process_that_does_not_know_it_says_so(folder: Path) -> None:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -417,7 +417,7 @@ class Blocks:
             return
         with ThreadPoolExecutor(min(self.threads, len(blocks))) as pool:
             try:
-                list(pool.map(partial(work, periods=[periods]), blocks))
+                list(pool.map(lambda block: work(block, [periods]), blocks))
             except BaseException:
                 self._stop[0] = 1
                 raise

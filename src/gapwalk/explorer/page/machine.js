@@ -18,7 +18,6 @@ export class MachineView {
       event.preventDefault();
       this.choose(event.target.closest("[role=button]"));
     });
-    requestAnimationFrame((time) => this.frame(time));
   }
 
   /** Show a machine at rest: its drawings, from narrow to wide. */
@@ -37,21 +36,28 @@ export class MachineView {
     this.draw();
     if (focused !== null) place.querySelector(`[data-part="${focused}"]`)?.focus({ preventScroll: true });
     this.at(0);
+    this.run();
   }
 
   toggle() {
     this.playing = !this.playing;
     this.began = undefined;
+    this.run();
     return this.playing;
   }
 
+  /** Let it move from the next frame on; while it stands still, no frames are asked for: each costs the browser time. */
+  run() {
+    if (this.motion && this.playing) this.next ??= requestAnimationFrame((time) => this.frame(time));
+  }
+
   frame(time) {
-    if (this.motion && this.playing && !document.hidden) {
-      this.began ??= time;
-      const { theta } = this.motion, first = theta[0], periods = theta[theta.length - 1] - first;
-      this.at(nearest(theta, first + (((time - this.began) / 1000 / SECONDS) % periods)));
-    }
-    requestAnimationFrame((next) => this.frame(next));
+    this.next = undefined;
+    if (!this.motion || !this.playing) return;
+    this.began ??= time;
+    const { theta } = this.motion, first = theta[0], periods = theta[theta.length - 1] - first;
+    this.at(nearest(theta, first + (((time - this.began) / 1000 / SECONDS) % periods)));
+    this.run();
   }
 
   /** Show the instant of a sample. */
