@@ -130,6 +130,8 @@ class MapQueue(Sequence[tuple[bool, Any]]):
 
     def _ready(self) -> list[int]:
         """Return the special points whose loci can be followed now: first those that are certain to begin one."""
+        # in their order: with the largest families first, maps are done up to 9 % sooner, but up to two thirds of the
+        # loci wait for earlier ones before they are stored
         families = [family for family in self._undecided.values() if family]
         ready = sorted(family[0] for family in families)
         if len(families) == 1:  # they would otherwise be followed one after the other
