@@ -1,6 +1,8 @@
 """Studies in model files: what they ask for, and what is said of those that are wrong."""
 
 import pickle
+import subprocess
+import sys
 from dataclasses import fields
 from pathlib import Path
 
@@ -13,9 +15,12 @@ from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.studies import derived_schema
+from gapwalk.studies.derived_schema import all_keys, keys_of
 from gapwalk.studies.diagram_study import DiagramOptions, DiagramStudyOptions
 from gapwalk.studies.response_study import ResponseOptions
 from gapwalk.studies.study_file import Study, check_studies, check_study, read_studies, read_study
+from gapwalk.studies.study_registry import kind_of, kinds
 from gapwalk.studies.tables import Start
 from tests.models import read_system
 
@@ -244,6 +249,22 @@ def test_a_diagram_is_a_kind_of_study() -> None:
     limits = study_of(DIAGRAM.replace("period = 2", "period = 1\nmax_period = 4\nmax_branches = 9\nworkers = 1"))
     assert limits.options.limits == DiagramOptions(4, 9, 1)
     assert limits.options.period == 1
+
+
+def test_names_are_checked_against_the_keys_of_all_kinds_without_loading_them() -> None:
+    package = [name for name in kinds() if kind_of(name).__module__.startswith("gapwalk.")]
+    assert frozenset().union(*map(keys_of, package)) == frozenset(derived_schema._KEYS.split())
+    assert frozenset(derived_schema._KEYS.split()) <= all_keys()
+    script = (
+        "import sys\n"
+        "from gapwalk.model.model_source import parse_source\n"
+        "from gapwalk.studies.study_file import check_study\n"
+        "from tests.studies.test_file import GOOD\n"
+        "print(check_study(parse_source(GOOD.replace('[study]', '[study]\\nname = \"light\"'), 'm.toml')).name)\n"
+        "print('gapwalk.studies.tori_study' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["light", "False"]
 
 
 @pytest.mark.parametrize(

@@ -180,6 +180,10 @@ def run(
     quiet
         Print only errors.
     """
+    if scheduler is None:
+        from gapwalk.cli.foreseen import foresee
+
+        foresee(file)
     from gapwalk.cli.run_command import run_file
 
     how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}

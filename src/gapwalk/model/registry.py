@@ -51,6 +51,11 @@ class Registry(dict[str, T]):
         """Names of all kinds, loaded or not."""
         return tuple(dict.fromkeys((*self._homes, *self)))
 
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the kinds that have no home."""
+        return tuple(name for name in self if name not in self._homes)
+
     def add(self, name: str, kind: T) -> T:
         """Register a kind under its name, and return it; a class that is defined again replaces its earlier definition.
 

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -15,9 +15,6 @@ from types import ModuleType
 from typing import Any
 
 from gapwalk.parallel.threads import THREAD_VARIABLES, children_in_one_thread
-
-_IN_USE = {"gapwalk.ensemble.kernel": ("numba",)}
-"""Packages that modules of gapwalk load with their first piece of work: half a second for each process."""
 
 _starting = threading.Lock()  # what a process inherits is changed for this process as a whole
 
@@ -60,12 +57,9 @@ class Processes:
         """Start the server, unless there is one; it loads gapwalk while this process prepares the first piece.
 
         Once there is a server it stays as it is, with what it has loaded. So it starts as late as possible: when work
-        begins, and the modules of that work are loaded here.
+        begins, and the modules of that work are loaded here; or earlier, where the work is foreseen (`start_server`).
         """
-        if sys.platform == "linux":
-            self._context.set_forkserver_preload(_to_load())
-            with undisturbed():
-                forkserver.ensure_running()
+        start_server(sorted(name for name in sys.modules if name.startswith("gapwalk.")))
 
     def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
         """Give a piece to an idle process; if none is idle, all are busy only with abandoned pieces."""
@@ -105,10 +99,18 @@ class Processes:
             return self._pools[place].submit(function, piece)
 
 
-def _to_load() -> list[str]:
-    """Return the modules of gapwalk that this process has loaded, and the packages that they import when in use."""
-    own = sorted(name for name in sys.modules if name.startswith("gapwalk."))
-    return own + [name for owner, names in _IN_USE.items() if owner in own for name in names]
+def start_server(modules: Sequence[str]) -> None:
+    """Begin to start the server from which processes are forked, unless there is one; on Linux.
+
+    Parameters
+    ----------
+    modules
+        The modules that it loads, in this order.
+    """
+    if sys.platform == "linux":
+        get_context("forkserver").set_forkserver_preload([*modules, "gapwalk.parallel.in_use"])
+        with undisturbed():
+            forkserver.ensure_running()
 
 
 def _begin(held: Any, environment: Mapping[str, str]) -> None:

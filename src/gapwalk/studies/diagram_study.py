@@ -26,6 +26,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.parallel.families import do_by_families
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
@@ -313,7 +314,8 @@ class DiagramWork(Work):
             self._curves += [Curve(branch) for branch in self._known[len(self._curves) :]]  # each is made once
             return not any(curve.holds(orbits[index]) for curve in self._curves) and not self._full()
 
-        for _, branch in workers.each(self._walker, [(orbit, 0) for orbit in orbits], is_new):
+        pieces, periods = [(orbit, 0) for orbit in orbits], [orbit.period for orbit in orbits]
+        for _, branch in do_by_families(self._walker, pieces, periods, is_new, workers):
             yield from self._accepted(branch, None)
 
     def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
@@ -340,7 +342,9 @@ class DiagramWork(Work):
             origin, special, _ = buds[index]
             return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
 
-        for index, branch in workers.each(self._walker, [(special, way) for _, special, way in buds], is_new):
+        # a branch that leaves one flip mostly ends at another of its parent, from which it would be walked once more
+        pieces, parents = [(special, way) for _, special, way in buds], [origin.parent for origin, _, _ in buds]
+        for index, branch in do_by_families(self._walker, pieces, parents, is_new, workers):
             # a branch that begins where a known one ends is that one if its middle lies on it
             if isinstance(branch, str) or not any(
                 known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)

@@ -148,17 +148,31 @@ class FamilyWork(Work):
             raise ValueError("the file has connections of members that it does not contain")
 
     def parts(self, workers: Workers) -> Generator[Found]:
-        """Walk the remaining members; then join the remaining special points."""
-        numbers = [number for number in range(self.count) if number not in self.members]
-        walk = partial(_walk_member, self._family.system, self.asked)
-        for index, member in workers.each(walk, numbers, in_order=False):
-            self.members[numbers[index]] = member
-            yield Found.part(MEMBER, member, numbers[index])
-        gaps = [pair for pair in self.record.gaps if pair[0].number not in self.connections]
-        for index, connections in workers.each(partial(_join, self.asked), gaps, in_order=False):
-            number = gaps[index][0].number
-            self.connections[number] = connections
-            yield Found.part(JOINTS, connections, number)
+        """Walk the remaining members, and join the remaining special points of neighbours that are walked."""
+        begun = set(self.connections)
+        pieces: list[int | tuple[Member, Member]] = [k for k in range(self.count) if k not in self.members]
+        pieces += self._ready(begun)
+        do_one = partial(_do_one, self._family.system, self.asked)
+        for index, found in workers.each(do_one, pieces, in_order=False):
+            piece = pieces[index]
+            if isinstance(found, Member):
+                self.members[found.number] = found
+                pieces += self._ready(begun)
+                yield Found.part(MEMBER, found, found.number)
+            elif isinstance(piece, tuple):
+                number = piece[0].number
+                self.connections[number] = found
+                yield Found.part(JOINTS, found, number)
+
+    def _ready(self, begun: set[int]) -> list[tuple[Member, Member]]:
+        """Return the gaps that can be joined now, and note them: all members from one side to the other are known."""
+        ready = [
+            (left, right)
+            for left, right in self.record.gaps
+            if left.number not in begun and all(k in self.members for k in range(left.number, right.number))
+        ]
+        begun.update(left.number for left, _ in ready)
+        return ready
 
     @property
     def complete(self) -> bool:
@@ -190,6 +204,11 @@ class FamilyWork(Work):
     def count(self) -> int:
         """Number of members."""
         return len(self._family.over.axis)
+
+
+def _do_one(system: System, asked: FamilyStudy, piece: int | tuple[Member, Member]) -> Member | tuple[Connection, ...]:
+    """Walk a member, given by its number, or join the special points of two."""
+    return _walk_member(system, asked, piece) if isinstance(piece, int) else _join(asked, piece)
 
 
 def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.bifurcation.branch import Branch
@@ -20,19 +19,18 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.problems import given
 from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.orbit import phases
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.map import Map, MapOptions, MapSection, Ranges, Which
+from gapwalk.studies.map_queue import MapQueue
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, Second, kinds_key, search_words, with_search
 from gapwalk.studies.runner import call
 from gapwalk.studies.study_kind import Found, Work
@@ -40,9 +38,6 @@ from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, ch
 
 if TYPE_CHECKING:
     from typing import Self
-
-_BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
-_ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus
 
 Report = Callable[[Map, MapSection | Locus], None]
 """Called with the map, and the section or the locus that was added to it last."""
@@ -180,12 +175,20 @@ class MapWork(Work):
 
     def parts(self, workers: Workers) -> Generator[Found]:
         """Find the remaining sections, then the remaining loci."""
-        for section in self._sections(workers):
-            entry = SECTION.entry(section, len(self.chart.sections) - 1)
-            yield Found((entry, _state(self.chart)), ((self.chart, section),))
-        for locus in self._loci(workers):
-            entry = LOCUS.entry(locus, len(self.chart.loci) - 1)
-            yield Found((entry, _state(self.chart)), ((self.chart, locus),))
+        chart, values = self.chart, self._values
+        low, high = chart.within[0]
+        systems = [self.system.at({chart.second: value}) for value in values[len(chart.sections) :]]
+        queue = MapQueue(systems, high - low, chart.loci, chart.tried)
+        for number, section in enumerate(chart.sections):
+            queue.add(number, section.value, self._starts_on(section))
+        yield from self._settle(queue)
+        for number, found in workers.each(partial(_follow_one, *self._functions), queue, in_order=False):
+            queue.take(number, found)
+            yield from self._settle(queue)
+        starts = [special for section in self.chart.sections for special in self._starts_on(section)]
+        self.chart = replace(self.chart, tried=len(starts))
+        if self.which is not None and not starts:
+            self.chart = replace(self.chart, failures=(*self.chart.failures, self._has_none(self.which)))
         if not self.chart.branches:
             raise NumericalError("; ".join(self.chart.failures) or "no branch was found")
         self.chart = replace(self.chart, complete=True)
@@ -219,65 +222,69 @@ class MapWork(Work):
         """Number of sections and loci that are done."""
         return len(self.chart.sections) + len(self.chart.loci)
 
-    def _sections(self, workers: Workers) -> Iterator[MapSection]:
-        """Follow the branches along the first parameter at each value of the second."""
-        chart = self.chart
-        values = self.options.values(*chart.within[1])[len(chart.sections) :]
+    @property
+    def _values(self) -> tuple[float, ...]:
+        """Values of the second parameter on all sections."""
+        return self.options.values(*self.chart.within[1])
+
+    @property
+    def _functions(self) -> tuple[Callable[[System], Any], Callable[[SpecialPoint], Locus | str]]:
+        """The functions that follow the branches of a section, and the locus of a special point."""
+        first, second, within = self.chart.first, self.chart.second, self.chart.within
         tree = DiagramOptions(
             max_period=self.options.max_period,
             workers=1,
             search_values=self.options.search_values,
             search=self.options.search,
         )
-        how = (chart.within[0], self.start, self.period, self.walk, self.method)
-        follow_one = partial(_follow_section, chart.first, chart.second, *how, None if self.which else tree)
-        for index, (branches, notes, failures) in workers.each(
-            follow_one, [self.system.at({chart.second: value}) for value in values]
-        ):
-            section = MapSection(values[index], branches)
+        how = (self.start, self.period, self.walk, self.method, None if self.which else tree)
+        return (
+            partial(_follow_section, first, second, within[0], *how),
+            partial(_follow_special, first, second, within, self.walk, self.method),
+        )
+
+    def _settle(self, queue: MapQueue) -> Iterator[Found]:
+        """Add the sections that have come in turn and, once all have, the loci that have come in turn."""
+        for branches, notes, failures in queue.sections():
+            count = len(self.chart.sections)
+            section = MapSection(self._values[count], branches)
             self.chart = replace(
                 self.chart,
                 sections=(*self.chart.sections, section),
                 notes=(*self.chart.notes, *notes),
                 failures=(*self.chart.failures, *failures),
             )
-            yield section
+            queue.add(count, section.value, self._starts_on(section))
+            yield Found((SECTION.entry(section, count), _state(self.chart)), ((self.chart, section),))
+        if len(self.chart.sections) < len(self._values):
+            return
+        for tried, locus in queue.loci():
+            if isinstance(locus, str):
+                self.chart = replace(self.chart, failures=(*self.chart.failures, locus), tried=tried)
+            else:
+                self.chart = replace(self.chart, loci=(*self.chart.loci, locus), tried=tried)
+                entry = LOCUS.entry(locus, len(self.chart.loci) - 1)
+                yield Found((entry, _state(self.chart)), ((self.chart, locus),))
 
-    def _loci(self, workers: Workers) -> Iterator[Locus]:
-        """Follow the loci that begin at the special points of the sections, or at some of them."""
+    def _starts_on(self, section: MapSection) -> list[SpecialPoint]:
+        """Return the special points of a section at which loci may begin."""
         which, (low, high) = self.which, self.chart.within[0]
-        specials = [
-            (section.value, special)
-            for section in self.chart.sections
+        return [
+            special
             for branch in section.branches
             for special in (branch.special_points if which is None else which.of(branch.special_points))
             # a fold between two points of a branch may lie just beyond the edge
             if special.kind in self.options.kinds and low <= special.value <= high
         ]
-        if which is not None and not specials:
-            there = [
-                f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
-                for branch in self.chart.branches
-                for special in branch.special_points
-            ]
-            none = f"the branch has no {which.words}; it has {', '.join(there) or 'no special points'}"
-            self.chart = replace(self.chart, failures=(*self.chart.failures, none))
-        done, left = self.chart.tried, specials[self.chart.tried :]
 
-        def is_new(index: int) -> bool:
-            value, special = left[index]
-            return not any(_lies_on_locus(locus, special, value, self.chart) for locus in self.chart.loci)
-
-        plane = (self.chart.first, self.chart.second, self.chart.within)
-        follow_one = partial(_follow_special, *plane, self.walk, self.method)
-        for index, locus in workers.each(follow_one, [special for _, special in left], is_new):
-            tried = done + index + 1
-            if isinstance(locus, str):
-                self.chart = replace(self.chart, failures=(*self.chart.failures, locus), tried=tried)
-            else:
-                self.chart = replace(self.chart, loci=(*self.chart.loci, locus), tried=tried)
-                yield locus
-        self.chart = replace(self.chart, tried=len(specials))
+    def _has_none(self, which: Which) -> str:
+        """Say that the branch has none of the special points that were asked for."""
+        there = [
+            f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
+            for branch in self.chart.branches
+            for special in branch.special_points
+        ]
+        return f"the branch has no {which.words}; it has {', '.join(there) or 'no special points'}"
 
 
 def whole_map(chart: Map) -> Iterator[Entry]:
@@ -289,6 +296,16 @@ def whole_map(chart: Map) -> Iterator[Entry]:
 
 def _state(chart: Map) -> Entry:
     return STATE.entry((replace(chart, sections=(), loci=()), len(chart.sections), len(chart.loci)))
+
+
+def _follow_one(
+    follow_section: Callable[[System], Any],
+    follow_special: Callable[[SpecialPoint], Locus | str],
+    piece: tuple[bool, Any],
+) -> Any:
+    """Do a piece of the `MapQueue`."""
+    is_section, item = piece
+    return follow_section(item) if is_section else follow_special(item)
 
 
 def _follow_section(
@@ -330,26 +347,6 @@ def _follow_special(
     except NumericalError as error:
         where = f"{first} = {special.value:.10g}, {second} = {special.orbit.system[second]:.10g}"
         return f"the locus of the {special.kind.value} at {where} could not be followed: {error}"
-
-
-def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map) -> bool:
-    """Return True if a special point is on a locus: between two of its points, with an orbit like theirs."""
-    if locus.kind is not special.kind or locus.period != special.orbit.period or locus.contact != special.contact:
-        return False
-    places = locus.values
-    width = chart.within[0][1] - chart.within[0][0]
-    a, b = places[:-1], places[1:]
-    crosses = np.flatnonzero((a[:, 1] - value) * (b[:, 1] - value) <= 0.0)
-    for k in crosses:
-        rise = b[k, 1] - a[k, 1]
-        share = 0.5 if rise == 0.0 else (value - a[k, 1]) / rise
-        if abs(a[k, 0] + share * (b[k, 0] - a[k, 0]) - special.value) <= _BESIDE * width:
-            # two orbits of neighbouring systems may be the same motion, one begun later
-            nearest, orbit = locus.points[k if share < 0.5 else k + 1].orbit, special.orbit
-            distance = float(np.abs(phases(nearest) - orbit.state).max(axis=1).min())
-            if distance <= _ALIKE * magnitude(orbit.state, orbit.system):
-                return True
-    return False
 
 
 @shows_progress(lambda count, chart, added: f"{len(chart.sections)} sections, {len(chart.loci)} loci")

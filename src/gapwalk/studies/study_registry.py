@@ -93,6 +93,11 @@ def kinds() -> tuple[str, ...]:
     return _KINDS.names
 
 
+def added_kinds() -> tuple[str, ...]:
+    """Return the names of the kinds of study that are not the package's own."""
+    return _KINDS.added
+
+
 def kind_of(name: str) -> type[StudyKind]:
     """Return a kind of study by its name, one of `kinds`.
 
