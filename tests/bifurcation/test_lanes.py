@@ -54,6 +54,13 @@ def test_lanes_find_what_is_found_one_after_the_other_with_a_tenth_of_the_work()
     assert few < 0.1 * many
 
 
+def test_transients_that_die_away_slowly_settle_on_an_orbit_that_newton_s_method_finds():
+    """Beside a Neimark-Sacker point, where no return is close before the patience ends."""
+    with patch(SEARCH, 0):
+        result = search(case("15"), "frequency", [0.8645833333333334])
+    assert [len(tally.unsettled) for tally in result.tallies] == [0]
+
+
 def test_a_few_starts_are_followed_one_after_the_other():
     """The batch integrator would take longer to compile."""
     with patch("gapwalk.bifurcation.isolated.search_chunk.lanes_of", side_effect=AssertionError):

@@ -55,6 +55,11 @@ class Lanes:
         assert strobes is not None
         return strobes[:, :count]
 
+    def paths(self, states: NDArray[np.float64], periods: int) -> list[NDArray[np.float64]]:
+        """Return the states at the start of each forcing period, and at the end, of each motion until it diverges."""
+        all_states = np.concatenate((states[None], self.strobes(states, periods))).transpose(1, 0, 2)
+        return [path[np.isfinite(path).all(axis=1)] for path in all_states]
+
     def evaluate(
         self, states: NDArray[np.float64], periods: NDArray[np.intp]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

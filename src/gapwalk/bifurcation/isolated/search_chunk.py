@@ -127,7 +127,15 @@ def search_chunk(chunk: Chunk) -> Catch:
     settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience, lanes)
     every = math.ceil(options.starts / options.newton_starts) if options.newton_starts else 0
     unsettled, ran_away = [], 0
-    for number, settling in enumerate(settler.settle_each(chunk.starts), chunk.block * options.block):
+    first = chunk.block * options.block
+    if (
+        lanes is not None and every
+    ):  # stable orbits that Newton's method finds let transients settle that die away slowly
+        for number, path in enumerate(lanes.paths(chunk.starts, _LATE + max(options.newton_periods)), first):
+            if number % every == 0:
+                hunt.along(number // every, path)
+        hunt.together()
+    for number, settling in enumerate(settler.settle_each(chunk.starts), first):
         if settling.entry is not None:
             settling.entry.settled += 1
         elif settling.ran_away:
@@ -135,7 +143,10 @@ def search_chunk(chunk: Chunk) -> Catch:
         else:
             unsettled.append(settling.path[-1])
         if every and number % every == 0:
-            hunt.along(number // every, settling)
+            if lanes is None:
+                hunt.along(number // every, settling.path)
+            if settling.entry is None:
+                hunt.at_return(number // every, settling.path)
     hunt.together()
     if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
         settler = Settler(chunk.system, hunt.catalogue, options.periods, _PATIENCE * options.patience, lanes)
@@ -165,24 +176,28 @@ class _Hunt:
             self.catalogue.add(orbit)
         self._known = len(self.catalogue.entries)
 
-    def along(self, number: int, settling: Settling) -> None:
-        """Search from states along a transient; if it has not settled, also from its closest return.
+    def along(self, number: int, path: NDArray[np.float64]) -> None:
+        """Search from states along a transient.
 
         One transient in m is used for period m, so that all periods take the same time. Newton's method for long
         periods converges from fewer states. It therefore begins later, when the transient is nearer to its attractor.
         For short periods it begins early too, where it may reach orbits that the transient moves away from.
         """
-        path = settling.path
-        for period in self._chunk.options.newton_periods:
-            if number % period:
-                continue
+        for period in self._periods(number):
             for place in (_EARLY, _LATE + period)[period > _SHORT :]:
                 state = path[min(place, len(path) - 1)]
                 if self._lanes is not None or self.catalogue.nearest(state, period)[1] > _THERE:
                     self._begin(state, period)
-            if settling.entry is None and len(path) > 2 * period:
+
+    def at_return(self, number: int, path: NDArray[np.float64]) -> None:
+        """Search from the closest return of a transient that has not settled."""
+        for period in self._periods(number):
+            if len(path) > 2 * period:
                 returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
                 self._begin(path[int(np.argmin(returns))], period)
+
+    def _periods(self, number: int) -> Iterator[int]:
+        return (period for period in self._chunk.options.newton_periods if number % period == 0)
 
     def _begin(self, start: NDArray[np.float64], period: int) -> None:
         if self._lanes is None:
@@ -198,6 +213,7 @@ class _Hunt:
         if self._lanes is None or not self._waiting:
             return
         starts, periods = np.array([start for start, _ in self._waiting]), np.array([m for _, m in self._waiting])
+        self._waiting.clear()
         away = self.catalogue.nearest_each(starts, periods)[1] > _THERE
         starts, periods = starts[away], periods[away]
         self.tried += len(starts)
