@@ -31,7 +31,7 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 from gapwalk.orbit.shooting import Shooting
 
 _DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
@@ -84,10 +84,11 @@ class Flip(Kind):
         width = abs(special.value) + 1.0
         within = check_range(special.value, (special.value - width, special.value + width))
         within = within.along(parameter, special.orbit.system)
+        method = chosen(method)
         try:
-            doubled = Doubled(special, parameter, within, _in_segments(chosen(method), special.orbit.period))
+            doubled = Doubled(special, parameter, within, _in_segments(method, special.orbit.period))
             start = doubled.start()
-            limit = _limit(doubled, start)
+            limit = _limit(doubled, start, _map_of(special, parameter, method))
         except (NumericalError, np.linalg.LinAlgError):
             return special
         if limit is None:
@@ -151,7 +152,19 @@ def _in_segments(method: Method, period: int) -> Method:
     return replace(method, segments=max(method.segments, period)) if isinstance(method, Shooting) else method
 
 
-def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
+def _map_of(special: SpecialPoint, parameter: str, method: Method) -> OrbitEquation | None:
+    """Return the equation whose derivatives are those of the map over the period of a flip, less the identity.
+
+    It takes half the time of the doubled equation. None for other methods than shooting in one segment, and where
+    friction or rigid stops make it another equation.
+    """
+    structure = special.orbit.system.structure
+    if not isinstance(method, Shooting) or method.segments > 1 or structure.friction or structure.reactions:
+        return None
+    return method.pose(special.orbit.system, parameter, special.orbit.period)
+
+
+def _limit(doubled: Doubled, start: DoubledStart, single: OrbitEquation | None) -> _Limit | None:
     """Return the side on which doubled motions of vanishing amplitude lie; None if it cannot be determined.
 
     With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
@@ -161,13 +174,17 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
     (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. At such amplitudes
     the doubled motions themselves cannot be distinguished from the parent: rounding gives their parameter an error of
     about 1e-15 / s.
+
+    With the map P over the period of the flip instead of the equation, c and alpha are half as large, and both have the
+    other sign.
     """
-    equation, scales = doubled.corrector.equation, doubled.corrector.scales
-    unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
+    equation, value = single or doubled.corrector.equation, float(start.unknowns[-1])
+    size = len(doubled.special.orbit.state) if single else len(start.unknowns) - 1
+    unknowns, units = start.unknowns[:size], doubled.corrector.scales[:size]
 
     def motion_at(unknowns: NDArray[np.float64], value: float = value) -> tuple[NDArray[np.float64], Orbit]:
         evaluation = equation.evaluate(unknowns, value)
-        return evaluation.by_unknowns * scales[:-1], equation.orbit(unknowns, value, evaluation)
+        return evaluation.by_unknowns * units, equation.orbit(unknowns, value, evaluation)
 
     orbits: list[Orbit] = []
 
@@ -177,16 +194,17 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
         return matrix, orbit.events
 
     here = matrix_at(unknowns)
-    left, _, right = least_singular(here[0])
-    response = -(here[0] + np.outer(left, right))  # regular, and equal to -F' for motions of half the period
+    left, _, right = least_singular(here[0] + np.diag(2.0 * units) if single else here[0])
+    response = -here[0] if single else -(here[0] + np.outer(left, right))  # -F' for motions of half the period
     for step in _STEPS:
-        cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
+        cubic = flip_coefficient(matrix_at, here, unknowns, units, (right, left), response, (step,))
         if not cubic.error <= _SURE * abs(cubic.value):
             continue
         beside = doubled.along(start.place + step)
-        alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
-        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
-        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
+        alpha = left @ (motion_at(beside[:size], float(beside[-1]))[0] - here[0]) @ right
+        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())  # the last orbit was two steps away
+        along = 2.0 * step / np.linalg.norm(start.across[:size] * units) * np.linalg.norm(right * units)
+        return _Limit(-int(np.sign(cubic.value * alpha)), float(along), amplitude)
     return None
 
 
