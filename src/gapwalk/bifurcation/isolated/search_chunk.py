@@ -23,6 +23,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
 _EVERY = 8  # forcing periods between two examinations of the returns
+_TOGETHER = 4 * _EVERY  # the same of many transients: their start takes as long as all of these periods
 _STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # in one call: a call costs as much as a period
 _RETURN = 1e-3  # distance of a return, in half-widths of the box, below which a transient may be settling
 _FINEST = 1e-11  # the closest return that is required
@@ -320,21 +321,13 @@ class Settler:
             return
         transients, found = [_Transient([state]) for state in states], dict[int, Settling]()
         while waiting := [number for number in range(len(states)) if number not in found]:
-            for number in waiting:
-                if not self._goes_on(transients[number].path):
-                    found[number] = Settling(np.array(transients[number].path), None)
-            going = [number for number in waiting if number not in found]
-            if not going:
-                continue
-            strobes = self._lanes.strobes(np.array([transients[number].path[-1] for number in going]), _EVERY)
-            for number, after in zip(going, strobes.transpose(1, 0, 2), strict=True):
-                if not np.isfinite(after).all():  # the exact flow decides whether it diverges
-                    found[number] = self.settle(states[number])
-                    continue
-                transients[number].path += list(after)
-                entry = self._settled(transients[number])
-                if entry is not None:
-                    found[number] = Settling(np.array(transients[number].path), entry)
+            strobes = self._lanes.strobes(np.array([transients[number].path[-1] for number in waiting]), _TOGETHER)
+            for number, after in zip(waiting, strobes.transpose(1, 0, 2), strict=True):
+                settling = self._examined(transients[number], after)
+                if settling is not None and settling.ran_away:
+                    settling = self.settle(states[number])  # the exact flow decides whether it diverges
+                if settling is not None:
+                    found[number] = settling
         yield from (found[number] for number in range(len(states)))
 
     def settle(self, state: NDArray[np.float64]) -> Settling:
@@ -353,6 +346,19 @@ class Settler:
         except FlowError:
             return Settling(np.array(transient.path), None, ran_away=True)
         return Settling(np.array(transient.path), None)
+
+    def _examined(self, transient: _Transient, after: NDArray[np.float64]) -> Settling | None:
+        """Return the outcome of a transient within its next states; None if it should be followed further."""
+        for states in np.split(after, len(after) // _EVERY):
+            if not self._goes_on(transient.path):
+                return Settling(np.array(transient.path), None)
+            if not np.isfinite(states).all():
+                return Settling(np.array(transient.path), None, ran_away=True)
+            transient.path += list(states)
+            entry = self._settled(transient)
+            if entry is not None:
+                return Settling(np.array(transient.path), entry)
+        return None
 
     def _settled(self, transient: _Transient) -> Entry | None:
         """Return the stable orbit on which a transient has settled since the last examination; None if it has not."""
