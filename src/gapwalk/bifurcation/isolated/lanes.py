@@ -1,7 +1,7 @@
 """Many motions of one system at once, by the batch integrator: transients of a search, and Newton's method.
 
-The map over a forcing period of the batch integrator differs from that of the exact flow by about 1e-4 of the motion.
-It is as smooth: its derivatives are differences over a millionth of that error. So Newton's method converges to a
+The map over a forcing period of the batch integrator differs from that of the exact flow by about 1e-5 of the motion.
+It is as smooth: its derivatives are differences over a hundredth of that error. So Newton's method converges to a
 periodic motion of the batch integrator as it does to one of the flow, and a few exact steps lead from one to the other.
 
 Method: docs/numerics/isolated-branches.md
@@ -21,7 +21,7 @@ from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, first_g
 from gapwalk.errors import UnfitError
 from gapwalk.model.system import System
 
-_ERROR = 1e-4  # of the batch integrator over a forcing period, relative to the motion
+_ERROR = 1e-5  # over a forcing period, relative to the motion; with 1e-4 a few orbits fewer are found
 _LOOKS = 4  # motions that are compared with the exact flow over one forcing period
 _MOST = MOST_STEPS // 10  # steps per forcing period above which the exact flow is as fast
 _TRIALS = 6  # largest number of revisions of the steps

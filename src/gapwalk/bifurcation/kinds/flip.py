@@ -58,7 +58,7 @@ _CAREFUL = 1.5  # factor by which that ratio grows again after a failure, from 1
 _NARROW, _BEFORE = 0.15, 0.9  # step, as a share of the way, within which the turn is interpolated; aim just before it
 _LEAST, _NEARLY = 0.01, 0.8  # shortest step, as a share of the way from the flip; share of the amplitude that is enough
 _CORRECTIONS, _SLOW = 5, 0.7  # Newton steps for one point, and the ratio of two of them at which it is given up
-_CLOSE, _CLOSER = 0.03, 1e-6  # the last of them, in steps along the branch; the same where the branch seems to turn
+_CLOSE, _CLOSER = 0.1, 1e-6  # the last of them, in steps along the branch; the same where the branch seems to turn
 _ASIDE = 0.3  # distance from a guess, in steps, beyond which a motion may lie on another branch
 Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
 """Derivative of a map or of an equation at a point, in units of its unknowns, and the contacts of the motion there."""
