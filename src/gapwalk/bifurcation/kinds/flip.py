@@ -32,7 +32,7 @@ from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
-from gapwalk.orbit.shooting import Shooting
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
 _ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
@@ -86,9 +86,11 @@ class Flip(Kind):
         within = within.along(parameter, special.orbit.system)
         method = chosen(method)
         try:
-            doubled = Doubled(special, parameter, within, _in_segments(method, special.orbit.period))
+            single = _map_of(special, parameter, method)
+            fine = method if single is None else _in_segments(method, special.orbit.period)
+            doubled = Doubled(special, parameter, within, fine)
             start = doubled.start()
-            limit = _limit(doubled, start, _map_of(special, parameter, method))
+            limit = _limit(doubled, start, single)
         except (NumericalError, np.linalg.LinAlgError):
             return special
         if limit is None:
@@ -343,10 +345,17 @@ def _one_step(corrector: Corrector, here: _Place, step: float, way: int) -> _Pla
             return None
         goes_on = np.sign(tangent[-1]) == way
         if size < (_CLOSE if goes_on else _CLOSER) * step:
-            orbit = corrector.equation.orbit(x[:-1] * corrector.scales[:-1], x[-1] * corrector.scales[-1], evaluation)
-            return _Place(x, tangent, (tangent - here.tangent) / step, orbit.state)
+            return _Place(x, tangent, (tangent - here.tangent) / step, _state(corrector, x, evaluation))
         before = size
     return None
+
+
+def _state(corrector: Corrector, x: NDArray[np.float64], evaluation: Evaluation) -> NDArray[np.float64]:
+    """Return the state at theta = 0 of a point; of shooting it is among the unknowns, and no multipliers are needed."""
+    unknowns, equation = x[:-1] * corrector.scales[:-1], corrector.equation
+    if isinstance(equation, ShootingEquation):
+        return unknowns[: equation.system.state_size]
+    return equation.orbit(unknowns, float(x[-1] * corrector.scales[-1]), evaluation).state
 
 
 def _newton(
