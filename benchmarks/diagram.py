@@ -19,6 +19,7 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, DiagramOptions, Orbit, WalkOptions, diagram, find_orbit, follow, paper, search
+from gapwalk.bifurcation.isolated.lanes import Lanes
 from gapwalk.continuation import walk as walks
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.flow.flow import PERIOD, Flow
@@ -141,9 +142,12 @@ def measure(start: Orbit, effort: Effort) -> Row:
 
 
 def count_periods(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
-    """Return the result of some work, and its numbers of forcing periods with sensitivities and without."""
+    """Return the result of some work, and its numbers of forcing periods with sensitivities and without.
+
+    Those of the batch integrator count too: a search follows transients with it, and makes Newton steps.
+    """
     counts: Counter[str] = Counter()
-    integrate, sample = Flow.integrate, Flow.sample
+    integrate, sample, strobes, evaluate = Flow.integrate, Flow.sample, Lanes.strobes, Lanes.evaluate
 
     def integrated(self, coefficients, state, start=0.0, stop=PERIOD, direction=None):
         counts["sensitive" if self.has_transition else "plain"] += (stop - start) / PERIOD
@@ -153,9 +157,24 @@ def count_periods(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
         counts["plain"] += (thetas[-1] - thetas[0]) / PERIOD
         return sample(self, coefficients, state, thetas)
 
+    def strobed(self, states, periods):
+        counts["plain"] += len(states) * periods
+        return strobes(self, states, periods)
+
+    def evaluated(self, states, periods):
+        before = counts["plain"]
+        found = evaluate(self, states, periods)
+        counts.update(
+            plain=before - counts["plain"]
+        )  # the displaced motions are its derivatives, and some run on beyond their period
+        counts.update(sensitive=int(periods.sum()))
+        return found
+
     with ExitStack() as stack:
         stack.enter_context(patch.object(Flow, "integrate", integrated))
         stack.enter_context(patch.object(Flow, "sample", sampled))
+        stack.enter_context(patch.object(Lanes, "strobes", strobed))
+        stack.enter_context(patch.object(Lanes, "evaluate", evaluated))
         return work(), counts
 
 

@@ -19,6 +19,7 @@ from benchmarks.row import Row, Target
 from benchmarks.simd import SimdClutch
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
+from gapwalk.bifurcation.isolated.lanes import lanes_of
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.parallel.workers import Workers
@@ -139,6 +140,11 @@ def test_periods_are_counted_as_they_are_integrated():
     assert periods == pytest.approx({"plain": 12.0, "sensitive": 2.0})
     assert estimate(periods, LEAST) > estimate(Counter(plain=1.0), LEAST) > 0.0
     assert count_periods(lambda: None)[1] == {}
+    states = np.tile(orbit.state, (3, 1))
+    lanes = lanes_of(orbit.system, states, np.ones(4))
+    assert lanes is not None
+    together = count_periods(lambda: (lanes.strobes(states, 8), lanes.evaluate(states, np.array([1, 2, 4]))))[1]
+    assert together == pytest.approx({"plain": 24.0, "sensitive": 7.0})
 
 
 @pytest.mark.parametrize("frequency", [0.5, 0.62, 1.3])

@@ -10,6 +10,8 @@ from scipy.optimize import fsolve
 
 from gapwalk import backlash
 from gapwalk.bifurcation import Branch, Kind, SpecialPoint, follow, switch
+from gapwalk.continuation import WalkOptions
+from gapwalk.flow.flow import Flow
 from gapwalk.model import Harmonic, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
@@ -83,6 +85,19 @@ def test_flips_beside_which_a_contact_grazes(figure, parent, value, nature):
     assert flip.value == pytest.approx(value, abs=1e-9)
     assert (flip.nature, flip.nature_words) == (nature, f"{nature} up to {flip.judged:.1g}")
     check_label(flip, "frequency")
+
+
+def test_a_graze_that_the_doubled_branch_only_passes_does_not_end_the_side_of_its_flip():
+    """Long steps fail at these grazes; up to 1 % of the motion no doubled motion is on the other side."""
+    flip, before = flip_near(response("15"), 0.268993443), Flow.calls
+    again = flip.kind.judged(replace(flip, nature="", judged=0.0), "frequency", None)
+    assert (again.nature, again.nature_words, again.judged) == ("supercritical", "supercritical", flip.judged)
+    assert Flow.calls - before < 60
+    branch = follow(flip, "frequency", to=RANGES["15"], walk=WalkOptions(max_points=60))
+    judged = [each for each in branch.points[1:] if np.abs(each.orbit.state - flip.orbit.state).max() < flip.judged]
+    assert len(judged) > 5
+    assert {np.sign(each.value - flip.value) for each in judged} == {np.sign(judged[0].value - flip.value)}
+    assert {np.sign(each.tangent[-1]) for each in judged} == {np.sign(judged[0].tangent[-1])}
 
 
 def test_doubled_motions_found_with_scipy_lie_where_a_subcritical_flip_has_them():

@@ -19,7 +19,7 @@ from gapwalk.continuation.walk_scales import Range, check_range, scales_of, with
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.orbit import Orbit, true_period
+from gapwalk.orbit.orbit import Orbit, returns, true_period
 from gapwalk.orbit.orbit_equation import OrbitEquation, solve
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _apart(point: BranchPoint) -> NDArray[np.float64]:
     known = point.memo.get(_apart)
     if known is None:
         orbit = point.orbit
-        states = orbit.strobes(orbit.period // 2 + 1)
+        states = returns(orbit, orbit.period // 2 + 1)
         known = point.memo[_apart] = (states - orbit.state) / magnitude(orbit.state, orbit.system)
     return known
 

@@ -281,8 +281,7 @@ class BranchTracer(Iterator[Step]):
                 return []
             start, before = beside, None
         parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
-        found = self.detector.inspect(start, point, before)
-        special = [each.kind.judged(each, parameter, method) for each in found] if self._judges else found
+        special = self.detector.inspect(start, point, before)
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
@@ -290,7 +289,8 @@ class BranchTracer(Iterator[Step]):
                 ends = sum(each.kind is Kind.SLIP_ONSET for each in special)
                 if len(directions_left(first.orbit, point.orbit, contact)) > ends:
                     raise NumericalError("friction comes to rest at another position than where its slip ends")
-        return special
+        # only now, as each of them is found again where the step is repeated
+        return [each.kind.judged(each, parameter, method) for each in special] if self._judges else special
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """Return a point just beyond the beginning of a branch that begins at another; None if there is none.

@@ -344,7 +344,8 @@ def junction_nearby(branch: Branch, within: tuple[float, float], method: Method 
 def _first_junction(beginning: BranchStart) -> SpecialPoint | None:
     """Return the first point along a branch where one of twice the period ends; it may itself end just beyond."""
     for step in _STEPS:
-        tracer = BranchTracer(beginning, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
+        options = WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS)
+        tracer = BranchTracer(beginning, options, judges=False)
         junction = next((each for _, special in tracer for each in special if each.doubles), None)
         if junction is not None:
             return junction

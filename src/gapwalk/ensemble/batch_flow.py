@@ -25,7 +25,7 @@ from gapwalk.ensemble.force_source import LANES
 from gapwalk.ensemble.kernel import Kernel, kernel_of
 from gapwalk.ensemble.kernel_source import Form
 from gapwalk.ensemble.scheme import Linear, Scheme, deflections_of, scheme_of
-from gapwalk.ensemble.start import admissible, history_of, lag, past_numbers, slopes_of
+from gapwalk.ensemble.start import admissible, extrapolated_history, history_of, lag, past_numbers, slopes_of
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
@@ -211,11 +211,14 @@ class BlockPlan:
         Coefficients that may differ from zero.
     steps
         Number of steps per forcing period.
+    begins_often
+        True to take less time for the start of a run; see `gapwalk.ensemble.start.extrapolated_history`.
     """
 
     linear: Linear
     pattern: bytes
     steps: int
+    begins_often: bool = False
 
     @property
     def shared(self) -> bool:
@@ -234,7 +237,7 @@ class BlockPlan:
 
     def some(self, lanes: NDArray[np.intp]) -> BlockPlan:
         """Select the systems of some trajectories; the steps are reused, not computed again."""
-        part = BlockPlan(self.linear.some(lanes), self.pattern, self.steps)
+        part = BlockPlan(self.linear.some(lanes), self.pattern, self.steps, self.begins_often)
         part.__dict__["scheme"] = self.scheme.some(lanes)
         return part
 
@@ -335,7 +338,8 @@ class Blocks:
         modal, n2 = begun.copy(), 2 * block_plan.linear.n
         if basis is not None:
             modal[:, :n2] = np.linalg.solve(basis, begun[:, :n2, None])[:, :, 0]
-        forces = history_of(block_plan.linear, states, block_plan.steps).reshape(-1, self.count)
+        history = extrapolated_history if block_plan.begins_often else history_of
+        forces = history(block_plan.linear, states, block_plan.steps).reshape(-1, self.count)
         rows = np.concatenate((modal.T, forces, past_numbers(block_plan.linear, states)))
         self._data[:, : len(rows)] = self._in_blocks(rows)
         self._record = np.full((number, noted, self._size, LANES), np.nan)

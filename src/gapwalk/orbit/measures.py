@@ -138,19 +138,22 @@ class Survey(NamedTuple):
         Mean of each coordinate, and of its square.
     margins
         Distances of friction from changes of its sequence of slip and stick.
+    returns : shape (period + 1, state_size)
+        States at the start of each forcing period, and at the end; None of motions with friction or rigid stops.
     """
 
     turns: tuple[Turns, ...]
     visited: list[list[float]]
     means: NDArray[np.float64]
     margins: list[Margin]
+    returns: NDArray[np.float64] | None = None
 
 
 def survey(orbit: Orbit) -> Survey:
     """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
     flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
     length, n, structure = PERIOD * orbit.period, orbit.system.size, orbit.system.structure
-    thetas = np.array([0.0, length])
+    thetas = PERIOD * np.arange(orbit.period + 1.0)
     if structure.friction:
         starts = [phase.start % length for phases in orbit.friction.values() for phase in phases]
         thetas = np.sort(np.concatenate((_even(orbit.period), starts)))
@@ -179,7 +182,8 @@ def survey(orbit: Orbit) -> Survey:
     margins = []
     if structure.friction and orbit.is_exact:
         margins = margins_of(orbit, thetas, found, flow.readings)
-    return Survey(tuple(contacts), visited, integrals / length, margins)
+    returns = None if structure.friction or structure.reactions else found.states
+    return Survey(tuple(contacts), visited, integrals / length, margins, returns)
 
 
 @lru_cache(maxsize=16)

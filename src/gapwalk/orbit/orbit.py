@@ -417,6 +417,15 @@ def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
     return orbit.strobes(orbit.period)
 
 
+def returns(orbit: Orbit, count: int) -> NDArray[np.float64]:
+    """Return the first `count` states at the start of a forcing period, at most all; shape (count, state_size).
+
+    Where the survey of the motion has them, which a walk needs of each point, nothing more is integrated.
+    """
+    known = orbit._survey.returns if orbit.is_exact else None
+    return orbit.strobes(count) if known is None else known[:count]
+
+
 def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:
     return np.abs(states - orbit.state).max(axis=1) / magnitude(orbit.state, orbit.system)
 

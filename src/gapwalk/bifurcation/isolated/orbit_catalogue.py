@@ -72,6 +72,19 @@ class Catalogue:
         """Return the stable entry nearest to a state, whatever its period, and its distance."""
         return self._nearest(state, self._stable)
 
+    def nearest_each(
+        self, states: NDArray[np.float64], periods: NDArray[np.intp]
+    ) -> tuple[list[Entry | None], NDArray[np.float64]]:
+        """Return `nearest` of each of some states, with its number of forcing periods; shapes (count, ...)."""
+        if not self.entries:
+            return [None] * len(states), np.full(len(states), math.inf)
+        distances = np.abs((self._states - states[:, None]) / self.scales).max(axis=2)
+        distances[periods[:, None] % self._periods != 0] = math.inf
+        nearest = distances.argmin(axis=1)
+        least = distances[np.arange(len(states)), nearest]
+        owners = zip(nearest.tolist(), least.tolist(), strict=True)
+        return [self._owners[place] if away < math.inf else None for place, away in owners], least
+
     def _nearest(self, state: NDArray[np.float64], asked: NDArray[np.bool_]) -> tuple[Entry | None, float]:
         if not asked.any():
             return None, math.inf

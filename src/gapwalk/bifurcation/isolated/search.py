@@ -53,6 +53,7 @@ class PieceRunner(Protocol):
         ...
 
 
+_MANY = 500  # starts from which a search uses the batch integrator, which takes a second to compile, or to load
 CONFIDENCE = 0.95
 """Probability with which an attractor of more than the given share would have been found."""
 
@@ -249,7 +250,8 @@ def search(
         raise ModelError("values is empty; name at least one value of the parameter at which to search")
     numbers = [number for number, branch in enumerate(known) if branch.parameter == parameter]
     curves = [Curve(known[number]) for number in numbers]
-    chunks = [chunk for value in chosen for chunk in _chunks(system, parameter, value, curves, options)]
+    many = len(chosen) * options.starts >= _MANY
+    chunks = [chunk for value in chosen for chunk in _chunks(system, parameter, value, curves, options, many)]
     catches: dict[int, Catch] = {}
 
     def keep(number: int, catch: Catch) -> None:
@@ -277,7 +279,7 @@ def _run_here(
 
 
 def _chunks(
-    system: System, parameter: str, value: float, curves: list[Curve], options: SearchOptions
+    system: System, parameter: str, value: float, curves: list[Curve], options: SearchOptions, many: bool
 ) -> Iterator[Chunk]:
     """Yield the pieces of work at one value."""
     there = system.at({parameter: value})
@@ -290,7 +292,7 @@ def _chunks(
     starts = spread_starts([there], box, options.starts, options.seed, value)
     box = with_extensions(there, box)
     for block, first in enumerate(range(0, options.starts, options.block)):
-        yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
+        yield Chunk(value, block, there, box, starts[first : first + options.block], known, options, many)
 
 
 def _result(

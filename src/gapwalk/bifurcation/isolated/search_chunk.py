@@ -6,11 +6,13 @@ From each start a transient is followed until it repeats, instead of for a fixed
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.isolated.lanes import Lanes, lanes_of, newton_in_lanes
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, Entry, exact_orbit, newton_aside
 from gapwalk.bifurcation.isolated.search_options import SearchOptions, generator
 from gapwalk.errors import FlowError
@@ -21,6 +23,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
 _EVERY = 8  # forcing periods between two examinations of the returns
+_TOGETHER = 4 * _EVERY  # the same of many transients: their start takes as long as all of these periods
 _STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # in one call: a call costs as much as a period
 _RETURN = 1e-3  # distance of a return, in half-widths of the box, below which a transient may be settling
 _FINEST = 1e-11  # the closest return that is required
@@ -77,6 +80,8 @@ class Chunk:
         Orbits known at that value.
     options
         Options of the search.
+    many
+        True if the search has so many starts that the batch integrator pays.
     """
 
     value: float
@@ -86,6 +91,7 @@ class Chunk:
     starts: NDArray[np.float64]
     known: tuple[Orbit, ...]
     options: SearchOptions
+    many: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +122,21 @@ def search_chunk(chunk: Chunk) -> Catch:
     Every start is followed until it settles. States along the transients are starts of Newton's method for orbits of
     several periods, stable or not. Finally, Newton's method with deflation searches near each new orbit for others.
     """
-    hunt, options = _Hunt(chunk), chunk.options
-    settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience)
+    options = chunk.options
+    lanes = lanes_of(chunk.system, chunk.starts, chunk.box) if chunk.many else None
+    hunt = _Hunt(chunk, lanes)
+    settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience, lanes)
     every = math.ceil(options.starts / options.newton_starts) if options.newton_starts else 0
     unsettled, ran_away = [], 0
-    for number, start in enumerate(chunk.starts, chunk.block * options.block):
-        settling = settler.settle(start)
+    first = chunk.block * options.block
+    if (
+        lanes is not None and every
+    ):  # stable orbits that Newton's method finds let transients settle that die away slowly
+        for number, path in enumerate(lanes.paths(chunk.starts, _LATE + max(options.newton_periods)), first):
+            if number % every == 0:
+                hunt.along(number // every, path)
+        hunt.together()
+    for number, settling in enumerate(settler.settle_each(chunk.starts), first):
         if settling.entry is not None:
             settling.entry.settled += 1
         elif settling.ran_away:
@@ -129,10 +144,14 @@ def search_chunk(chunk: Chunk) -> Catch:
         else:
             unsettled.append(settling.path[-1])
         if every and number % every == 0:
-            hunt.along(number // every, settling)
+            if lanes is None:
+                hunt.along(number // every, settling.path)
+            if settling.entry is None:
+                hunt.at_return(number // every, settling.path)
+    hunt.together()
     if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
-        settler = Settler(chunk.system, hunt.catalogue, options.periods, _PATIENCE * options.patience)
-        late = [settler.settle(state) for state in unsettled]
+        settler = Settler(chunk.system, hunt.catalogue, options.periods, _PATIENCE * options.patience, lanes)
+        late = [*settler.settle_each(np.array(unsettled))] if unsettled else []
         unsettled = [settling.path[-1] for settling in late if settling.entry is None]
         for settling in late:
             if settling.entry is not None:
@@ -145,10 +164,11 @@ def search_chunk(chunk: Chunk) -> Catch:
 
 
 class _Hunt:
-    """Search for orbits, stable or not, by Newton's method."""
+    """Search for orbits, stable or not, by Newton's method: at once, or in lanes when all starts are known."""
 
-    def __init__(self, chunk: Chunk) -> None:
-        self._chunk = chunk
+    def __init__(self, chunk: Chunk, lanes: Lanes | None) -> None:
+        self._chunk, self._lanes = chunk, lanes
+        self._waiting: list[tuple[NDArray[np.float64], int]] = []
         self._random = generator(chunk.options.seed, chunk.value, chunk.block + 1)
         self._equations: dict[int, ShootingEquation] = {}
         self.catalogue = Catalogue(chunk.box)
@@ -157,24 +177,64 @@ class _Hunt:
             self.catalogue.add(orbit)
         self._known = len(self.catalogue.entries)
 
-    def along(self, number: int, settling: Settling) -> None:
-        """Search from states along a transient; if it has not settled, also from its closest return.
+    def along(self, number: int, path: NDArray[np.float64]) -> None:
+        """Search from states along a transient.
 
         One transient in m is used for period m, so that all periods take the same time. Newton's method for long
         periods converges from fewer states. It therefore begins later, when the transient is nearer to its attractor.
         For short periods it begins early too, where it may reach orbits that the transient moves away from.
         """
-        path = settling.path
-        for period in self._chunk.options.newton_periods:
-            if number % period:
-                continue
+        for period in self._periods(number):
             for place in (_EARLY, _LATE + period)[period > _SHORT :]:
                 state = path[min(place, len(path) - 1)]
-                if self.catalogue.nearest(state, period)[1] > _THERE:
-                    self._try(state, period)
-            if settling.entry is None and len(path) > 2 * period:
+                if self._lanes is not None or self.catalogue.nearest(state, period)[1] > _THERE:
+                    self._begin(state, period)
+
+    def at_return(self, number: int, path: NDArray[np.float64]) -> None:
+        """Search from the closest return of a transient that has not settled."""
+        for period in self._periods(number):
+            if len(path) > 2 * period:
                 returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
-                self._try(path[int(np.argmin(returns))], period)
+                self._begin(path[int(np.argmin(returns))], period)
+
+    def _periods(self, number: int) -> Iterator[int]:
+        return (period for period in self._chunk.options.newton_periods if number % period == 0)
+
+    def _begin(self, start: NDArray[np.float64], period: int) -> None:
+        if self._lanes is None:
+            self._try(start, period)
+        else:
+            self._waiting.append((start, period))
+
+    def together(self) -> None:
+        """Apply Newton's method in lanes from the starts that wait, and exactly from where it leads.
+
+        Like `_try`, it gives up what leads to an orbit that is already in the catalogue.
+        """
+        if self._lanes is None or not self._waiting:
+            return
+        starts, periods = np.array([start for start, _ in self._waiting]), np.array([m for _, m in self._waiting])
+        self._waiting.clear()
+        away = self.catalogue.nearest_each(starts, periods)[1] > _THERE
+        starts, periods = starts[away], periods[away]
+        self.tried += len(starts)
+
+        def are_met(which: NDArray[np.intp], states: NDArray[np.float64]) -> NDArray[np.bool_]:
+            entries, distances = self.catalogue.nearest_each(states, periods[which])
+            near = distances <= _THERE
+            for place in np.flatnonzero(near).tolist():
+                if (entry := entries[place]) is not None:
+                    entry.newton += 1
+            return near
+
+        for state, period in zip(newton_in_lanes(self._lanes, starts, periods, are_met), periods.tolist(), strict=True):
+            if np.isfinite(state).all():
+                entry, distance = self.catalogue.nearest(state, period)
+                if entry is not None and distance <= _THERE:
+                    entry.newton += 1
+                else:
+                    self.tried -= 1  # it is counted again
+                    self._try(state, period)
 
     def beside(self) -> None:
         """Search near each orbit found, with all known ones deflated: a second orbit is often near.
@@ -211,6 +271,26 @@ class _Hunt:
             entry.newton += 1
 
 
+@dataclass
+class _Transient:
+    """One transient so far.
+
+    Attributes
+    ----------
+    path
+        States at the start of each forcing period.
+    finest
+        Distance of a return, in half-widths of the box, below which it may be settling.
+    beside, before
+        The nearest stable orbit at the last examination, and its distance.
+    """
+
+    path: list[NDArray[np.float64]]
+    finest: float = _RETURN
+    beside: Entry | None = None
+    before: float = math.inf
+
+
 class Settler:
     """Integrator that follows the transients of one system until they settle.
 
@@ -224,11 +304,31 @@ class Settler:
         Longest period, in forcing periods, for which a return is sought.
     patience
         Forcing periods after which a transient whose returns no longer shrink is given up.
+    lanes
+        The map with which many transients are followed at once; None to follow one after the other exactly.
     """
 
-    def __init__(self, system: System, catalogue: Catalogue, periods: int, patience: int) -> None:
+    def __init__(
+        self, system: System, catalogue: Catalogue, periods: int, patience: int, lanes: Lanes | None = None
+    ) -> None:
         self._system, self._catalogue, self._periods, self._patience = system, catalogue, periods, patience
-        self._flow, self._coefficients = flow_of(system), coefficients_of(system)
+        self._flow, self._coefficients, self._lanes = flow_of(system), coefficients_of(system), lanes
+
+    def settle_each(self, states: NDArray[np.float64]) -> Iterator[Settling]:
+        """Follow the transients from some states, one after the other as they are asked for, or all at once."""
+        if self._lanes is None:
+            yield from map(self.settle, states)
+            return
+        transients, found = [_Transient([state]) for state in states], dict[int, Settling]()
+        while waiting := [number for number in range(len(states)) if number not in found]:
+            strobes = self._lanes.strobes(np.array([transients[number].path[-1] for number in waiting]), _TOGETHER)
+            for number, after in zip(waiting, strobes.transpose(1, 0, 2), strict=True):
+                settling = self._examined(transients[number], after)
+                if settling is not None and settling.ran_away:
+                    settling = self.settle(states[number])  # the exact flow decides whether it diverges
+                if settling is not None:
+                    found[number] = settling
+        yield from (found[number] for number in range(len(states)))
 
     def settle(self, state: NDArray[np.float64]) -> Settling:
         """Follow the transient from a state until it has settled, has diverged, or shows no sign of settling.
@@ -236,23 +336,44 @@ class Settler:
         It has settled if it returns closely and Newton's method finds a stable orbit there. Earlier than that, it has
         settled if it approaches a known stable orbit from one examination to the next.
         """
-        path, finest, beside, before = [state], _RETURN, None, math.inf
+        transient = _Transient([state])
         try:
-            while self._goes_on(path):
-                path += list(self._flow.sample(self._coefficients, path[-1], _STROBES).states[1:])
-                entry, distance = self._catalogue.nearest_stable(path[-1])
-                if entry is beside and distance < before <= _NEAR:
-                    return Settling(np.array(path), entry)
-                beside, before = entry, distance
-                period = self._returns(path, finest)
-                if period:
-                    entry = self._orbit_near(path[-1], period)
-                    if entry is not None:
-                        return Settling(np.array(path), entry)
-                    finest = max(finest / 10.0, _FINEST)
+            while self._goes_on(transient.path):
+                transient.path += list(self._flow.sample(self._coefficients, transient.path[-1], _STROBES).states[1:])
+                entry = self._settled(transient)
+                if entry is not None:
+                    return Settling(np.array(transient.path), entry)
         except FlowError:
-            return Settling(np.array(path), None, ran_away=True)
-        return Settling(np.array(path), None)
+            return Settling(np.array(transient.path), None, ran_away=True)
+        return Settling(np.array(transient.path), None)
+
+    def _examined(self, transient: _Transient, after: NDArray[np.float64]) -> Settling | None:
+        """Return the outcome of a transient within its next states; None if it should be followed further."""
+        for states in np.split(after, len(after) // _EVERY):
+            if not self._goes_on(transient.path):
+                return Settling(np.array(transient.path), None)
+            if not np.isfinite(states).all():
+                return Settling(np.array(transient.path), None, ran_away=True)
+            transient.path += list(states)
+            entry = self._settled(transient)
+            if entry is not None:
+                return Settling(np.array(transient.path), entry)
+        return None
+
+    def _settled(self, transient: _Transient) -> Entry | None:
+        """Return the stable orbit on which a transient has settled since the last examination; None if it has not."""
+        path = transient.path
+        entry, distance = self._catalogue.nearest_stable(path[-1])
+        if entry is transient.beside and distance < transient.before <= _NEAR:
+            return entry
+        transient.beside, transient.before = entry, distance
+        period = self._returns(path, transient.finest)
+        if period:
+            entry = self._orbit_near(path[-1], period)
+            if entry is not None:
+                return entry
+            transient.finest = max(transient.finest / 10.0, _FINEST)
+        return None
 
     def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
         """Return True if a transient should be followed further: it is still short, or its returns shrink."""

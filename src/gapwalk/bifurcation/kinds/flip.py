@@ -23,7 +23,7 @@ from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.kinds.defining_functions import Criticality, bounded_product, nearest, smallest_singular_value
 from gapwalk.bifurcation.special_point import REACH, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.continuation.corrector import TRUST, Corrector
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, check_range, scales_of
 from gapwalk.errors import ConvergenceError, NumericalError
@@ -31,6 +31,8 @@ from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
 _ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
@@ -50,9 +52,14 @@ _SECANTS = 6  # largest number of steps of the secant method
 _FAR = 0.05  # scaled distance beyond which a branch point does not belong to the flip
 _ITERATIONS, _SETTLED = 12, 1e-13  # of inverse iteration, and the change of a unit vector at which it ends
 _SURE = 0.05  # relative error of the cubic coefficient up to which its sign counts
-_STEPS_ALONG = 12  # largest number of steps along the doubled branch
-_LONGER, _SHORTER = 4.0, 0.3  # ratio of the next step to the present one after success and after failure
-_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may lie on another branch
+_STEPS_ALONG = 16  # largest number of steps along the doubled branch
+_LONGER, _SHORTER = 4.0, 0.4  # ratio of the next step to the present one after success and after failure
+_CAREFUL = 1.5  # factor by which that ratio grows again after a failure, from 1
+_NARROW, _BEFORE = 0.15, 0.9  # step, as a share of the way, within which the turn is interpolated; aim just before it
+_LEAST, _NEARLY = 0.01, 0.8  # shortest step, as a share of the way from the flip; share of the amplitude that is enough
+_CORRECTIONS, _SLOW = 5, 0.7  # Newton steps for one point, and the ratio of two of them at which it is given up
+_CLOSE, _CLOSER = 0.1, 1e-6  # the last of them, in steps along the branch; the same where the branch seems to turn
+_ASIDE = 0.3  # distance from a guess, in steps, beyond which a motion may lie on another branch
 Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
 """Derivative of a map or of an equation at a point, in units of its unknowns, and the contacts of the motion there."""
 
@@ -77,10 +84,13 @@ class Flip(Kind):
         width = abs(special.value) + 1.0
         within = check_range(special.value, (special.value - width, special.value + width))
         within = within.along(parameter, special.orbit.system)
+        method = chosen(method)
         try:
-            doubled = Doubled(special, parameter, within, chosen(method))
+            single = _map_of(special, parameter, method)
+            fine = method if single is None else _in_segments(method, special.orbit.period)
+            doubled = Doubled(special, parameter, within, fine)
             start = doubled.start()
-            limit = _limit(doubled, start)
+            limit = _limit(doubled, start, single)
         except (NumericalError, np.linalg.LinAlgError):
             return special
         if limit is None:
@@ -135,7 +145,28 @@ class _Limit(NamedTuple):
     amplitude: float
 
 
-def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
+def _in_segments(method: Method, period: int) -> Method:
+    """Return the method with which a flip of a period is judged: if it is shooting, a segment is two forcing periods.
+
+    In one segment of 16 forcing periods, a small displacement grows beyond the next graze, and only short steps lead
+    along the doubled branch.
+    """
+    return replace(method, segments=max(method.segments, period)) if isinstance(method, Shooting) else method
+
+
+def _map_of(special: SpecialPoint, parameter: str, method: Method) -> OrbitEquation | None:
+    """Return the equation whose derivatives are those of the map over the period of a flip, less the identity.
+
+    It takes half the time of the doubled equation. None for other methods than shooting in one segment, and where
+    friction or rigid stops make it another equation.
+    """
+    structure = special.orbit.system.structure
+    if not isinstance(method, Shooting) or method.segments > 1 or structure.friction or structure.reactions:
+        return None
+    return method.pose(special.orbit.system, parameter, special.orbit.period)
+
+
+def _limit(doubled: Doubled, start: DoubledStart, single: OrbitEquation | None) -> _Limit | None:
     """Return the side on which doubled motions of vanishing amplitude lie; None if it cannot be determined.
 
     With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
@@ -145,13 +176,17 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
     (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. At such amplitudes
     the doubled motions themselves cannot be distinguished from the parent: rounding gives their parameter an error of
     about 1e-15 / s.
+
+    With the map P over the period of the flip instead of the equation, c and alpha are half as large, and both have the
+    other sign.
     """
-    equation, scales = doubled.corrector.equation, doubled.corrector.scales
-    unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
+    equation, value = single or doubled.corrector.equation, float(start.unknowns[-1])
+    size = len(doubled.special.orbit.state) if single else len(start.unknowns) - 1
+    unknowns, units = start.unknowns[:size], doubled.corrector.scales[:size]
 
     def motion_at(unknowns: NDArray[np.float64], value: float = value) -> tuple[NDArray[np.float64], Orbit]:
         evaluation = equation.evaluate(unknowns, value)
-        return evaluation.by_unknowns * scales[:-1], equation.orbit(unknowns, value, evaluation)
+        return evaluation.by_unknowns * units, equation.orbit(unknowns, value, evaluation)
 
     orbits: list[Orbit] = []
 
@@ -161,16 +196,17 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
         return matrix, orbit.events
 
     here = matrix_at(unknowns)
-    left, _, right = least_singular(here[0])
-    response = -(here[0] + np.outer(left, right))  # regular, and equal to -F' for motions of half the period
+    left, _, right = least_singular(here[0] + np.diag(2.0 * units) if single else here[0])
+    response = -here[0] if single else -(here[0] + np.outer(left, right))  # -F' for motions of half the period
     for step in _STEPS:
-        cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
+        cubic = flip_coefficient(matrix_at, here, unknowns, units, (right, left), response, (step,))
         if not cubic.error <= _SURE * abs(cubic.value):
             continue
         beside = doubled.along(start.place + step)
-        alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
-        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
-        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
+        alpha = left @ (motion_at(beside[:size], float(beside[-1]))[0] - here[0]) @ right
+        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())  # the last orbit was two steps away
+        along = 2.0 * step / np.linalg.norm(start.across[:size] * units) * np.linalg.norm(right * units)
+        return _Limit(-int(np.sign(cubic.value * alpha)), float(along), amplitude)
     return None
 
 
@@ -243,25 +279,95 @@ def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool
 
 
 def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
-    """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction."""
+    """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction.
+
+    Its points are left as inaccurate as this question allows. Where a step fails, shorter ones tell whether the branch
+    turns back, or was only lost at a graze.
+    """
     corrector, flip = doubled.corrector, doubled.special.orbit
-    x, tangent = start.unknowns / corrector.scales, np.append(start.across, 0.0)
+    x, across = start.unknowns / corrector.scales, np.append(start.across, 0.0)
+    first = across[: len(flip.state)]  # of the two phases of the doubled motion, the one that begins a branch there
+    across *= np.sign(first[np.argmax(np.abs(first))])
+    here = _Place(x, across, np.zeros(len(x)), flip.state)
     amplitude, enough = limit.amplitude, REACH * magnitude(flip.state, flip.system)
-    step, reach = _LONGER * limit.size, enough * limit.size / limit.amplitude
+    step, growth, size = _LONGER * limit.size, _LONGER, limit.size  # size of the doubled motion, scaled
     for _ in range(_STEPS_ALONG):
-        correction = corrector.correct(x + step * tangent, tangent, TRUST)
-        point = None
-        if correction is not None and correction.distance <= _ASIDE * step:
-            point = corrector.point(correction, tangent, 0.0)
-        if point is None or np.sign(point.tangent[-1]) != limit.way:
-            step *= _SHORTER
+        there = _one_step(corrector, here, step, limit.way)
+        if there is None:
+            step, growth = _SHORTER * step, 1.0
+            if step < _LEAST * size:
+                break
             continue
-        x, tangent = point.x, point.tangent
-        amplitude = float(np.abs(point.orbit.state - flip.state).max())
-        if amplitude >= enough:
+        reached = float(np.abs(there.state - flip.state).max())
+        if np.sign(there.tangent[-1]) != limit.way:  # it turns back in between
+            rates = float(here.tangent[-1]), float(there.tangent[-1])
+            share = rates[0] / (rates[0] - rates[1])
+            if step < _NARROW * size:
+                return amplitude + share * (reached - amplitude)
+            step, growth = min(max(_BEFORE * share, _SHORTER), _BEFORE) * step, 1.0
+            continue
+        here, size, amplitude = there, size + step, reached
+        if amplitude >= _NEARLY * enough:
             break
-        step = min(_LONGER * step, reach)
+        step = min(growth * step, max(enough / amplitude - 1.0, 1.0 - _NEARLY) * size)
+        growth = min(_CAREFUL * growth, _LONGER)
     return amplitude
+
+
+class _Place(NamedTuple):
+    """Point of the doubled branch, in scaled variables, its unit tangent, the change of that per length, its state."""
+
+    x: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    bend: NDArray[np.float64]
+    state: NDArray[np.float64]
+
+
+def _one_step(corrector: Corrector, here: _Place, step: float, way: int) -> _Place | None:
+    """Return the place one step ahead; None if Newton's method does not find it.
+
+    The place is accurate to a small share of the step, as is its tangent: a tangent that points back is computed again
+    with a smaller error before it counts.
+    """
+    bent = 0.5 * step**2 * here.bend
+    x = here.x + step * here.tangent
+    if float(np.linalg.norm(bent)) < _ASIDE * step:
+        x += bent - (bent @ here.tangent) * here.tangent
+    guess, before = x, np.inf
+    for _ in range(_CORRECTIONS):
+        try:
+            evaluation = corrector.evaluate(x)
+            change, tangent = _newton(corrector, evaluation, here.tangent)
+        except (NumericalError, np.linalg.LinAlgError):
+            return None
+        x, size = x + change, float(np.linalg.norm(change))
+        if not size < _SLOW * before or float(np.linalg.norm(x - guess)) > _ASIDE * step:
+            return None
+        goes_on = np.sign(tangent[-1]) == way
+        if size < (_CLOSE if goes_on else _CLOSER) * step:
+            return _Place(x, tangent, (tangent - here.tangent) / step, _state(corrector, x, evaluation))
+        before = size
+    return None
+
+
+def _state(corrector: Corrector, x: NDArray[np.float64], evaluation: Evaluation) -> NDArray[np.float64]:
+    """Return the state at theta = 0 of a point; of shooting it is among the unknowns, and no multipliers are needed."""
+    unknowns, equation = x[:-1] * corrector.scales[:-1], corrector.equation
+    if isinstance(equation, ShootingEquation):
+        return unknowns[: equation.system.state_size]
+    return equation.orbit(unknowns, float(x[-1] * corrector.scales[-1]), evaluation).state
+
+
+def _newton(
+    corrector: Corrector, evaluation: Evaluation, normal: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the Newton step from a point across a normal, and the unit tangent of the branch there."""
+    right = np.zeros((len(normal), 2))
+    assert evaluation.by_parameter is not None
+    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
+    right[:-1, 0], right[-1, 1] = -evaluation.residual, 1.0
+    change, along = np.linalg.solve(np.vstack((jacobian, normal)), right).T
+    return change, along / np.linalg.norm(along)
 
 
 class DoubledStart(NamedTuple):

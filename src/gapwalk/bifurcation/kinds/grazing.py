@@ -134,7 +134,7 @@ def find_grazing(
 def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
     """Return True if grazing points that cancel may hide between two points with these changes of the pattern."""
     length = last.arclength - first.arclength
-    full = PERIOD * first.orbit.period
+    full, pairs = PERIOD * first.orbit.period, _Pairs(PERIOD * first.orbit.period)
     gapless = _gapless(first, last)
     for switch, change in enumerate(changes):
         if gapless[switch] or first.orbit.held.get(switch) != last.orbit.held.get(switch):
@@ -145,7 +145,7 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         # a new pair may graze once more than the change of the pattern shows: enter, stay inside, and leave
         if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
             return True
-        if not change and before is not None and _may_touch(before, first, last, switch):
+        if not change and before is not None and _may_touch(before, first, last, switch, pairs):
             return True
     return False
 
@@ -209,20 +209,41 @@ def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> 
     return bool(lonely) and min(map(abs, lonely)) < max(near * (max(more.values) - min(more.values)), _DRIFT * drift)
 
 
-def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:
+class _Pairs:
+    """The extrema of one motion that are nearest to those of another one, found once for all breakpoints of a contact.
+
+    Parameters
+    ----------
+    full
+        Length of the period, in radians.
+    """
+
+    def __init__(self, full: float) -> None:
+        self._full, self._known = full, list[tuple[list[float], list[float], list[int]]]()
+
+    def between(self, some: Turns, others: Turns) -> list[int]:
+        """Return, for each extremum of the first motion, the index of the nearest one of the other."""
+        for thetas, theirs, places in self._known:
+            if thetas is some.thetas and theirs is others.thetas:
+                return places
+        places = [others.nearest(theta, self._full) for theta in some.thetas]
+        self._known.append((some.thetas, others.thetas, places))
+        return places
+
+
+def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int, pairs: _Pairs) -> bool:
     """Return True if an extremum, known at three points, may have touched a breakpoint between the last two."""
     if first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
-    full = PERIOD * first.orbit.period
     now, then, past = (approaches(point.orbit, switch) for point in (first, last, before))
     if not now.thetas or not then.thetas or not past.thetas:
         return False
-    for theta, depth in zip(*now, strict=True):
-        following = then.values[then.nearest(theta, full)]
-        preceding = past.values[past.nearest(theta, full)]
-        bend = abs((following - depth) - ratio * (depth - preceding))
-        if min(abs(depth), abs(following)) < _DOUBT * bend:
+    places = zip(now.values, pairs.between(now, then), pairs.between(now, past), strict=True)
+    for depth, following, preceding in places:
+        ahead = then.values[following]
+        bend = abs((ahead - depth) - ratio * (depth - past.values[preceding]))
+        if min(abs(depth), abs(ahead)) < _DOUBT * bend:
             return True
     return False
 
