@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.signal import find_peaks, windows
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from gapwalk.attractors.rotation import _hann, _least_length, _peaks, rotation
+from gapwalk.attractors.rotation import _least_length, rotation
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -98,15 +97,3 @@ def test_two_frequencies_on_top_of_the_forcing_are_not_one():
     k = np.arange(4096)
     a, b = 2 * np.pi * GOLDEN * k, 2 * np.pi * 0.2 * np.sqrt(2) * k
     assert rotation(np.column_stack((np.cos(a) + np.cos(b), np.sin(a) - 0.8 * np.sin(b)))) is None
-
-
-@pytest.mark.parametrize("count", [2, 7, 256, 1001])
-def test_the_window_is_that_of_scipy(count) -> None:
-    assert np.array_equal(_hann(count), windows.hann(count, sym=False))
-
-
-def test_peaks_are_those_of_scipy() -> None:
-    random = np.random.default_rng(3)
-    for _ in range(200):
-        values = random.integers(4, size=random.integers(3, 30)).astype(float)  # with flat peaks
-        assert np.array_equal(_peaks(values), find_peaks(values)[0])

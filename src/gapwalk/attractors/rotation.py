@@ -99,25 +99,13 @@ def _chosen(count: int) -> NDArray[np.intp]:
     return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
 
 
-def _hann(count: int) -> NDArray[np.float64]:
-    """Return the periodic window of Hann, as `scipy.signal`, which takes half a second to import in each process."""
-    return 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, count + 1)[:-1])
-
-
-def _peaks(values: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the places of peaks, with the middle of a flat one, as `scipy.signal.find_peaks`."""
-    ends = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)  # of stretches of equal values
-    starts = np.concatenate(([0], ends[:-1] + 1))
-    heights = values[ends]
-    is_peak = (heights[1:-1] > heights[:-2]) & (heights[1:-1] > heights[2:])
-    return (starts[1:-1][is_peak] + ends[1:-1][is_peak]) // 2
-
-
 def _candidates(states: NDArray[np.float64]) -> list[float]:
     """Return the refined frequencies of strong lines of any coordinate, and sums and differences of two of them."""
+    from scipy.signal import find_peaks, windows  # imported late: it takes long
+
     count = len(states)
-    power = (np.abs(np.fft.rfft(states * _hann(count)[:, None], axis=0)) ** 2).sum(axis=1)
-    places = _peaks(np.concatenate(([0.0], power, [0.0]))) - 1
+    power = (np.abs(np.fft.rfft(states * windows.hann(count, sym=False)[:, None], axis=0)) ** 2).sum(axis=1)
+    places = find_peaks(np.concatenate(([0.0], power, [0.0])))[0] - 1
     strongest = places[np.argsort(-power[places])][:_LINES]
     lines = [_refine(states, place / count)[0] for place in strongest if place > 0]
     both = [a + sign * b for i, a in enumerate(lines) for b in lines[:i] for sign in (1, -1)]

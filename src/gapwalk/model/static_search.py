@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from gapwalk.bracketed_root import find_root
 from gapwalk.model.coefficients import coefficients_of, layout_of, static_load
-from gapwalk.model.sobol_points import sobol_points
 from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.static_force import StaticForce, static_forces_of
 from gapwalk.model.system import System
@@ -233,13 +232,15 @@ class StaticBalance:
 
     def _starts(self) -> NDArray[np.float64]:
         """Return starts: zero, even samples of boxes, and samples of all magnitudes, shape (starts, n)."""
+        from scipy.stats import qmc  # slow to import
+
         n = len(self.load)
-        power = (min(max(_WORK // n**2, _FEW), _STARTS) - 1).bit_length()
+        count = 1 << (min(max(_WORK // n**2, _FEW), _STARTS) - 1).bit_length()
         lengths = self.lengths
         least = np.min(np.where(lengths > 0.0, lengths, np.inf), axis=0, initial=np.inf)
         least = np.where(np.isfinite(least), least, 0.0)
         largest = np.max(lengths, axis=0, initial=0.0)
-        points = 2.0 * sobol_points(2 * n, power, np.random.default_rng(0)) - 1.0
+        points = 2.0 * qmc.Sobol(2 * n, rng=np.random.default_rng(0)).random(count) - 1.0
         where, magnitude = points[:, :n], np.exp2(_DECADES * points[:, n:])
         where[0::4] *= _BOX * least
         where[1::4] *= _BOX * largest

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.sobol_points import sobol_points
 from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.static_force import formula_matrices, formulas_of
 from gapwalk.model.static_search import balance_of
@@ -254,9 +253,12 @@ def spread_starts(
     ModelError
         If nearly all of the box is beyond rigid stops.
     """
+    from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
+
     power, states, points = (count - 1).bit_length(), np.empty((0, 0)), np.empty((0, 0))
     for more in range(_REDRAWS):
-        points = (2.0 * sobol_points(len(box), power + more, generator(seed, value)) - 1.0) * box
+        engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
+        points = (2.0 * engine.random_base2(power + more) - 1.0) * box
         states = np.pad(points, ((0, 0), (0, systems[0].state_size - len(box))))
         for system in systems:
             states = states[within_stops(system, states)]
