@@ -130,10 +130,11 @@ def test_slip_ends_in_both_directions_at_the_place_where_the_second_begins() -> 
     assert all(abs(each.value - second.value) < second.uncertainty + each.uncertainty < 2e-9 for each in ends)
 
 
-def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip() -> None:
+@pytest.mark.parametrize("longest", [0.3, pytest.param(0.01, marks=pytest.mark.slow)])  # each point is verified
+def test_an_onset_is_verified_where_friction_is_pushed_along_without_net_slip(longest) -> None:
     """Beyond it the walk may be a little within the edge of the continuum, where its force does not reach its bound."""
-    start, long = gw.find_orbit(random_system(166).at(frequency=0.79)), gw.WalkOptions(largest_step=0.3)
-    branch = gw.follow(start, "frequency", 0.7952, walk=long)  # a dozen points, each of which is verified
+    start, walk = gw.find_orbit(random_system(166).at(frequency=0.79)), gw.WalkOptions(largest_step=longest)
+    branch = gw.follow(start, "frequency", 0.7952, walk=walk)
     assert [each.kind for each in branch.special_points] == [gw.Kind.SLIP_ONSET]
     assert gw.verify(branch).ok
     onset = branch.special_points[0]

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gapwalk.parallel.groups import Outcome
 from gapwalk.studies import map_queue
 from gapwalk.studies.map_queue import MapQueue
 
@@ -45,7 +46,7 @@ class Plane:
                 return self.found
             number = running.pop(choose(len(running)))
             is_section, item = queue[number]
-            queue.take(number, item if is_section else self.curves[item.name])
+            queue.take(number, Outcome(item if is_section else self.curves[item.name]))
             for section in queue.sections():
                 queue.add(section, float(section), self.sections[section])
                 self.found.append(section)
@@ -111,7 +112,7 @@ def test_no_locus_is_followed_twice_while_there_are_others() -> None:
 def test_a_single_family_on_a_section_is_followed_by_all() -> None:
     plane = plane_of("a1 a2 a3 a4")
     queue = queue_of([0])
-    queue.take(0, queue[0][1])
+    queue.take(0, Outcome(queue[0][1]))
     assert list(queue.sections()) == [0]
     queue.add(0, 0.0, plane.sections[0])
     assert len(queue) == 5
@@ -122,7 +123,7 @@ def test_loci_begin_while_a_section_is_still_walked() -> None:
     plane = plane_of("a1", "b1")
     queue = queue_of([0, 1])
     assert [queue[number] for number in (0, 1)] == [(True, 0), (True, 1)]
-    queue.take(0, 0)
+    queue.take(0, Outcome(0))
     for section in queue.sections():
         queue.add(section, 0.0, plane.sections[section])
     assert queue[2] == (False, plane.sections[0][0])
@@ -137,6 +138,6 @@ def test_a_resumed_map_follows_what_is_left() -> None:
         queue.add(number, 0.0, section)
     assert list(queue.loci()) == []
     for number in (0, 1):
-        queue.take(number, plane.curves[queue[number][1].name])
+        queue.take(number, Outcome(plane.curves[queue[number][1].name]))
     assert list(queue.loci()) == [(3, "no curve at x1-0.2"), (4, plane.curves["b1-0.3"])]
     assert len(queue) == 2

@@ -23,9 +23,10 @@ from gapwalk.model.laws import Friction, Host, Stages, StageShape, StageTerms, c
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
+_ZERO = hy.expression(0.0)
 FUNCTIONS = {
     **{name: getattr(hy, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")},
-    "pow": lambda base, power: (hy.expression(0.0) + base) ** power,
+    "pow": lambda base, power: (_ZERO + base) ** power,
 }
 """Functions of formulas, of expressions."""
 _HIDDEN = {"tanh": (-19.0, 19.0), "exp": (-63.0, -54.0, -45.0, -36.0)}
@@ -37,8 +38,8 @@ class _ContactLaw(NamedTuple):
     """Force of a contact; its derivatives by each deflection and its rate; the guards of its modes; and its friction.
 
     Each derivative has the slots of the deflection by which it is. `restarts` are expressions that vanish where the
-    Taylor series has to begin anew. `is_polynomial` is True if the force is a polynomial of the motion while its stages
-    stay as they are.
+    Taylor series has to begin anew. `is_plain` is True if the force is linear in the depth of each stage, and in the
+    rate, while the stages stay as they are.
     """
 
     force: hy.expression
@@ -46,7 +47,7 @@ class _ContactLaw(NamedTuple):
     guards: list[hy.expression]
     limits: tuple[hy.expression, hy.expression]
     restarts: list[hy.expression]
-    is_polynomial: bool
+    is_plain: bool
 
 
 class _Seen(NamedTuple):
@@ -129,13 +130,14 @@ class Equations(RunTimeParameters):
         return list(found.values())
 
     @cached_property
-    def is_polynomial(self) -> bool:
-        """True if all forces are polynomials of the motion between contact events, and the speed is constant.
+    def is_plain(self) -> bool:
+        """True if Taylor series of the motion converge fast between contact events, at a constant speed.
 
-        Not with friction or rigid stops: how far a walk comes through their grazes depends on the last digit.
+        The forces are those of springs, dampers and impact damping. Not with friction or rigid stops: how far a walk
+        comes through their grazes depends on the last digit.
         """
         dry = self.dry or self.stops
-        return not (self.ramp or dry) and all(law.is_polynomial for law in self._contact_laws)
+        return not (self.ramp or dry) and all(law.is_plain for law in self._contact_laws)
 
     def slip_guards(self, place: int) -> list[hy.expression]:
         """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
@@ -176,7 +178,7 @@ class Equations(RunTimeParameters):
     def creep(self, contact: int) -> hy.expression:
         """Return the rate over time of the extension of a spring at its limit; 0 if the limit is constant."""
         growth = self._along(self._contact_laws[contact].limits[0], self._motion)
-        if growth == hy.expression(0.0):
+        if growth == _ZERO:
             return growth
         return growth / (self.rate * self._coefficient(self.layout.contacts[contact].numbers["stiffness"]))
 
@@ -185,11 +187,10 @@ class Equations(RunTimeParameters):
         known, parts = {str(variable): rate for variable, rate in motion}, []
         for variable in hy.get_variables(function):
             parts.append(hy.diff(function, hy.make_vars(variable)) * known[variable])
-        angle = hy.make_vars("angle")
-        explicit = hy.diff(hy.subs(function, {hy.time: angle}), angle)
-        if explicit != hy.expression(0.0):
-            parts.append(hy.subs(explicit, {angle: hy.time}))
-        return hy.sum(parts or [hy.expression(0.0)])
+        explicit = _slope_over_time(function)
+        if explicit != _ZERO:
+            parts.append(explicit)
+        return hy.sum(parts or [_ZERO])
 
     def reaction(self, number: int) -> hy.expression:
         """Return a reaction, by its number in the structure: a sum over the columns of the accelerations."""
@@ -197,7 +198,7 @@ class Equations(RunTimeParameters):
         forces = [*self.positions, *self.velocities, *(law.force for law in self._contact_laws)]
         mean = len(forces)
         loads = [self._coefficient(row[mean]), *self._terms(row[mean + 1 :], self._waves)]
-        return hy.sum(loads) - hy.sum(self._terms(row[:mean], forces) or [hy.expression(0.0)])
+        return hy.sum(loads) - hy.sum(self._terms(row[:mean], forces) or [_ZERO])
 
     @cached_property
     def readings(self) -> list[hy.expression]:
@@ -210,7 +211,7 @@ class Equations(RunTimeParameters):
         for place, contact in enumerate(self.dry):
             found += [self.slip_rate(place), *self._contact_laws[contact].limits]
         found += self._extension_rates
-        return [hy.expression(0.0) + each for each in found]
+        return [_ZERO + each for each in found]
 
     @cached_property
     def decisions(self) -> list[hy.expression]:
@@ -223,7 +224,7 @@ class Equations(RunTimeParameters):
         """
         found, turning = [], [each / self.rate for each in self._accelerations]
         for place, contact in enumerate(self.dry):
-            limits, force = self._contact_laws[contact].limits, hy.expression(0.0)
+            limits, force = self._contact_laws[contact].limits, _ZERO
             bent = self._along(self._base_rate(contact), self._motion) / self.rate
             if (contact, -1) in self.layout.structure.reactions:
                 force = self.reaction(self.layout.structure.reactions.index((contact, -1)))
@@ -231,7 +232,7 @@ class Equations(RunTimeParameters):
             found += [self.slip_rate(place), *limits, bent, force, *growths]
         speeds = [*self.velocities, *(q / self.rate for q in self.positions)]
         speed = hy.sqrt(hy.sum([each * each for each in speeds]))
-        return [hy.expression(0.0) + each for each in [*found, speed, *turning]]
+        return [_ZERO + each for each in [*found, speed, *turning]]
 
     @cached_property
     def _columns(self) -> list[hy.expression]:
@@ -248,7 +249,6 @@ class Equations(RunTimeParameters):
         moved = [hy.make_vars(f"d{symbol}") for symbol in state]
         turned, found = hy.make_vars("dtheta"), []
         changed = {int(slot): hy.make_vars(f"dp{slot}") for slot in self.tangent_slots}
-        angle = hy.make_vars("angle")
         for function in self._bounded:
             used = {int(str(each).removeprefix("p")) for each in hy.get_params(function)}
             parts = [
@@ -256,15 +256,14 @@ class Equations(RunTimeParameters):
                 for slot, change in changed.items()
                 if self.indices[slot] in used
             ]
-            explicit = hy.diff(hy.subs(function, {hy.time: angle}), angle)
-            parts += [self._changed(function, moved), hy.subs(explicit, {angle: hy.time}) * turned]
-            found.append(hy.expression(0.0) + hy.sum(parts))
+            parts += [self._changed(function, moved), _slope_over_time(function) * turned]
+            found.append(_ZERO + hy.sum(parts))
         return [*state, *moved, turned, *changed.values()], found
 
     @cached_property
     def _bounded(self) -> list[hy.expression]:
         limits = [limit for contact in self.dry for limit in self._contact_laws[contact].limits]
-        return [hy.expression(0.0) + each for each in [*self._columns, *limits]]
+        return [_ZERO + each for each in [*self._columns, *limits]]
 
     @cached_property
     def tangent_slots(self) -> list[int]:
@@ -342,7 +341,7 @@ class Equations(RunTimeParameters):
     def _coefficient(self, slot: int):
         """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
-            return hy.expression(0.0)
+            return _ZERO
         found, count = hy.par[self.indices[int(slot)]], len(self.layout)
         for power in (1, 2) if self.ramp else ():
             if self.pattern[slot + power * count]:
@@ -356,7 +355,7 @@ class Equations(RunTimeParameters):
         ]
 
     def _dot(self, slots, symbols) -> hy.expression:
-        return hy.sum(self._terms(slots, symbols) or [hy.expression(0.0)])
+        return hy.sum(self._terms(slots, symbols) or [_ZERO])
 
     def _deflection(self, slots: ContactSlots, argument: int = 0) -> hy.expression:
         moved = self._dot(slots.deflections[argument], self.positions)
@@ -382,7 +381,7 @@ class Equations(RunTimeParameters):
                 for number, factor in wave.cycles
             )
         ]
-        return hy.sum([*self._terms(wave.lines, self._waves), *cycles] or [hy.expression(0.0)])
+        return hy.sum([*self._terms(wave.lines, self._waves), *cycles] or [_ZERO])
 
     def _wave_rate(self, wave: Wave) -> hy.expression:
         """Return the derivative of a displacement by theta."""
@@ -399,7 +398,7 @@ class Equations(RunTimeParameters):
                 if self.pattern[slot]
             ),
         ]
-        return hy.sum(terms or [hy.expression(0.0)])
+        return hy.sum(terms or [_ZERO])
 
     @cached_property
     def _contact_laws(self) -> list[_ContactLaw]:
@@ -414,12 +413,12 @@ class Equations(RunTimeParameters):
                 outside = self.layout.contacts[host]
                 seen.stages.host = Host(other.stages, outside.form.law.force(other.rate, other.stages, other.numbers))
                 vectors, moves, motion = [*vectors, *outside.deflections], moves + other.moves, motion | other.motion
-            force = hy.expression(0.0) + law.force(seen.rate, seen.stages, seen.numbers)
+            force = _ZERO + law.force(seen.rate, seen.stages, seen.numbers)
             force = force / length if law.is_formula else force
-            guards = [hy.expression(0.0) + each for each in law.guards(seen.rate, seen.stages, seen.numbers)]
-            limits = [hy.expression(0.0)] * 2
+            guards = [_ZERO + each for each in law.guards(seen.rate, seen.stages, seen.numbers)]
+            limits = [_ZERO] * 2
             if isinstance(law, Friction):
-                limits = [hy.expression(0.0) + each(seen.stages, seen.numbers) for each in (law.limit, law.breakaway)]
+                limits = [_ZERO + each(seen.stages, seen.numbers) for each in (law.limit, law.breakaway)]
             slopes = [
                 (vector, [hy.subs(hy.diff(force, each), motion) for each in pair])
                 for vector, pair in zip(vectors, moves, strict=True)
@@ -427,11 +426,23 @@ class Equations(RunTimeParameters):
             low, high = (hy.subs(each, motion) for each in limits)
             guards = [hy.subs(each, motion) for each in guards]
             restarts = [_restart(name, hy.subs(each, motion)) for name, each in seen.calls if name in _HIDDEN]
-            restarts = [each for each in restarts if hy.get_variables(each)]
-            shapes = tuple(StageShape(stage.sign, stage.innermost) for stage in contact.stages)
-            is_polynomial = closed_form_of(law, shapes) is not None
-            laws.append(_ContactLaw(hy.subs(force, motion), slopes, guards, (low, high), restarts, is_polynomial))
+            restarts = [each for each in restarts if hy.get_variables(each) or _slope_over_time(each) != _ZERO]
+            own = hy.subs(force, motion), slopes, guards, (low, high), restarts, self._is_plain(contact)
+            laws.append(_ContactLaw(*own))
         return laws
+
+    def _is_plain(self, contact: ContactSlots) -> bool:
+        """Return True if the force of a contact is linear in the depths and in the rate."""
+        shapes = tuple(StageShape(stage.sign, stage.innermost) for stage in contact.stages)
+        terms = closed_form_of(contact.form.law, shapes)
+        if terms is None:
+            return False
+        for term in terms:
+            slots = [contact.numbers[name] for name in term.numbers]
+            slots += [contact.stages[term.stage].numbers[name] for name in term.stage_numbers]
+            if max(term.power, term.rate) > 1 and self.pattern[slots].all():
+                return False
+        return True
 
     def _seen(self, index: int, prefix: str = "") -> _Seen:
         """Return a contact as its law sees it, in symbols of its own that begin with a prefix."""
@@ -521,12 +532,18 @@ class Equations(RunTimeParameters):
         parts = [
             hy.diff(function, each) * change for each, change in zip(state, symbols, strict=True) if str(each) in used
         ]
-        return hy.sum(parts or [hy.expression(0.0)])
+        return hy.sum(parts or [_ZERO])
+
+
+def _slope_over_time(function: hy.expression) -> hy.expression:
+    """Return the derivative of a function by the angle with the state kept."""
+    angle = hy.make_vars("angle")
+    return hy.subs(hy.diff(hy.subs(function, {hy.time: angle}), angle), {angle: hy.time})
 
 
 def _noted(calls: list[tuple[str, hy.expression]], name: str, argument: Any) -> hy.expression:
     """Return a function of an argument, and note that it was evaluated."""
-    calls.append((name, hy.expression(0.0) + argument))
+    calls.append((name, _ZERO + argument))
     return FUNCTIONS[name](argument)
 
 

@@ -26,7 +26,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.parallel.families import do_by_families
+from gapwalk.parallel.groups import do_by_groups
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.options import SEARCH_KEYS, BranchOptions, search_words, with_search
@@ -315,7 +315,7 @@ class DiagramWork(Work):
             return not any(curve.holds(orbits[index]) for curve in self._curves) and not self._full()
 
         pieces, periods = [(orbit, 0) for orbit in orbits], [orbit.period for orbit in orbits]
-        for _, branch in do_by_families(self._walker, pieces, periods, is_new, workers):
+        for _, branch in do_by_groups(self._walker, pieces, periods, is_new, workers):
             yield from self._accepted(branch, None)
 
     def _grow_from(self, roots: Sequence[DiagramBranch], workers: Workers) -> Iterator[DiagramBranch]:
@@ -344,7 +344,7 @@ class DiagramWork(Work):
 
         # a branch that leaves one flip mostly ends at another of its parent, from which it would be walked once more
         pieces, parents = [(special, way) for _, special, way in buds], [origin.parent for origin, _, _ in buds]
-        for index, branch in do_by_families(self._walker, pieces, parents, is_new, workers):
+        for index, branch in do_by_groups(self._walker, pieces, parents, is_new, workers):
             # a branch that begins where a known one ends is that one if its middle lies on it
             if isinstance(branch, str) or not any(
                 known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)

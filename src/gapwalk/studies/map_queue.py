@@ -1,4 +1,4 @@
-"""The pieces of a map in the order in which they begin: its sections, then its loci, none of which is followed twice.
+"""The pieces of a map in the order in which they begin: its sections, then its loci, hardly any of which is done twice.
 
 Method: docs/numerics/loci.md
 """
@@ -17,6 +17,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import phases
+from gapwalk.parallel.groups import Outcome
 
 _BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
 _ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus
@@ -43,7 +44,7 @@ class MapQueue(Sequence[tuple[bool, Any]]):
 
     A special point that lies on the locus of an earlier one begins none. So a locus is begun only when all earlier
     points of its family are decided; while they are not, whoever is free follows loci of other families. Points that
-    may prove superfluous are followed only where a single family is left, on the section of its first point: a locus
+    may prove superfluous are followed only while a single family is left, on the section of its first point: a locus
     seldom crosses a section twice, except that it often connects two points. What is found is the same, in the same
     order, however many pieces are in progress.
 
@@ -65,7 +66,7 @@ class MapQueue(Sequence[tuple[bool, Any]]):
         self._starts: list[_Start] = []
         self._undecided: dict[Family, list[int]] = {}
         self._in_work: set[int] = set()
-        self._followed: dict[int, Locus | str] = {}  # before their turn in the family
+        self._followed: dict[int, Outcome] = {}  # before their turn in the family
         self._decided: dict[int, Locus | str | None] = {}  # before their turn among all; None for superfluous points
 
     def __len__(self) -> int:
@@ -78,17 +79,20 @@ class MapQueue(Sequence[tuple[bool, Any]]):
         is_section, place = self._begun[number]
         return is_section, self._systems[place] if is_section else self._starts[place].special
 
-    def take(self, number: int, result: Any) -> None:
-        """Take the result of a piece: what was found on a section, or a locus, or why it cannot be followed."""
+    def take(self, number: int, outcome: Outcome) -> None:
+        """Take the outcome of a piece: what was found on a section, or a locus, or why it cannot be followed.
+
+        It raises the error of a piece that is needed.
+        """
         is_section, place = self._begun[number]
         if is_section:
-            self._walked_early[place] = result
+            self._walked_early[place] = outcome.value()
             return
-        self._followed[place] = result
+        self._followed[place] = outcome
         family = self._starts[place].family
         while (undecided := self._undecided[family]) and undecided[0] in self._followed:
             first = undecided.pop(0)
-            self._decided[first] = found = self._followed.pop(first)
+            self._decided[first] = found = self._followed.pop(first).value()
             if not isinstance(found, str):
                 self._loci.append(found)
                 self._leave_out(family, found)

@@ -16,7 +16,7 @@ from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import GapwalkError, ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.parallel.families import do_by_families
+from gapwalk.parallel.groups import do_by_groups
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.diagram_study import STATE, DiagramOptions, DiagramStudyOptions, DiagramWork, empty_diagram
@@ -212,7 +212,7 @@ class ToriWork(Work):
         low, high = self.asked.ends
         follow_one = partial(_follow, self.asked.parameter, (low, high), self.asked.tori)
         periods = [special.orbit.period for special in left]
-        for index, family in do_by_families(follow_one, left, periods, is_new, workers):
+        for index, family in do_by_groups(follow_one, left, periods, is_new, workers):
             self._tried = first + index + 1
             if isinstance(family, str):
                 self._failures = (*self._failures, family)

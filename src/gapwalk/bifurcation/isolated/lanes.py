@@ -105,10 +105,12 @@ def lanes_of(system: System, states: NDArray[np.float64], box: NDArray[np.float6
                 return None
             ends = Lanes(plan, box).strobes(batch.states, 1)[0]
             trials = [Trial(0, batch.states[each], ends[each]) for each in looked_at]
-            error = judge(trials, lambda _: system, LIMIT).error
-            if error <= _ERROR:
+            verdict = judge(trials, lambda _: system, LIMIT)
+            if not verdict.trials:
+                return None  # all of them diverge: nothing shows how many steps the others need
+            if verdict.error <= _ERROR:
                 return Lanes(plan, box)
-            plan = replace(plan, steps=max(revised(plan.steps, error, _ERROR), plan.steps + 4))
+            plan = replace(plan, steps=max(revised(plan.steps, verdict.error, _ERROR), plan.steps + 4))
     except UnfitError:
         return None
     return None

@@ -59,7 +59,8 @@ class SearchOptions:
     spread
         Ratio of the derived box to the motions.
     seed
-        Seed of the starts: the same seed gives the same result.
+        Seed of the starts: the same seed gives the same result for the same values. With 500 starts or more in all,
+        many are followed at once, and others of the unstable orbits may be found than with fewer.
     block
         Starts in one piece of work. It affects the result, because a piece does not use what others find.
 

@@ -119,7 +119,8 @@ class Stages:
         functions: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
         self._stages, self._add = tuple(stages), add
-        self.deflections, self.modes, self.functions = deflections or {}, modes, functions or {}
+        self.deflections, self.modes = deflections or {}, modes
+        self.functions = {} if functions is None else functions
 
     def __iter__(self) -> Iterator[StageTerms]:
         return iter(self._stages)
@@ -257,11 +258,18 @@ _CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "num
 
 
 @lru_cache(maxsize=256)
+class _NoFunctions(dict[str, Any]):
+    """Functions of which a closed form has none."""
+
+    def __missing__(self, name: str) -> Any:
+        raise TypeError(f"{name} is no sum of products")
+
+
 def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
     """Return the force of a law as a sum of products, each of one stage; None if it is no such sum."""
     if law.mode_count or not law.stage_parameters:
         return None
-    stages = Stages(
+    stages = [
         StageTerms(
             sign,
             Symbols.of(_DEPTH, index),
@@ -270,12 +278,13 @@ def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...]
             {each.name: Symbols.of(_STAGE_NUMBER, index, each.name) for each in law.stage_parameters},
         )
         for index, (sign, innermost) in enumerate(shapes)
-    )
+    ]
+    arguments = Stages(stages, functions=_NoFunctions())
     numbers = {each.name: Symbols.of(_NUMBER, each.name) for each in law.parameters}
     try:
-        force = _symbols(law.force(Symbols.of(_RATE), stages, numbers))
+        force = _symbols(law.force(Symbols.of(_RATE), arguments, numbers))
         return tuple(_term(product, factor) for product, factor in force.products.items())
-    except (KeyError, TypeError, ValueError):  # a function, another operation, or a product of several stages
+    except (TypeError, ValueError):  # a function, another operation, or a product of several stages
         return None
 
 

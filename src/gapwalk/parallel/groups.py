@@ -1,0 +1,148 @@
+"""Pieces of work of which one may make others of its group superfluous: several at a time, each of another group.
+
+Pieces are accepted in their order, each only if it is needed then. Where those that are in progress at the same time
+make one another superfluous, two processes take as long as one: so whoever is free begins with another group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
+
+from gapwalk.errors import WorkError
+from gapwalk.parallel.workers import Workers
+
+Piece = TypeVar("Piece")
+Result = TypeVar("Result")
+
+_AHEAD = 64  # pieces after the one whose turn it is, among which the next one to begin is chosen
+
+
+def do_by_groups(
+    function: Callable[[Piece], Result],
+    pieces: Sequence[Piece],
+    groups: Sequence[Hashable],
+    is_needed: Callable[[int], bool],
+    workers: Workers,
+) -> Iterator[tuple[int, Result]]:
+    """Do the pieces that are needed, in their order; those in progress are of different groups, if possible.
+
+    Parameters
+    ----------
+    function
+        Function of a piece; importable by name.
+    pieces, groups
+        The pieces, and the group of each.
+    is_needed
+        Called before a piece begins and when it is its turn; False to leave it out, because earlier results have made
+        it superfluous. Then it stays so.
+    workers
+        Executor of the work.
+
+    Yields
+    ------
+    index, result
+        The index of a piece, and what the function returned; the same for any number of workers.
+
+    Raises
+    ------
+    Exception
+        What the function raises for a piece that is needed when it is its turn.
+    WorkError
+        If the processes die over such a piece.
+    """
+    queue = _GroupQueue(pieces, groups, is_needed)
+    try:
+        for number, outcome in workers.each(partial(attempt, function), queue, in_order=False):
+            queue.take(number, outcome)
+            yield from queue.in_turn()
+    except WorkError as error:
+        if not error.pieces:
+            raise
+        for number in error.pieces:
+            queue.take(number, Outcome(None, error))
+        yield from queue.in_turn()
+
+
+class Outcome(NamedTuple):
+    """What a function returned for a piece, or the error that it raised."""
+
+    result: Any
+    error: Exception | None = None
+
+    def value(self) -> Any:
+        """Return the result, or raise the error."""
+        if self.error is not None:
+            raise self.error
+        return self.result
+
+
+def attempt(function: Callable[[Any], Any], piece: Any) -> Outcome:
+    """Do a piece; its error counts only if the piece is needed when it is its turn."""
+    try:
+        return Outcome(function(piece))
+    except Exception as error:
+        return Outcome(None, error)
+
+
+class _GroupQueue(Sequence[Any]):
+    """Pieces whose order is decided when each begins."""
+
+    def __init__(self, pieces: Sequence[Any], groups: Sequence[Hashable], is_needed: Callable[[int], bool]) -> None:
+        self._pieces, self._groups, self._is_needed = pieces, groups, is_needed
+        self._begun: list[int] = []
+        self._outcomes: dict[int, Outcome] = {}
+        self._turn = 0
+        self._superfluous: set[int] = set()
+
+    def take(self, number: int, outcome: Outcome) -> None:
+        """Take the outcome of a piece."""
+        self._outcomes[self._begun[number]] = outcome
+
+    def in_turn(self) -> Iterator[tuple[int, Any]]:
+        """Yield the next pieces that are done and needed; raise the error of one of them."""
+        while self._turn < len(self._pieces):
+            if self._is_left_out(self._turn):
+                self._outcomes.pop(self._turn, None)
+            elif self._turn in self._outcomes:
+                yield self._turn, self._outcomes.pop(self._turn).value()
+            else:
+                return
+            self._turn += 1
+
+    def __len__(self) -> int:
+        """Number of pieces that were begun, and one more if one can begin."""
+        return len(self._begun) + (self._next() is not None)
+
+    def __getitem__(self, number: Any) -> Any:
+        if number == len(self._begun):
+            index = self._next()
+            if index is None:
+                raise IndexError(number)
+            self._begun.append(index)
+        return self._pieces[self._begun[number]]
+
+    def _next(self) -> int | None:
+        """Return the piece to begin: the first of a group in which nothing is undecided before it.
+
+        If there is none, one whose neighbour in its group is not in progress either; else the first.
+        """
+        begun, undecided = set(self._begun), dict[Hashable, int]()
+        others: list[tuple[bool, int]] = []
+        for k in range(self._turn, min(self._turn + _AHEAD, len(self._pieces))):
+            if k not in begun and self._is_left_out(k):
+                continue
+            before = undecided.get(self._groups[k])
+            undecided[self._groups[k]] = k
+            if k in begun:
+                continue
+            if before is None:
+                return k
+            others.append((before in begun and before not in self._outcomes, k))
+        return min(others)[1] if others else None
+
+    def _is_left_out(self, index: int) -> bool:
+        if index not in self._superfluous and not self._is_needed(index):
+            self._superfluous.add(index)
+        return index in self._superfluous
