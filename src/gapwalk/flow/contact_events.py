@@ -103,7 +103,7 @@ class EventCall:
         return self.owner().at_slip(self.index, direction)
 
     def restart(self, _integrator: Any, _direction: int) -> bool:
-        """Report that the Taylor series begins anew, and nothing else; return whether the integrator continues."""
+        """Report that a new Taylor series begins, and nothing else; return whether the integrator continues."""
         return self.owner().at_restart()
 
     def turn(self, integrator: Any, theta: float, _direction: int) -> None:
@@ -464,7 +464,7 @@ class Switchboard(BreakpointGeometry):
         return self._go_on(self._integrator.time)
 
     def at_restart(self) -> bool:
-        """Return whether the integrator continues where only its Taylor series begins anew."""
+        """Return whether the integrator continues where only a new Taylor series begins."""
         self.event_limit -= 1
         return self.event_limit > 0
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.run_time_parameters import RunTimeParameters
 from gapwalk.model.coefficients import ContactSlots, StageSlots, Wave
-from gapwalk.model.laws import Friction, Host, Stages, StageShape, StageTerms, closed_form_of
+from gapwalk.model.laws import Friction, Host, Stages, StageTerms
 
 EDGE = 1e-7
 """Width of the edges of fractional powers, in units of length: nearer to 0 they are polynomials (`power_edge`)."""
@@ -37,9 +37,8 @@ _SMALL = 1e-4  # factor that keeps event functions smaller than the motion, for 
 class _ContactLaw(NamedTuple):
     """Force of a contact; its derivatives by each deflection and its rate; the guards of its modes; and its friction.
 
-    Each derivative has the slots of the deflection by which it is. `restarts` are expressions that vanish where the
-    Taylor series has to begin anew. `is_plain` is True if the force is linear in the depth of each stage, and in the
-    rate, while the stages stay as they are.
+    Each derivative has the slots of the deflection by which it is. `restarts` are expressions that vanish where a new
+    Taylor series has to begin.
     """
 
     force: hy.expression
@@ -47,7 +46,6 @@ class _ContactLaw(NamedTuple):
     guards: list[hy.expression]
     limits: tuple[hy.expression, hy.expression]
     restarts: list[hy.expression]
-    is_plain: bool
 
 
 class _Seen(NamedTuple):
@@ -120,7 +118,7 @@ class Equations(RunTimeParameters):
 
     @cached_property
     def restarts(self) -> list[hy.expression]:
-        """Event functions that vanish where the Taylor series of the motion has to begin anew.
+        """Event functions that vanish where the Taylor series of the motion has to begin again.
 
         The rest of ``tanh(u)`` to 1 or -1 is below rounding where ``|u| > 19``, and so are all its derivatives: nothing
         in the series shows that the function turns farther on, and a step would lead beyond it. The same holds for
@@ -128,16 +126,6 @@ class Equations(RunTimeParameters):
         """
         found = {str(each): each for law in self._contact_laws for each in law.restarts}
         return list(found.values())
-
-    @cached_property
-    def is_plain(self) -> bool:
-        """True if Taylor series of the motion converge fast between contact events, at a constant speed.
-
-        The forces are those of springs, dampers and impact damping. Not with friction or rigid stops: how far a walk
-        comes through their grazes depends on the last digit.
-        """
-        dry = self.dry or self.stops
-        return not (self.ramp or dry) and all(law.is_plain for law in self._contact_laws)
 
     def slip_guards(self, place: int) -> list[hy.expression]:
         """Return the two event functions of friction, by its place in `dry`: one for each direction of slip.
@@ -427,22 +415,8 @@ class Equations(RunTimeParameters):
             guards = [hy.subs(each, motion) for each in guards]
             restarts = [_restart(name, hy.subs(each, motion)) for name, each in seen.calls if name in _HIDDEN]
             restarts = [each for each in restarts if hy.get_variables(each) or _slope_over_time(each) != _ZERO]
-            own = hy.subs(force, motion), slopes, guards, (low, high), restarts, self._is_plain(contact)
-            laws.append(_ContactLaw(*own))
+            laws.append(_ContactLaw(hy.subs(force, motion), slopes, guards, (low, high), restarts))
         return laws
-
-    def _is_plain(self, contact: ContactSlots) -> bool:
-        """Return True if the force of a contact is linear in the depths and in the rate."""
-        shapes = tuple(StageShape(stage.sign, stage.innermost) for stage in contact.stages)
-        terms = closed_form_of(contact.form.law, shapes)
-        if terms is None:
-            return False
-        for term in terms:
-            slots = [contact.numbers[name] for name in term.numbers]
-            slots += [contact.stages[term.stage].numbers[name] for name in term.stage_numbers]
-            if max(term.power, term.rate) > 1 and self.pattern[slots].all():
-                return False
-        return True
 
     def _seen(self, index: int, prefix: str = "") -> _Seen:
         """Return a contact as its law sees it, in symbols of its own that begin with a prefix."""

@@ -40,9 +40,7 @@ T = TypeVar("T")
 PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
-# Taylor series of order 16 leave about a rounding in each step if the motions are entire functions, or nearly so: these
-# converge faster the longer the series is. A force with poles nearby needs order 19. The order follows from these.
-_PLAIN, _TOLERANCE = 1.2e-13, 1e-15
+_TOLERANCE = 1e-15
 _TRIES = ((math.inf, 1e-13), (PERIOD / 128, 1e-11), (PERIOD / 2048, 1e-9))  # longest step, and `DrySwitches.unseen`
 _STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
 _EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
@@ -178,7 +176,7 @@ class Flow:
                 nt_events=[
                     hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
                 ],
-                tol=_PLAIN if equations.is_plain else _TOLERANCE,
+                tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM or len(equations.layout.orders) >= _MANY_ORDERS,
             )
         self.readings = CompiledReadings(equations) if equations.dry or equations.stops else None

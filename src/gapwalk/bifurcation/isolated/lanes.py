@@ -29,7 +29,7 @@ _SHIFT = 1e-7  # displacement for derivatives, in half-widths of the box
 _SOLVED = 1e-5  # residual, in half-widths of the box, of a periodic motion of the batch integrator
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lanes:
     """Map over forcing periods of many motions at once.
 

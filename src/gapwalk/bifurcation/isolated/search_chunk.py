@@ -271,7 +271,7 @@ class _Hunt:
             entry.newton += 1
 
 
-@dataclass
+@dataclass(eq=False)
 class _Transient:
     """One transient so far.
 
