@@ -57,6 +57,7 @@ def test_a_doubled_branch_that_begins_beside_a_graze_is_walked_to_its_other_end(
 
 def test_verification_notices_motions_of_a_shorter_period(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(branch_tracer, "has_merged", lambda point: False)
+    monkeypatch.setattr(branch_tracer.BranchTracer, "_until_parent", lambda self, first, step: step)
     flips = parents()[1].special("flip")
     branch = gw.follow(flips[0], "frequency", RANGE)
     monkeypatch.undo()
