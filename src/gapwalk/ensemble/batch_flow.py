@@ -331,7 +331,9 @@ class Blocks:
         self._lanes = np.minimum(np.arange(-(-self.count // LANES) * LANES), self.count - 1)
         number = len(self._lanes) // LANES
         height = max(block_plan.kernel(kind).source.height for kind in {False, survey})
-        self._data = np.zeros((number, height, LANES))
+        # a row between blocks of several threads: what one writes is not fetched ahead by its neighbour
+        between = int(min(threads, number) > 1)
+        self._data = np.zeros((number, height + between, LANES))[:, :height]
         basis, jumps = block_plan.linear.basis, bool(block_plan.linear.layout.cycles)
         states = admissible(block_plan.linear, states)
         begun = states - lag(block_plan.linear, states, block_plan.steps) if jumps else states
