@@ -189,7 +189,6 @@ def test_the_strip_shows_all_phases_and_the_machine_says_them(page) -> None:
     resting = [each for each in elements["phases"] if each[1] in ("stick", "held")]
     assert page.locator("#history rect.rest").count() == len(resting) > 0
     # in the middle of a stick, and in slip, the machine says so by word and by colour
-    page.click("#play")
     for mode, words, look in (("stick", "sticks", "sticks"), ("slip +", "slips +", "slips-forth")):
         row, _, start, end = max(
             (each for each in elements["phases"] if each[1] == mode), key=lambda each: each[3] - each[2]
@@ -202,7 +201,6 @@ def test_the_strip_shows_all_phases_and_the_machine_says_them(page) -> None:
     at = elements["strikes"][0][1]
     page.evaluate(f"gapwalk.motion.machine.at(gapwalk.motion.motion.theta.findIndex((t) => t >= {at}))")
     assert page.locator("#machine .part[aria-label^='wall:'] .m-state").text_content() == "impact"
-    page.click("#play")
 
 
 def test_each_element_can_be_chosen_and_the_table_adds_up(page) -> None:
