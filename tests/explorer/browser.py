@@ -99,7 +99,7 @@ def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[s
 def new_page(chrome: Browser | None, **options: Any) -> Page:
     """A page in a context of its own, in which all waits are as patient as `until`: the machine may be busy.
 
-    By default its machines stand still: to draw them anew in each frame takes more time than all that is tested.
+    By default its machines stand still: to draw them again in each frame takes more time than all that is tested.
     """
     assert chrome is not None  # a page has lost its browser
     context = chrome.new_context(**{"reduced_motion": "reduce", **options})

@@ -53,15 +53,8 @@ def do_by_groups(
         If the processes die over such a piece.
     """
     queue = _GroupQueue(pieces, groups, is_needed)
-    try:
-        for number, outcome in workers.each(partial(attempt, function), queue, in_order=False):
-            queue.take(number, outcome)
-            yield from queue.in_turn()
-    except WorkError as error:
-        if not error.pieces:
-            raise
-        for number in error.pieces:
-            queue.take(number, Outcome(None, error))
+    for number, outcome in outcomes(function, queue, workers):
+        queue.take(number, outcome)
         yield from queue.in_turn()
 
 
@@ -78,8 +71,38 @@ class Outcome(NamedTuple):
         return self.result
 
 
-def attempt(function: Callable[[Any], Any], piece: Any) -> Outcome:
-    """Do a piece; its error counts only if the piece is needed when it is its turn."""
+def outcomes(function: Callable[[Any], Any], pieces: Sequence[Any], workers: Workers) -> Iterator[tuple[int, Outcome]]:
+    """Do pieces of which some may prove superfluous: an error counts only if its piece is needed.
+
+    Parameters
+    ----------
+    function
+        Function of a piece; importable by name.
+    pieces
+        The pieces, which may become more while they are done.
+    workers
+        Executor of the work.
+
+    Yields
+    ------
+    number, outcome
+        The number of a piece, and its result or error, in the order of completion. That of a piece over which its
+        process dies at each try is a WorkError, and comes last.
+
+    Raises
+    ------
+    WorkError
+        If the whole cluster has gone.
+    """
+    try:
+        yield from workers.each(partial(_attempt, function), pieces, in_order=False)
+    except WorkError as error:
+        if not error.pieces:
+            raise
+        yield from ((number, Outcome(None, error)) for number in error.pieces)
+
+
+def _attempt(function: Callable[[Any], Any], piece: Any) -> Outcome:
     try:
         return Outcome(function(piece))
     except Exception as error:

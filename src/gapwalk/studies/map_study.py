@@ -25,7 +25,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.parallel.groups import attempt
+from gapwalk.parallel.groups import outcomes
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derived_schema import key_type
@@ -183,8 +183,7 @@ class MapWork(Work):
         for number, section in enumerate(chart.sections):
             queue.add(number, section.value, self._starts_on(section))
         yield from self._settle(queue)
-        function = partial(attempt, partial(_follow_one, *self._functions))
-        for number, outcome in workers.each(function, queue, in_order=False):
+        for number, outcome in outcomes(partial(_follow_one, *self._functions), queue, workers):
             queue.take(number, outcome)
             yield from self._settle(queue)
         starts = [special for section in self.chart.sections for special in self._starts_on(section)]
