@@ -281,7 +281,7 @@ def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool
 def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
     """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction.
 
-    Its points are left as inaccurate as this question allows. Where a step fails, shorter ones tell whether the branch
+    Its points are left as inaccurate as this question allows. Where a step fails, shorter ones show whether the branch
     turns back, or was only lost at a graze.
     """
     corrector, flip = doubled.corrector, doubled.special.orbit
