@@ -15,7 +15,7 @@ TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovi
 
 .DEFAULT_GOAL := help
 .PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types bench campaign slow \
-  dense ranges trials fuzz lock clean
+  dense ranges trials fuzz pythons lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -103,6 +103,9 @@ ranges: $(STAMP)  ## walk 200 random systems over ranges up to 0.3 ... 1000, and
 trials: $(STAMP)  ## try 100 random systems with friction and stops; goes on where it stopped
 	@mkdir -p out
 	$(PY) -m tests.dry.trials out/trials.jsonl --systems 100
+
+pythons: $(STAMP)  ## try the wheel on every Python from 3.11 on that is here, with the newest and the least packages (ONLY=3.12)
+	$(PY) -m tests.release.pythons $(ONLY)
 
 lock:  ## make requirements.lock again, with uv (LOCK_FLAGS=--upgrade for newer versions)
 	@command -v $(UV) >/dev/null || { \

@@ -430,6 +430,7 @@ def register(kind: Any, column: Column) -> None:
 @cache
 def column_of(kind: Any) -> Column:
     """Return the column of a type; raise a TypeError for a type hint that cannot be stored."""
+    kind = _meant(kind)
     if kind in _COLUMNS:
         return _COLUMNS[kind]
     origin, arguments = get_origin(kind), get_args(kind)
@@ -450,6 +451,14 @@ def column_of(kind: Any) -> Column:
     if isinstance(kind, type) and (is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields"))):
         return Record(kind)
     raise TypeError(f"values of the type {kind} cannot be kept")
+
+
+def _meant(kind: Any) -> Any:
+    """Return what an alias of the `type` statement stands for; NumPy 2.5 declares `NDArray` so on Python 3.12 and later."""
+    alias = get_origin(kind) or kind
+    if not hasattr(alias, "__value__"):  # typing.TypeAliasType, which Python 3.11 lacks
+        return kind
+    return alias.__value__[get_args(kind)] if get_args(kind) else alias.__value__
 
 
 class MisfitError(ModelError):

@@ -544,9 +544,9 @@ def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:
     connection = sqlite3.connect(f"{address}?mode=ro", uri=True, isolation_level=None)
     try:
         connection.execute("PRAGMA user_version").fetchone()
-    except sqlite3.OperationalError:
+    except sqlite3.Error as error:
         connection.close()
-        if os.path.exists(f"{os.fspath(path)}-wal"):
+        if not isinstance(error, sqlite3.OperationalError) or os.path.exists(f"{os.fspath(path)}-wal"):
             raise
         # A file of a killed run in a folder that cannot be written: nobody can be writing it.
         connection = sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True, isolation_level=None)
