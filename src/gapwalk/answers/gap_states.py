@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.many_motions import motions_of
-from gapwalk.attractors.regime_judge import wait
+from gapwalk.attractors.many_motions import ContactFigures, ManyMotions, enough, motions_of
+from gapwalk.attractors.regime_judge import Waited, wait
 from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import contact_deflections
@@ -228,14 +228,15 @@ def judge_gaps(
     scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
     motions = motions_of(system, states, values, periods=_TRANSIENT)
     states = motions.advance(states, _TRANSIENT)
-    motions = motions.eased(states)
-    waited = wait(motions, states, scales, patience, _LONGEST)
-    found = motions.contacts(waited.states, WATCHED)
+
+    def watch(motions: ManyMotions) -> tuple[Waited, ContactFigures]:
+        waited = wait(motions, states, scales, patience, _LONGEST)
+        return waited, motions.contacts(waited.states, WATCHED)
+
+    (waited, found), error = enough(motions.eased(states), watch)
     codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
     periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
-    verdicts = GapVerdicts(
-        np.stack(codes, axis=1), periods, found.peaks[:, places], found.states, motions.error, length
-    )
+    verdicts = GapVerdicts(np.stack(codes, axis=1), periods, found.peaks[:, places], found.states, error, length)
     for column, place in enumerate(places):
         if system.structure.contacts[place].law.rebounds:  # its force is no part of the batch
             verdicts.peaks[:, column] = np.nan

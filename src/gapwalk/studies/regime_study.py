@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.many_motions import has_kernel, motions_of
+from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.regime_judge import (
     Finding,
     RegimeOptions,
@@ -379,13 +379,13 @@ def _judge_piece(
     for values in turns:
         by_name = dict(zip(names, values.T, strict=True))
         paces = by_name.get(structure.pace, np.full(len(values), system[structure.pace]))
-        motions = motions_of(system, states, by_name)
         scales = np.array([system.state_scales(1.0, structure.frequency * pace) for pace in paces.tolist()])
-        verdicts = judge(motions, states, scales, judging)
+        work = partial(judge, states=states, scales=scales, options=judging)
+        verdicts, measured = enough(motions_of(system, states, by_name), work)
         if len(turns) > 1:  # the next turn starts from the states of this one
             verdicts = settle_doubts(verdicts, [partial(_system_at, system, names, pair) for pair in values])
         found.append(verdicts)
-        error = max(error, motions.error)
+        error = max(error, measured)
         finite = np.isfinite(verdicts.states).all(axis=1, keepdims=True)
         states = np.where(finite, verdicts.states, start)
     return RegimeChunk(number, Verdicts(*(np.array(parts) for parts in zip(*found, strict=True))), error)

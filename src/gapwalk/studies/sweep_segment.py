@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.many_motions import BatchMotions, motions_of
+from gapwalk.attractors.many_motions import BatchMotions, enough, motions_of
 from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
 from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.attractors.settling_judge import has_settled, period_of
@@ -144,7 +144,8 @@ def wandering_words(
     systems = [partial(system.at, {parameter: value}) for value in values.tolist()]
     scales = np.array([system().state_scales() for system in systems])
     options = RegimeOptions(longest=_RETURNS, max_period=max_period, forces=False)
-    found = settle_doubts(judge(motions, states, scales, options), systems)
+    verdicts, _ = enough(motions, partial(judge, states=states, scales=scales, options=options))
+    found = settle_doubts(verdicts, systems)
     return [regime_word(*pair) for pair in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
 
 
