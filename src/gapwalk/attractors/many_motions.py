@@ -20,9 +20,11 @@ from gapwalk.attractors.section import Strobe
 from gapwalk.ensemble.batch import MOST_STEPS, Batch, BatchOptions, batch_of
 from gapwalk.ensemble.batch_flow import LIMIT, BatchFlow, BlockPlan, Blocks, Trial, batch_flow_of, judge, revised
 from gapwalk.ensemble.kernel_source import Form, Source
+from gapwalk.ensemble.scheme import Linear
+from gapwalk.ensemble.start import closed_in
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -94,12 +96,15 @@ class ContactFigures(NamedTuple):
         Closings of a contact per forcing period, on both sides together.
     sides : shape (count, contacts, 2)
         The same on the positive and on the negative side.
+    closed : shape (count, contacts), bool
+        True for a contact that is closed at the end.
     """
 
     states: NDArray[np.float64]
     peaks: NDArray[np.float64]
     impacts: NDArray[np.float64]
     sides: NDArray[np.float64]
+    closed: NDArray[np.bool_]
 
 
 def motions_of(
@@ -186,7 +191,7 @@ class ExactMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
-        sides = np.full((*peaks.shape, 2), np.nan)
+        sides, closed = np.full((*peaks.shape, 2), np.nan), np.zeros(peaks.shape, dtype=bool)
         names, innermost = [contact.name for contact in self.system.structure.contacts], innermost_switches(self.system)
         for index in np.flatnonzero(finite_rows(states)).tolist():
             try:
@@ -199,7 +204,9 @@ class ExactMotions:
             for contact, side, switch in innermost:
                 entries = [event for event in motion.events if event.enters and event.switch == switch]
                 sides[index, names.index(contact), 0 if side > 0 else 1] = len(entries) / periods
-        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
+            here = Linear(layout_of(self.system.structure), coefficients_of(self._system(index))[None])
+            closed[index] = closed_in(here, ends[index][None])[0]
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides, closed)
 
     def part(self, which: NDArray[np.intp]) -> ExactMotions:
         """See `ManyMotions.part`."""
@@ -292,13 +299,14 @@ class BatchMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self._batch.systems[0].structure.contacts)), np.nan)
-        sides = np.full((*peaks.shape, 2), np.nan)
+        sides, closed = np.full((*peaks.shape, 2), np.nan), np.zeros(peaks.shape, dtype=bool)
         if run := self._run(states, periods, survey=True):
             which, blocks = run
             survey = blocks.survey(periods)
             ends[which], peaks[which], sides[which] = blocks.states, survey.peak_force, survey.impacts
+            closed[which] = closed_in(blocks.block_plan.linear, blocks.states)
             self._compare_loaded(which, blocks, survey.peak_force)
-        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides, closed)
 
     def part(self, which: NDArray[np.intp]) -> BatchMotions:
         """See `ManyMotions.part`."""
