@@ -14,6 +14,8 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import Finding, Found, Work
 
+_COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
+
 
 class CellWork(Work):
     """Work on many cells, in chunks that do not depend on each other.
@@ -142,6 +144,7 @@ class CellFinding(Finding):
 def check_until_right(
     kinds: NDArray[Any],
     may: NDArray[np.bool_],
+    costly: NDArray[np.bool_],
     most: int,
     seed: int,
     find_wrong: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
@@ -152,8 +155,8 @@ def check_until_right(
     ----------
     kinds : shape (first, second, numbers)
         What distinguishes cells: their labels, and which contacts they touch.
-    may : shape (first, second), bool
-        The cells that can be checked.
+    may, costly : shape (first, second), bool
+        The cells that can be checked; those that take seconds, of which a sample has few.
     most, seed
         Cells of a sample, and the seed of its choice.
     find_wrong
@@ -172,8 +175,10 @@ def check_until_right(
         chosen = [np.empty(0, dtype=np.intp)]
         among = among[np.argsort(sizes[among], kind="stable")]
         for number, one in enumerate(among):
-            share = (most - sum(map(len, chosen))) // (len(among) - number)
-            chosen.append(random.permutation(np.flatnonzero(left & (group == one)))[:share])
+            share, own = (most - sum(map(len, chosen))) // (len(among) - number), group == one
+            if costly.ravel()[own].any():
+                share = min(share, -(-most // _COSTLY))
+            chosen.append(random.permutation(np.flatnonzero(left & own))[:share])
         return np.concatenate(chosen)
 
     chosen, wrong = sample(np.arange(len(sizes))), np.zeros(may.size, dtype=bool)

@@ -158,7 +158,7 @@ class RattleMapWork(CellWork):
         columns, rows = self.resolution
         kinds = np.column_stack((self._codes, self._periods > 0)).reshape(columns, rows, -1)
         may = np.ones((columns, rows), dtype=bool)
-        self._checked = check_until_right(kinds, may, asked.check, asked.seed, find_wrong)
+        self._checked = check_until_right(kinds, may, ~may, asked.check, asked.seed, find_wrong)
         self._different = tuple(sentences[cell] for cell in sorted(sentences))
 
     def found(self, *, complete: bool) -> RattleMap:

@@ -345,7 +345,8 @@ class RegimeWork(CellWork):
                             part[cell] = value[0]
             return is_wrong
 
-        checked = check_until_right(np.stack(kinds, axis=-1), may, self.asked.check, self.asked.seed, find_wrong)
+        wanders, how = known.regimes != Regime.PERIODIC, (self.asked.check, self.asked.seed)
+        checked = check_until_right(np.stack(kinds, axis=-1), may, wanders, *how, find_wrong)
         self._checked = RegimeCheck(checked, tuple(sentences[cell] for cell in sorted(sentences)))
 
     def found(self, *, complete: bool) -> Regimes:
