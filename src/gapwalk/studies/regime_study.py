@@ -316,7 +316,8 @@ class RegimeWork(CellWork):
         """
         known, names = self.verdicts, self.asked.names
         count = known.regimes.size
-        whole = Verdicts(*(part.reshape(count, *part.shape[2:]) for part in known))
+        numbers = (part.reshape(count, *part.shape[2:]) for part in known[2:])
+        whole = Verdicts(known.regimes.reshape(count), known.periods.reshape(count), *numbers)
         # a motion that has diverged is followed from its start once more, if that is known
         gone = known.regimes == Regime.RUNAWAY
         may = (known.regimes != Regime.UNDECIDED) & (~gone | (self.asked.carry is Carry.NO))
