@@ -70,3 +70,21 @@ def test_a_mass_that_a_rigid_stop_holds_is_closed():
     expected = [GapState.OPEN, GapState.ONE_SIDE, GapState.ONE_SIDE, GapState.CLOSED, GapState.CLOSED]
     assert [list(GapState)[code] for code in found.codes[:, 0]] == expected
     assert np.isnan(found.peaks).all()  # an impact has no peak of force
+
+
+def test_a_gap_that_few_motions_nearly_touch_is_open_in_all():
+    """The response is below the clearance everywhere, so the linear motion is exact."""
+    amplitude, damping = 0.1312356611439015, 0.15027424644732015
+    assert amplitude / damping < 0.9
+    stop = Contact("s", {"x": 1.0}, (Stage(1.0, 9.723607772353462, side=Side.POSITIVE),))
+    system = System(
+        ["x"], [[1.0]], damping=[[damping]], contacts=[stop], harmonics=[Harmonic(0.1, {"x": 1.0}, name="a")]
+    )
+    grid = np.meshgrid(np.linspace(0.601, 1.868, 20), np.linspace(0.02, amplitude, 20))
+    values = dict(zip(("frequency", "a.amplitude"), (each.ravel() for each in grid), strict=True))
+    found = judge_gaps(system, np.zeros((400, 2)), values, ["s"], 300)
+    assert set(found.codes[:, 0].tolist()) == {GapState.OPEN.code}
+    assert found.error < 1e-4
+    response = values["a.amplitude"] / (1.0 - values["frequency"] ** 2 + 1j * damping * values["frequency"])
+    assert found.states[:, 0] == pytest.approx(response.real, abs=1e-3)
+    assert not found.peaks.any()

@@ -210,3 +210,19 @@ def test_the_idling_gearbox_rattles_where_simulations_do():
     deflection = simulated_mesh(950.0)
     assert deflection.min() < -0.1
     assert deflection.max() > 0.1
+
+
+def test_a_share_of_a_chaotic_motion_does_not_depend_on_the_sample():
+    """All starts rattle for ever, each with another largest force in its own window."""
+    stop = Contact("stop", {"x": 1.0}, (Stage(0.1, 30.0, side=Side.POSITIVE),))
+    load = Harmonic(0.6, {"x": 1.0})
+    system = System(["x"], [[1.0]], damping=[[0.05]], contacts=[stop], harmonics=[load], frequency=2.4)
+    options = gw.ask.RattleOptions(gw.records.SlowSweepOptions(steps=2, patience=32), search=0, starts=8)
+    found = gw.ask.rattle_bands(system, "frequency", (2.38, 2.39), options=options, workers=1)
+    (worst,) = found.worst
+    assert (worst.share, worst.starts, worst.motion, worst.severity.period) == (1.0, 8, "chaotic", 0)
+    low = 0.025 ** (1 / 8)  # Clopper and Pearson, all of eight
+    assert worst.words == f"8 of 8 random starts rattle there: {100 * low:.3g} to 100 % of all"
+    text = found.sentence("stop")
+    assert f"worst near 2.3{str(worst.severity.value)[3]}: peak force about {worst.severity.peak:.3g}, " in text
+    assert "chaotic" in text

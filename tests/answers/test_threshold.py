@@ -149,3 +149,42 @@ def test_what_moves_it_names_no_factor_that_repeats_an_amplitude(gear: gw.System
     )
     assert f"{load}.amplitude" in gradient.words(99)
     assert "acts_on" not in gradient.words(99)
+
+
+def stopped(damping: float, clearance: float, unit: float = 1.0) -> gw.System:
+    """Make a mass on a spring beside a stop; the limit is ``clearance * damping * sqrt(1 - damping**2 / 4)``."""
+    return gw.System(
+        ["x"],
+        stiffness=[[1.0]],
+        damping=[[damping]],
+        contacts=[gw.stop("s", {"x": 1.0}, clearance * unit, 4.0)],
+        harmonics=[gw.Harmonic(0.1 * unit, {"x": 1.0}, name="a")],
+    )
+
+
+@pytest.mark.parametrize(("damping", "unit"), [(0.3, 1e-9), (0.13, 1.0)])
+def test_the_stated_error_holds(damping: float, unit: float) -> None:
+    """A graze is computed a little off the breakpoint: the threshold is that of the touch itself."""
+    exact = 0.7 * unit * damping * math.sqrt(1.0 - damping**2 / 4.0)
+    found = gw.ask.threshold(
+        stopped(damping, 0.7, unit), "a.amplitude", (3.0 * exact, 0.3 * exact), "frequency", (0.6, 1.4), options=FEW
+    )
+    assert found.value == pytest.approx(exact, rel=1e-12)
+    assert abs(found.value - exact) <= found.uncertainty
+
+
+def test_a_transient_is_no_rattle_and_a_narrow_resonance_is_found() -> None:
+    """At a damping ratio of 0.11 % transients rattle for thousands of periods, and tries miss the resonance."""
+    exact = 0.5288 * 0.0022 * math.sqrt(1.0 - 0.0011**2)
+    options = ThresholdOptions(values=8, starts=4)
+    found = gw.ask.threshold(
+        stopped(0.0022, 0.5288), "a.amplitude", (0.003, 0.0003), "frequency", (0.8, 1.2), options=options
+    )
+    assert found.value == pytest.approx(exact, rel=1e-11)
+    assert abs(found.value - exact) <= found.uncertainty
+    tried = found.confirmation
+    assert tried is not None
+    assert tried.rattling == 0
+    assert tried.waited > 600
+    assert f"none of {tried.settled} settled motions" in str(found.summary())
+    assert tried.settled == tried.motions - tried.restless - tried.lost

@@ -117,3 +117,14 @@ def test_a_shorter_average_has_an_error_that_holds():
 def test_options_that_make_no_sense(options, message):
     with pytest.raises(ModelError, match=message):
         LyapunovOptions(**options)
+
+
+def test_the_exponents_of_what_settle_and_find_orbit_return():
+    system = linear().at(frequency=1.3)
+    settled, orbit = gw.settle(system), gw.find_orbit(system)
+    known = gw.analysis.lyapunov(system, orbit.state).exponents
+    for motion in (settled, orbit, gw.classify(system)):
+        assert gw.analysis.lyapunov(motion).exponents == pytest.approx(known, abs=1e-9)
+    for wrong in ((system,), (settled, settled.state)):
+        with pytest.raises(ModelError, match=r"write lyapunov\(motion\)"):
+            gw.analysis.lyapunov(*wrong)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, motions_of
+import gapwalk as gw
+from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, enough, motions_of
 from gapwalk.errors import FlowError
 from tests.systems import clutch
 from tests.tiers import in_campaign
@@ -45,3 +46,48 @@ def test_the_exact_flow_serves_where_the_mass_flow_gives_up(monkeypatch):
 
     monkeypatch.setattr("gapwalk.ensemble.batch_flow.BatchFlow.steps_for", refuse)
     assert isinstance(motions_of(SYSTEM, STATES), ExactMotions)
+
+
+RARE = gw.System(
+    ["x"],
+    [[1.0]],
+    [[0.15]],
+    [[1.0]],
+    contacts=[gw.stop("s", {"x": 1.0}, 1.0, 9.7)],
+    harmonics=[gw.Harmonic(0.13, {"x": 1.0}, name="a")],
+)
+"""A mass that touches its stop near resonance only."""
+
+
+def test_steps_resolve_contacts_that_the_chosen_motions_never_close():
+    grid = np.meshgrid(np.linspace(0.6, 1.87, 20), np.linspace(0.026, 0.13, 20))
+    values = dict(zip(("frequency", "a.amplitude"), (each.ravel() for each in grid), strict=True))
+    (motions, states), error = enough(
+        motions_of(RARE, np.zeros((400, 2)), values), lambda motions: (motions, motions.advance(np.zeros((400, 2)), 64))
+    )
+    assert isinstance(motions, BatchMotions)
+    assert motions.steps >= 2 * np.pi * np.sqrt(9.7) / 0.6 / 0.2
+    assert error < 1e-4
+    response = 1.0 / (1.0 - grid[0] ** 2 + 0.15j * grid[0])  # linear, below the clearance
+    x = (grid[1] * response).ravel()
+    is_open = np.abs(x) < 1.0
+    assert is_open.sum() > 390
+    exact = np.stack((x.real, -grid[0].ravel() * x.imag), axis=1)
+    assert states[is_open] == pytest.approx(exact[is_open], abs=0.01)  # what is left of the transients
+    assert not (motions.contacts(exact, 16).impacts[is_open]).any()
+
+
+def test_what_was_done_with_too_few_steps_is_done_again():
+    coarse = motions_of(SYSTEM, STATES, VALUES)._in(8)
+    assert isinstance(coarse, BatchMotions)
+    tried = []
+
+    def work(motions):
+        tried.append(motions.steps)
+        return motions.contacts(STATES, 2).states
+
+    ends, error = enough(coarse, work)
+    assert tried[0] == 8
+    assert len(tried) > 1
+    assert error <= 1e-4
+    assert ends == pytest.approx(ExactMotions(SYSTEM, VALUES).advance(STATES, 2), abs=5e-3)

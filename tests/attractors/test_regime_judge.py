@@ -36,7 +36,7 @@ class MapMotions:
 
     def contacts(self, states, periods):
         nothing = np.zeros((len(states), 0))
-        return ContactFigures(self.advance(states, periods), nothing, nothing)
+        return ContactFigures(self.advance(states, periods), nothing, nothing, nothing, nothing)
 
     def part(self, which):
         return MapMotions(self.function, self.values[which])

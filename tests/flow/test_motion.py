@@ -62,3 +62,12 @@ def test_signals_by_name():
 def test_a_wrong_state_is_refused(state):
     with pytest.raises(ModelError, match="4 finite numbers"):
         integrate(clutch(), state)
+
+
+@pytest.mark.parametrize(
+    ("periods", "samples", "text"),
+    [(-6.0, 400, "periods is -6.0"), (0, 8, "periods is 0"), (np.nan, 8, "periods is nan"), (2.0, 0, "samples is 0")],
+)
+def test_a_motion_is_followed_forwards(periods, samples, text):
+    with pytest.raises(ModelError, match=text):
+        integrate(linear(), np.zeros(2), periods, samples)

@@ -11,6 +11,7 @@ from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.parallel.workers import local_workers
 from gapwalk.studies import regime_study
+from gapwalk.studies.options import ParameterRange
 from gapwalk.studies.regime_study import Carry, RegimeChunk, RegimeMapOptions, regimes
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
@@ -175,3 +176,42 @@ def test_doubtful_cells_are_pieces_of_their_own() -> None:
     assert np.array_equal(np.concatenate([each.values for each in parts]), values[0, 10:30])
     assert np.array_equal(np.concatenate([each.verdicts.states for each in parts]), states[0, 10:30])
     assert regime_study._doubts_in((0, np.concatenate((values, values))), RegimeChunk(0, verdicts, 0.0)) == []
+
+
+def corrupted(rows, regime, period):
+    """Return the work on a map whose cells are of period 1, with some of them labelled otherwise, and those labels."""
+    system = gw.System(
+        ["x"],
+        [[1.0]],
+        [[0.2]],
+        [[1.0]],
+        contacts=[gw.stop("s", {"x": 1.0}, 9.0, 5.0)],
+        harmonics=[gw.Harmonic(1.0, {"x": 1.0}, name="a")],
+    )
+    asked = regime_study.RegimeStudy(
+        "frequency", 0.5, 2.0, second=ParameterRange("a.amplitude", 0.1, 1.0), resolution=(20, 20), check=8, workers=1
+    )
+    work = asked.work(system)
+    with local_workers(1) as workers:
+        for _, chunk in work.follow(workers, [0]):
+            work._add(chunk)
+        assert (work.verdicts.periods == 1).all()
+        for row in rows:
+            work.verdicts.regimes[row, 5:9], work.verdicts.periods[row, 5:9] = regime, period
+            work.verdicts.states[row, 5:9] *= 1.0 if regime != Regime.RUNAWAY else np.nan
+        work.check(workers)
+    return work.found(complete=True)
+
+
+@pytest.mark.parametrize(
+    ("regime", "period"), [(Regime.PERIODIC, 12), (Regime.CHAOTIC, 0), (Regime.RUNAWAY, 0), (Regime.PERIODIC, 2)]
+)
+def test_a_check_finds_the_rare_labels_and_goes_on_until_none_is_wrong(regime, period):
+    """Twelve wrong ones of 400: more than a sample has, in three rows."""
+    found = corrupted((3, 4, 5), regime, period)
+    assert found.cells == {"period 1": 400}
+    assert len(found.check.different) == 12
+    assert found.check.checked < 100
+    across, up = found.axes
+    x = 1.0 / (1.0 - across[6] ** 2 + 0.2j * across[6]) * up[4]
+    assert found.states[4, 6, 0] == pytest.approx(x.real, abs=1e-9)  # of the exact flow

@@ -341,3 +341,24 @@ def test_section_points_are_in_memory_once() -> None:
 def test_the_earlier_name_of_a_way_is_read() -> None:
     assert Way("afresh") is Way.AGAIN
     assert gw.SweepOptions(ways="up and afresh").each_way() == (Way.UP, Way.AGAIN)
+
+
+def test_a_mass_that_rests_on_a_rigid_stop_is_not_kicked_through_it():
+    """Without clearance it is pressed on the stop from the start; the kick would begin beyond it."""
+    unit = 1e-9
+    stop = gw.rigid_stop("stop", {"x": 1.0}, 0.0, restitution=0.5)
+    system = gw.System(
+        ["x"],
+        [[1.0]],
+        [[0.2]],
+        [[1.0]],
+        contacts=[stop],
+        mean={"x": 0.5 * unit},
+        harmonics=[gw.Harmonic(unit, {"x": 1.0}, name="a")],
+        frequency=1.0,
+    )
+    found = gw.sweep(system, "a.amplitude", (0.1 * unit, 2.0 * unit), options=options(steps=3, ways="up"))
+    assert {band.regime for lane in range(len(found.lanes)) for band in found.bands(lane)} == {"period 1"}
+    pressed, lifts = (gw.settle(system.at({"a.amplitude": share * unit})).motion(64) for share in (0.4, 2.0))
+    assert np.abs(pressed.states[:, 0]).max() <= 1e-12 * unit
+    assert lifts.states[:, 0].min() < -0.1 * unit

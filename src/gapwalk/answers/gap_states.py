@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.many_motions import motions_of
-from gapwalk.attractors.regime_judge import wait
+from gapwalk.attractors.many_motions import ContactFigures, ManyMotions, enough, motions_of
+from gapwalk.attractors.regime_judge import Waited, wait
 from gapwalk.attractors.section import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import contact_deflections
@@ -139,15 +139,15 @@ def gap_state(motion: Orbit | Motion, gap: str) -> GapState:
     return GapState.OPEN
 
 
-def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> NDArray[np.int_]:
+def state_codes(impacts: NDArray[np.float64], is_closed: NDArray[np.bool_]) -> NDArray[np.int_]:
     """Return the states of a gap in many motions, as codes (`GapState.code`).
 
     Parameters
     ----------
     impacts : shape (count, 2)
         Impacts per period on the positive and on the negative side; nan for a motion that has diverged.
-    is_loaded : shape (count,), bool
-        True if the contact has a force at any time.
+    is_closed : shape (count,), bool
+        True if the contact is closed at some time.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def state_codes(impacts: NDArray[np.float64], is_loaded: NDArray[np.bool_]) -> N
         -1 for a motion that has diverged.
     """
     hits = (impacts > 0.0).sum(axis=1)
-    quiet = np.where(is_loaded, GapState.CLOSED.code, GapState.OPEN.code)
+    quiet = np.where(is_closed, GapState.CLOSED.code, GapState.OPEN.code)
     parted = np.where(hits == 1, GapState.ONE_SIDE.code, GapState.BOTH_SIDES.code)
     codes = np.where(hits == 0, quiet, parted)
     return np.where(np.isnan(impacts).any(axis=1), -1, codes)
@@ -228,22 +228,23 @@ def judge_gaps(
     scales = np.array([system.state_scales(1.0, system.structure.frequency * each) for each in paces.tolist()])
     motions = motions_of(system, states, values, periods=_TRANSIENT)
     states = motions.advance(states, _TRANSIENT)
-    motions = motions.eased(states)
-    waited = wait(motions, states, scales, patience, _LONGEST)
-    found = motions.contacts(waited.states, WATCHED)
-    codes = [state_codes(found.sides[:, place], found.peaks[:, place] > 0.0) for place in places]
+
+    def watch(motions: ManyMotions) -> tuple[Waited, ContactFigures]:
+        waited = wait(motions, states, scales, patience, _LONGEST)
+        return waited, motions.contacts(waited.states, WATCHED)
+
+    (waited, found), error = enough(motions.eased(states), watch)
+    codes = np.stack([state_codes(found.sides[:, place], found.closed[:, place]) for place in places], axis=1)
+    peaks = found.peaks[:, places]
+    # the force of a deflection within a step from the breakpoint is an average: only the exact flow knows of a touch
+    is_near = (codes == GapState.OPEN.code) & (peaks > 0.0)
+    for k in np.flatnonzero(is_near.any(axis=1)).tolist():
+        here = system.at({name: float(each[k]) for name, each in (values or {}).items()})
+        codes[k] = [state.code for state in watched(here, found.states[k], gaps)]
+    peaks[codes == GapState.OPEN.code] = 0.0
+    peaks[:, [system.structure.contacts[place].law.rebounds for place in places]] = np.nan  # no part of the batch
     periods, length = np.maximum(waited.periods, 0), _TRANSIENT + waited.longest
-    verdicts = GapVerdicts(
-        np.stack(codes, axis=1), periods, found.peaks[:, places], found.states, motions.error, length
-    )
-    for column, place in enumerate(places):
-        if system.structure.contacts[place].law.rebounds:  # its force is no part of the batch
-            verdicts.peaks[:, column] = np.nan
-            for k in np.flatnonzero((codes[column] == GapState.CLOSED.code) | (codes[column] == GapState.OPEN.code)):
-                here = system.at({name: float(each[k]) for name, each in (values or {}).items()})
-                motion = Motion.of(here, np.zeros(1), found.states[k][None])
-                verdicts.codes[k, column] = gap_state(motion, gaps[column]).code
-    return verdicts
+    return GapVerdicts(codes, periods, peaks, found.states, error, length)
 
 
 def contact_place(system: System, gap: str) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -19,7 +20,11 @@ from numpy.typing import NDArray
 from gapwalk.answers.gap_spans import BandEnd, GapSpan, RattleBand, bands_of_spans, spans_of, state_of
 from gapwalk.answers.gap_states import GapState, contact_place, gap_state, judge_gaps
 from gapwalk.answers.settled_sweep import Sample, SettledSweep
+from gapwalk.answers.tolerance import chance_of
+from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
+from gapwalk.attractors.regime_judge import RegimeOptions, judge
+from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import FlowError
@@ -35,6 +40,8 @@ _QUIET = 5.0  # factor on that distance where nothing rattles
 _NEXT = 2  # motions on either side of the worst one that are examined too
 _TRANSIENT = 200  # the most forcing periods in which the motions of many starts may become periodic
 _EQUAL = 0.05  # difference of peak forces, relative to them, up to which two settled motions count as one
+_JUDGED = 4  # motions without period whose kind is found
+NOT_PERIODIC = "not periodic"
 _SHOWN = 3  # movers of an end in the summary
 _LISTED = 12  # rows of severity in the summary
 
@@ -101,23 +108,35 @@ class Worst:
     Attributes
     ----------
     severity
-        Its severity.
+        Its severity. If the motion is not periodic, its figures are those of a sample of it.
     share
-        Share of random starts, at its value of the parameter, that lead to a motion with this peak force; nan if none
-        was followed.
+        Share of random starts, at its value of the parameter, that lead to it: those with its peak force. A motion that
+        is not periodic, or one on a rigid stop, cannot be told by its peak force: of these it is the share of starts
+        that lead to rattle of any kind. It is nan if none was followed.
     starts
         Number of these starts.
+    motion
+        Kind of the motion in words: ``period 1``, ``chaotic``, ...
 
     Examples
     --------
     >>> worst = bands.worst[0]
-    >>> worst.severity.gap, worst.starts
-    ('stop', 16)
+    >>> worst.severity.gap, worst.starts, worst.motion
+    ('stop', 16, 'period 1')
     """
 
     severity: Severity
     share: float
     starts: int
+    motion: str = ""
+
+    @property
+    def words(self) -> str:
+        """The share in words, with the interval that contains it with 95 % confidence (Clopper and Pearson 1934)."""
+        there = "lead there" if _is_told(self.severity) else "rattle there"
+        chance = chance_of(round(self.share * self.starts), self.starts)
+        ends = f"{100.0 * chance.low:.3g} to {100.0 * chance.high:.3g} %"
+        return f"{chance.count} of {self.starts} random starts {there}: {ends} of all"
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,21 +227,24 @@ class RattleBands(Shown):
         worst = next((each for each in self.worst if each.severity.gap == gap), None)
         if worst is None:
             return text
-        severity, units = worst.severity, self.system.units
-        parts = []
+        severity, units, parts = worst.severity, self.system.units, []
+        about = "" if severity.period else "about "
         if not math.isnan(severity.peak):
-            parts.append(f"{severity.peak:.4g} N m" if units else f"peak force {severity.peak:.4g}")
+            peak = _figure(severity.peak, severity)
+            parts.append(f"{about}{peak} N m" if units else f"peak force {about}{peak}")
         else:
-            parts.append(f"impacts at {severity.approach:.4g}{' ' + units.state(chr(39)) if units else ''}")
+            fastest = _figure(severity.approach, severity)
+            parts.append(f"impacts at {about}{fastest}{' ' + units.state(chr(39)) if units else ''}")
         if units:
-            parts.append(f"{severity.per_second:.4g} impacts per second")
+            parts.append(f"{_figure(severity.per_second, severity)} impacts per second")
         else:
-            many = f"{severity.impacts:.4g}"
+            many = _figure(severity.impacts, severity)
             parts.append(f"{many} impact{'s' * (many != '1')} per forcing period")
-        text += f"; worst at {self._value(severity.value)}: {', '.join(parts)}"
-        if worst.starts:
-            text += f" ({100 * worst.share:.3g} % of {worst.starts} starts lead there)"
-        return text
+        if about:
+            parts.append(worst.motion or NOT_PERIODIC)
+        where = "near" if about else "at"
+        text += f"; worst {where} {self._value(severity.value, 3 if about else 6)}: {', '.join(parts)}"
+        return f"{text} ({worst.words})" if worst.starts else text
 
     @summarizes
     def summary(self, *, notes: bool = True) -> SummaryParts:
@@ -300,18 +322,18 @@ class RattleBands(Shown):
                     row.met,
                     str(row.state),
                     str(row.period or "none"),
-                    f"{row.per_second:.4g}",
-                    "" if math.isnan(row.per_turn) else f"{row.per_turn:.4g}",
-                    *(f"{number:.4g}" for number in (row.peak, row.approach, row.power, row.rms, row.kurtosis)),
+                    _figure(row.per_second, row),
+                    "" if math.isnan(row.per_turn) else _figure(row.per_turn, row),
+                    *(_figure(number, row) for number in (row.peak, row.approach, row.power, row.rms, row.kurtosis)),
                     f"{row.level:.1f}",
                 )
                 for row in chosen
             ],
         )
 
-    def _value(self, value: float) -> str:
+    def _value(self, value: float, digits: int = 6) -> str:
         unit = self.system.units.parameter(self.parameter) if self.system.units else None
-        return f"{value:.6g} {unit}" if unit else f"{value:.6g}"
+        return f"{value:.{digits}g} {unit}" if unit else f"{value:.{digits}g}"
 
     def _band_rows(self) -> Rows:
         yield ["gap", "met", "from", "from.error", "from.kind", "to", "to.error", "to.kind", "states"]
@@ -334,6 +356,16 @@ class RattleBands(Shown):
 
     def __repr__(self) -> str:
         return f"RattleBands({'; '.join(self.sentence(gap) for gap in self.gaps)})"
+
+
+def _figure(number: float, row: Severity) -> str:
+    """Write a figure of a motion; that of a sample of a motion without period has three digits."""
+    return f"{number:.4g}" if row.period else f"{number:.3g}"
+
+
+def _is_told(row: Severity) -> bool:
+    """Return True if a motion is known by its peak force: that of a motion without period depends on the sample."""
+    return row.period > 0 and not math.isnan(row.peak)
 
 
 def _place(row: Severity) -> tuple[float, str]:
@@ -464,17 +496,26 @@ def worst_of(
     if not rows:
         return None
     worst = max(rows, key=_peak)
-    share = math.nan
-    if math.isnan(worst.peak):  # on a rigid stop motions have no peak force by which they could be told apart
-        starts = 0
+    share, motion = math.nan, regime_word(Regime.PERIODIC, worst.period) if worst.period else NOT_PERIODIC
     if starts:
-        peaks, _ = settled_peaks(system.at({parameter: worst.value}), gap, starts, seed)
-        share = float(np.mean(np.abs(peaks - worst.peak) <= _EQUAL * worst.peak))
-    return Worst(worst, share, starts)
+        here = system.at({parameter: worst.value})
+        states = np.array(spread_starts([here], state_box(here), starts, seed, 0.0))
+        found = judge_gaps(here, states, None, [gap], _TRANSIENT)
+        rattles = np.isin(found.codes[:, 0], [state.code for state in GapState if state.rattles])
+        is_alike = np.abs(found.peaks[:, 0] - worst.peak) <= _EQUAL * worst.peak if _is_told(worst) else rattles
+        share = float(np.mean(is_alike))
+        if not worst.period:
+            motion = _kind_of(here, found.states[rattles & (found.periods == 0)])
+    return Worst(worst, share, starts, motion)
 
 
-def settled_peaks(system: System, gap: str, starts: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the peak forces of a gap in the settled motions of many starts, and the last states of these motions."""
-    states = np.array(spread_starts([system], state_box(system), starts, seed, 0.0))
-    found = judge_gaps(system, states, None, [gap], _TRANSIENT)
-    return found.peaks[:, 0], found.states
+def _kind_of(system: System, states: NDArray[np.float64]) -> str:
+    """Return the kind of most of some settled motions without period, in words."""
+    if not len(states) or not has_kernel(system):
+        return NOT_PERIODIC
+    states, options = states[:_JUDGED], RegimeOptions(longest=_WATCHED, forces=False)
+    work = partial(judge, states=states, scales=np.tile(system.state_scales(), (len(states), 1)), options=options)
+    found, _ = enough(motions_of(system, states), work)
+    words = [regime_word(*each) for each in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
+    most = max(words, key=words.count)
+    return NOT_PERIODIC if most in (Regime.RUNAWAY.text, Regime.UNDECIDED.text) else most

@@ -30,6 +30,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
 _BEYOND = 60  # points of a walk after the first change of all gaps
+_LONGEST = 8  # longest period of a motion that is settled again
+_LISTED = 8  # differences that the summary lists
 _SAME = 1e-3  # distance from a locus, in widths of the ranges, below which a point lies on it
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -59,7 +61,8 @@ class RattleMap(Shown):
         Exact borders: loci of grazing points at which a gap begins or ceases to rattle, and of points at which the
         motion that was followed is lost.
     checked, different
-        Number of random cells whose gaps were observed with the exact flow; one sentence for each that then differed.
+        Number of cells whose gaps were observed with the exact flow, rare kinds first; one sentence for each that then
+        differed. The map holds what the exact flow found.
     error
         Error of the batch integrator over one forcing period, relative to the size of the motion.
     complete
@@ -147,7 +150,7 @@ class RattleMap(Shown):
             yield Table(("border", "contact", ">points", f">{self.first} from", ">to"), rows)
         if self.checked:
             yield f"checked with the exact flow: {len(self.different)} of {self.checked} cells differed"
-        yield from self.different
+        yield from self.different[:_LISTED]
         if notes:
             yield from remarks(self.notes, ())
 
@@ -286,14 +289,20 @@ def _is_on(locus: Locus, place: tuple[float, float], within: Ranges) -> bool:
     return bool((away < _SAME).any())
 
 
-def differs(system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int]) -> str:
-    """Return the states of gaps by the exact flow where they differ from their codes; empty if none does."""
+def exact_gaps(
+    system: System, state: NDArray[np.float64], gaps: Sequence[str], codes: Sequence[int], patience: int
+) -> tuple[list[int], str]:
+    """Return the codes of gaps by the exact flow, and in words where they differ from those given; empty if none does.
+
+    Where they differ, the motion was perhaps none of the system: it settles first.
+    """
     try:
         found = watched(system, state, gaps)
+        if [each.code for each in found] != list(codes):
+            settled = settle(system, state, SettleOptions(max_periods=patience, max_period=_LONGEST))
+            found = watched(system, settled.state, gaps)
     except FlowError as error:
-        return str(error)
-    words = []
-    for gap, code, exact in zip(gaps, codes, found, strict=True):
-        if exact.code != code:
-            words.append(f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow")
-    return "; ".join(words)
+        return [-1] * len(gaps), "" if set(codes) == {-1} else str(error)
+    differ = [(gap, code, exact) for gap, code, exact in zip(gaps, codes, found, strict=True) if exact.code != code]
+    words = (f"{gap} is {cell_word(code, True)}, but {exact} by the exact flow" for gap, code, exact in differ)
+    return [each.code for each in found], "; ".join(words)

@@ -35,8 +35,8 @@ class ThresholdOptions:
     starts
         Starts at each of them: rest, and states spread over a box.
     periods
-        Largest number of forcing periods in which a motion may become periodic; if it does not, its gaps are observed
-        after them.
+        Number of forcing periods in which motions may become periodic. Those that have not are followed up to 60 times
+        as long.
     rounds
         The most borders that are followed one after the other.
     seed
@@ -73,7 +73,7 @@ class Confirmation(NamedTuple):
     rattling
         Number of those that rattle once they have settled.
     restless, lost
-        Number of those that did not become periodic, and of those that diverge.
+        Number of those that did not become periodic, and of those that diverge; the others are settled.
     waited
         Largest number of forcing periods of the transients, before the gaps were observed.
     checked
@@ -99,11 +99,16 @@ class Confirmation(NamedTuple):
     error: float
 
     @property
+    def settled(self) -> int:
+        """Number of motions that became periodic: of these it is known whether they rattle."""
+        return self.motions - self.restless - self.lost
+
+    @property
     def words(self) -> str:
         """Description of how the motions were tried."""
         text = f"{self.starts} starts at each place, followed until they repeat, for at most {self.waited} periods"
         if self.restless:
-            text += f"; {self.restless} did not repeat"
+            text += f"; {self.restless} had not settled by then, of which nothing is said"
         if self.lost:
             text += f"; {self.lost} diverged, of which nothing is said"
         if self.error:
@@ -248,9 +253,9 @@ class Threshold(Shown):
             place = ", at the end of the range: beyond it the limit is farther" if self.is_edge else ""
             yield f"error of the limit {self.uncertainty:.0e}{f' {unit}' if unit else ''}{place}"
         if (found := self.confirmation) is not None and not found.rattling:
-            share = 300.0 / max(found.motions - found.lost, 1)
+            share = min(300.0 / max(found.settled, 1), 100.0)
             yield (
-                f"confirmed at {value_words(found.value, self.parameter, units, 7)}: none of {found.motions:,} settled "
+                f"confirmed at {value_words(found.value, self.parameter, units, 7)}: none of {found.settled:,} settled "
                 f"motions rattles there, so with 95 % confidence fewer than {share:.2g} % of such starts do"
             )
             yield f"({found.words})"

@@ -4,7 +4,8 @@ The quiet motion begins to rattle where a contact grazes, and rattling motions c
 these lie on loci in the plane of both parameters. The threshold is the extremum of the locus that reaches farthest. It
 is found from both sides, and then confirmed: many motions from random starts just beyond it are followed until they
 have settled. If one of them rattles, its own border is followed in the same way. The batch integrator follows them; one
-that rattles is followed by the exact flow before it counts, and so are some of the quiet ones.
+that rattles is followed by the exact flow before it counts, and so are some of the quiet ones. If none rattles, the
+quiet motion is walked over the range of the other parameter, which misses no narrow resonance.
 
 Method: docs/howto/studies.md
 """
@@ -44,6 +45,8 @@ _BEYOND = 1e-3  # distance beyond the threshold, in widths of the range, at whic
 _NEAR = 0.1  # share of the range of the other parameter about the limit in which half of all motions are tried
 _SAME = 1e-8  # difference of two limits, relative to the range, below which they are one
 _SETTLE = SettleOptions(max_periods=1500)
+_DOUBLINGS = 5  # of the periods in which motions may become periodic, for those that have not
+_LONG = 4096  # the most forcing periods in which a motion without period is settled by the exact flow
 _WATCH = 64  # the most forcing periods in which a motion that seems to have settled is settled by the exact flow
 _QUIET = (GapState.CLOSED.code, GapState.OPEN.code)
 
@@ -238,38 +241,66 @@ class ThresholdSearch:
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
         by_name = {asked.over: pairs[:, 0], asked.parameter: pairs[:, 1]}
         found = judge_gaps(asked.system, states, by_name, asked.gaps, options.periods)
+        for doubling in range(1, _DOUBLINGS + 1):  # where damping is weak, transients that rattle last long
+            left = np.flatnonzero((found.periods == 0) & (found.codes >= 0).all(axis=1))
+            if not len(left):
+                break
+            some_values = {name: each[left] for name, each in by_name.items()}
+            later = judge_gaps(asked.system, found.states[left], some_values, asked.gaps, options.periods << doubling)
+            for whole, part in zip(found[:4], later[:4], strict=True):
+                whole[left] = part
+            found = found._replace(error=max(found.error, later.error), waited=found.waited + later.waited)
         is_lost = np.asarray((found.codes < 0).any(axis=1))
         is_quiet = np.isin(found.codes, _QUIET).all(axis=1)
 
         def motion(k: int) -> Hit:
             return Hit(float(pairs[k, 1]), float(pairs[k, 0]), states[k] if is_lost[k] else found.states[k])
 
-        suspects = [motion(k) for k in np.flatnonzero(~is_lost & ~is_quiet).tolist()]
+        is_settled = found.periods > 0
+        suspects = [(motion(k), bool(is_settled[k])) for k in np.flatnonzero(~is_lost & ~is_quiet).tolist()]
         lost = [motion(k) for k in np.flatnonzero(is_lost).tolist()]
-        again = [self._rattles_exactly(each, options.periods) for each in lost[:_RETRIED]]
+        again = [self._rattles_exactly(each, _LONG) for each in lost[:_RETRIED]]
         hits = [each for each, rattles in zip(lost, again, strict=False) if rattles]
-        quiet, checked = np.flatnonzero(is_quiet), 0
+        quiet, checked = np.flatnonzero(is_quiet & is_settled), 0
         if len(values) == 1 and len(quiet):
             sample = np.unique(np.linspace(0, len(quiet) - 1, _CHECKED).astype(int))
             hits += [each for each in map(motion, quiet[sample].tolist()) if self._rattles_exactly(each)]
             checked = len(sample)
-        suspects.sort(key=lambda each: -asked.way * each.value)
-        while suspects and not self._rattles_exactly(suspects[0]):
+        suspects.sort(key=lambda each: -asked.way * each[0].value)
+        slow = 0  # motions that are neither periodic nor known to rattle; each takes seconds
+        while suspects and not self._rattles_exactly(suspects[0][0], _WATCH if suspects[0][1] else _LONG):
+            slow += not suspects[0][1]
             del suspects[0]
-        hits += suspects
+            if slow == _RETRIED:
+                suspects = [each for each in suspects if each[1]]
+        hits += [each for each, _ in suspects]
         restless = int(((found.periods == 0) & ~is_lost).sum())
         gone = len(lost) - sum(rattles is not None for rattles in again)
         counts = len(states), len(some), len(hits), restless, gone, found.waited, checked, found.error
-        farthest = max(hits, key=lambda each: asked.way * each.value, default=None)
-        return Confirmation(float(values[-1]), *counts), farthest
+        tried = Confirmation(float(values[-1]), *counts)
+        if not hits and (hit := self._walked_into(float(values[0]))) is not None:
+            return tried._replace(motions=tried.motions + 1, rattling=1), hit
+        return tried, max(hits, key=lambda each: asked.way * each.value, default=None)
+
+    def _walked_into(self, value: float) -> Hit | None:
+        """Return a motion that rattles on the branch over the other parameter, as at a resonance between tries."""
+        asked, (low, high) = self.request, self.request.span
+        with suppress(NumericalError, FlowError):
+            orbit = find_orbit(asked.at(value, low))
+            for point, _ in BranchTracer(start_branch(orbit, asked.over, high, 1)):
+                if point.stable and self._rattles(point.orbit):
+                    return Hit(value, point.value, point.orbit.state)
+        return None
 
     def _rattles_exactly(self, hit: Hit, patience: int = _WATCH) -> bool | None:
-        """Return True if a motion rattles once it has settled, by the exact flow; None if it diverges."""
+        """Return True if a motion rattles once it has settled, by the exact flow; None if it does not settle."""
         system, gaps = self.request.at(hit.value, hit.other), self.request.gaps
         try:
             settled = settle(system, hit.state, SettleOptions(max_periods=patience))
             if settled.orbit is not None:
                 return self._rattles(settled.orbit)
+            if not settled.converged:
+                return None
             return any(state.rattles for state in watched(system, settled.state, gaps))
         except FlowError:
             return None

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,15 +150,29 @@ class LyapunovOptions:
                 raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
 
 
-def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
-    """Compute the Lyapunov exponents of the motion from a settled state at theta = 0.
+class _Moving(Protocol):
+    """A settled motion: an orbit, an attractor, or what `settle` returns."""
+
+    @property
+    def system(self) -> System: ...
+
+    @property
+    def state(self) -> NDArray[np.float64]: ...
+
+
+def lyapunov(
+    system: System | _Moving,
+    start: NDArray[np.float64] | None = None,
+    options: LyapunovOptions | None = None,
+) -> Lyapunov:
+    """Compute the Lyapunov exponents of a settled motion.
 
     Parameters
     ----------
     system
-        The system.
+        The motion: what `gapwalk.settle`, `gapwalk.classify` or `gapwalk.find_orbit` returns. Or a system.
     start : shape (state_size,)
-        A state of the settled motion at theta = 0.
+        With a system, a state of the settled motion at theta = 0.
     options
         Length and accuracy of the averages.
 
@@ -170,7 +184,7 @@ def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOption
     Raises
     ------
     ModelError
-        If the state has the wrong length.
+        If the state has the wrong length, or is given where it is not needed, or not where it is.
     FlowError
         If the motion diverges.
 
@@ -184,7 +198,15 @@ def lyapunov(system: System, start: NDArray[np.float64], options: LyapunovOption
     >>> gw.analysis.lyapunov(system, orbit.state).exponents.round(6)
     array([-0.05, -0.05])
     """
-    return lyapunov_run(system, start, options)[0]
+    if isinstance(system, System) == (start is None):
+        raise ModelError(
+            "write lyapunov(motion), where motion is what settle, classify or find_orbit returns, or "
+            "lyapunov(system, state)"
+        )
+    if isinstance(system, System):
+        assert start is not None
+        return lyapunov_run(system, start, options)[0]
+    return lyapunov_run(system.system, system.state, options)[0]
 
 
 def lyapunov_run(

@@ -2,26 +2,29 @@
 
 `ExactMotions` integrates one motion after the other. `BatchMotions` uses the batch integrator. A regime map calls it a
 thousand times for the same systems, so the steps (one scheme for each system) are chosen once. The error is monitored
-in each call: the first period of a few motions is compared with the exact flow.
+in each call: a period of a few motions is compared with the exact flow. What was done with too large an error is done
+again with more steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
-from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
-from gapwalk.ensemble.batch_flow import LIMIT, BatchFlow, BlockPlan, Blocks, Trial, batch_flow_of, judge
+from gapwalk.ensemble.batch import MOST_STEPS, Batch, BatchOptions, batch_of
+from gapwalk.ensemble.batch_flow import LIMIT, BatchFlow, BlockPlan, Blocks, Trial, batch_flow_of, judge, revised
 from gapwalk.ensemble.kernel_source import Form, Source
+from gapwalk.ensemble.scheme import Linear
+from gapwalk.ensemble.start import closed_in
 from gapwalk.errors import FlowError, UnfitError
 from gapwalk.flow.motion import integrate
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -30,6 +33,7 @@ _PILOT_PERIODS = 64
 _EASED = 16  # the same for motions whose transients have ended
 _LOOKS = 2  # motions per call that are compared with the exact flow
 _SEED = 1995
+_Done = TypeVar("_Done")
 
 
 class ManyMotions(Protocol):
@@ -63,6 +67,21 @@ class ManyMotions(Protocol):
         """Return the flow of the same motions from states after their transients, which may need fewer steps."""
         ...
 
+    def finer(self) -> ManyMotions | None:
+        """Return the flow with more steps if the error that was measured is larger than allowed; otherwise None."""
+        ...
+
+
+def enough(motions: ManyMotions, work: Callable[[ManyMotions], _Done]) -> tuple[_Done, float]:
+    """Do work with the flow of many motions, again with more steps while the error is too large; return the error.
+
+    The steps are chosen on some motions. Others may close a contact that these never close.
+    """
+    done = work(motions)
+    while (finer := motions.finer()) is not None:
+        motions, done = finer, work(finer)
+    return done, motions.error
+
 
 class ContactFigures(NamedTuple):
     """Contact forces and impacts of many motions.
@@ -77,12 +96,15 @@ class ContactFigures(NamedTuple):
         Closings of a contact per forcing period, on both sides together.
     sides : shape (count, contacts, 2)
         The same on the positive and on the negative side.
+    closed : shape (count, contacts), bool
+        True for a contact that is closed at the end.
     """
 
     states: NDArray[np.float64]
     peaks: NDArray[np.float64]
     impacts: NDArray[np.float64]
     sides: NDArray[np.float64]
+    closed: NDArray[np.bool_]
 
 
 def motions_of(
@@ -169,7 +191,7 @@ class ExactMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
-        sides = np.full((*peaks.shape, 2), np.nan)
+        sides, closed = np.full((*peaks.shape, 2), np.nan), np.zeros(peaks.shape, dtype=bool)
         names, innermost = [contact.name for contact in self.system.structure.contacts], innermost_switches(self.system)
         for index in np.flatnonzero(finite_rows(states)).tolist():
             try:
@@ -182,7 +204,9 @@ class ExactMotions:
             for contact, side, switch in innermost:
                 entries = [event for event in motion.events if event.enters and event.switch == switch]
                 sides[index, names.index(contact), 0 if side > 0 else 1] = len(entries) / periods
-        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
+            here = Linear(layout_of(self.system.structure), coefficients_of(self._system(index))[None])
+            closed[index] = closed_in(here, ends[index][None])[0]
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides, closed)
 
     def part(self, which: NDArray[np.intp]) -> ExactMotions:
         """See `ManyMotions.part`."""
@@ -191,6 +215,10 @@ class ExactMotions:
     def eased(self, states: NDArray[np.float64]) -> ExactMotions:
         """See `ManyMotions.eased`."""
         return self
+
+    def finer(self) -> None:
+        """See `ManyMotions.finer`."""
+        return
 
     def _system(self, index: int) -> System:
         if not self.values:
@@ -231,6 +259,7 @@ class BatchMotions:
         self._batch, self._block_plan, self._lanes, self._trials = batch, block_plan, lanes, trials
         self._allowed = allowed
         self._random = np.random.default_rng(_SEED)
+        self._measured = 0, 0.0  # number of trials, and their error
 
     @property
     def steps(self) -> int:
@@ -240,9 +269,12 @@ class BatchMotions:
     @property
     def error(self) -> float:
         """See `ManyMotions.error`."""
+        if self._measured[0] == len(self._trials):
+            return self._measured[1]
         systems = [system for _, system in self._trials]
         numbered = [trial._replace(lane=index) for index, (trial, _) in enumerate(self._trials)]
-        return judge(numbered, systems.__getitem__, LIMIT).error
+        self._measured = len(numbered), judge(numbered, systems.__getitem__, LIMIT).error
+        return self._measured[1]
 
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
         """See `ManyMotions.advance`."""
@@ -267,12 +299,14 @@ class BatchMotions:
         """See `ManyMotions.contacts`."""
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self._batch.systems[0].structure.contacts)), np.nan)
-        sides = np.full((*peaks.shape, 2), np.nan)
+        sides, closed = np.full((*peaks.shape, 2), np.nan), np.zeros(peaks.shape, dtype=bool)
         if run := self._run(states, periods, survey=True):
             which, blocks = run
             survey = blocks.survey(periods)
             ends[which], peaks[which], sides[which] = blocks.states, survey.peak_force, survey.impacts
-        return ContactFigures(ends, peaks, sides.sum(axis=2), sides)
+            closed[which] = closed_in(blocks.block_plan.linear, blocks.states)
+            self._compare_loaded(which, blocks, survey.peak_force)
+        return ContactFigures(ends, peaks, sides.sum(axis=2), sides, closed)
 
     def part(self, which: NDArray[np.intp]) -> BatchMotions:
         """See `ManyMotions.part`."""
@@ -288,14 +322,23 @@ class BatchMotions:
         lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
         pilot = Batch(states[which], self._batch.systems, self._batch.places[lanes])
         try:
-            # a motion that still closes contacts may not be among those compared
-            steps = _flow_of(self._batch.systems[0], self._allowed).steps_for(pilot, _EASED, may_be_few=False)
+            steps = _flow_of(self._batch.systems[0], self._allowed).steps_for(pilot, _EASED)
         except FlowError:
             return self
-        block_plan = self._block_plan
-        if steps < block_plan.steps:
-            block_plan = BlockPlan(block_plan.linear, block_plan.pattern, steps)
-        return BatchMotions(self._batch, block_plan, self._lanes, [], self._allowed)
+        return self._in(min(steps, self.steps))
+
+    def finer(self) -> BatchMotions | None:
+        """See `ManyMotions.finer`."""
+        if self.error <= self._allowed or self.steps >= MOST_STEPS:
+            return None
+        return self._in(max(revised(self.steps, self.error, self._allowed), min(self.steps + 4, MOST_STEPS)))
+
+    def _in(self, steps: int) -> BatchMotions:
+        """Return the flow of the same motions in a number of steps, with an error of its own."""
+        plan = self._block_plan
+        if steps != plan.steps:
+            plan = BlockPlan(plan.linear, plan.pattern, steps)
+        return BatchMotions(self._batch, plan, self._lanes, [], self._allowed)
 
     def _run(
         self, states: NDArray[np.float64], periods: int, survey: bool = False
@@ -316,10 +359,28 @@ class BatchMotions:
         if survey:
             blocks.begin_survey()
         blocks.advance(1)
-        after = blocks.states
-        for index in self._random.choice(count, min(_LOOKS, count), replace=False):
-            trial = Trial(0, states[which[index]], after[index])
-            self._trials.append((trial, self._batch.system(int(lanes[index]))))
+        self._compare(which, states[which], blocks.states, self._random.permutation(count)[:_LOOKS])
         if periods > 1:
             blocks.advance(periods - 1)
         return which, blocks
+
+    def _compare_loaded(self, which: NDArray[np.intp], blocks: Blocks, peaks: NDArray[np.float64]) -> None:
+        """Compare some motions that load each contact over one more period: a random motion may load none."""
+        loaded = [self._random.permutation(np.flatnonzero(peak > 0.0))[:_LOOKS] for peak in peaks[: len(which)].T]
+        if len(places := np.unique(np.concatenate([np.empty(0, dtype=np.intp), *loaded]))):
+            before = blocks.states
+            blocks.advance(1)
+            self._compare(which, before, blocks.states, places)
+
+    def _compare(
+        self,
+        which: NDArray[np.intp],
+        before: NDArray[np.float64],
+        after: NDArray[np.float64],
+        places: NDArray[np.intp],
+    ) -> None:
+        """Keep trials of some of the motions that were advanced, by their places among them."""
+        for place in places.tolist():
+            if np.isfinite(before[place]).all():
+                lane = 0 if self._lanes is None else int(self._lanes[which[place]])
+                self._trials.append((Trial(0, before[place], after[place]), self._batch.system(lane)))

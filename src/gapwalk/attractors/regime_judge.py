@@ -308,9 +308,26 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
 
 def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:
     """Classify the motion from a state with the exact flow."""
+    return _looked_at(system, state)[0]
+
+
+def _looked_at(system: System, state: NDArray[np.float64]) -> tuple[Finding, NDArray[np.float64]]:
+    """Classify the motion from a state with the exact flow; also return a state of it."""
     try:
         attractor = classify(system, state)
     except FlowError:
-        return int(Regime.RUNAWAY), 0
+        return (int(Regime.RUNAWAY), 0), np.full(len(state), np.nan)
     is_periodic = attractor.kind is AttractorKind.PERIODIC
-    return int(Regime[attractor.kind.name]), attractor.period if is_periodic else 0
+    return (int(Regime[attractor.kind.name]), attractor.period if is_periodic else 0), attractor.state
+
+
+def corrected(system: System, state: NDArray[np.float64], mine: Finding, forces: bool) -> Verdicts | None:
+    """Return the verdict of the exact flow on the motion from a state, in arrays of one; None if it is the same."""
+    (regime, period), state = _looked_at(system, state)
+    if (regime, period) == mine:
+        return None
+    one, none = np.full(1, np.nan), np.full((1, len(system.structure.contacts) if forces else 0), np.nan)
+    peaks, impacts = none, none
+    if forces and regime != Regime.RUNAWAY:
+        _, peaks, impacts, *_ = ExactMotions(system).contacts(state[None], period or _FORCES)
+    return Verdicts(np.array([regime]), np.array([period]), one, peaks, impacts, state[None])

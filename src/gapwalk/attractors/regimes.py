@@ -30,9 +30,9 @@ class RegimeCheck:
     Attributes
     ----------
     checked
-        Number of random cells whose motion was settled further and classified with the exact flow.
+        Number of cells whose motion was settled further and classified with the exact flow, rare kinds first.
     different
-        One sentence for each of them that then got another regime or period.
+        One sentence for each of them that then got another regime or period, which the map holds now.
 
     Examples
     --------

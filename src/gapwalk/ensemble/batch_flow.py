@@ -119,11 +119,10 @@ class BatchFlow:
             run = self._carry(batch, plan, steps)
         return run
 
-    def steps_for(self, batch: Batch, periods: int, *, may_be_few: bool = True) -> int:
+    def steps_for(self, batch: Batch, periods: int) -> int:
         """Choose the number of steps per forcing period for trajectories, on some of them and over some periods.
 
-        With `may_be_few` False, they resolve the fastest vibration of closed contacts even if none closes. It raises a
-        FlowError as `run` does.
+        They resolve the vibrations on closed contacts even if none closes one. It raises a FlowError as `run` does.
 
         Parameters
         ----------
@@ -131,21 +130,22 @@ class BatchFlow:
             The trajectories.
         periods
             Number of forcing periods.
-        may_be_few
-            False to resolve the contacts in any case.
 
         Returns
         -------
         int
             Steps per forcing period.
         """
-        guess = first_guess(batch.linear, self.options.error, batch.states)
-        return self._pilot(batch, periods, guess, 0 if may_be_few else guess)
+        return self._pilot(batch, periods, first_guess(batch.linear, self.options.error, batch.states))
 
-    def _pilot(self, batch: Batch, periods: int, steps: int, least: int = 0) -> int:
-        """Choose a number of steps, with little margin, that keeps the error of a few trajectories within its limit."""
+    def _pilot(self, batch: Batch, periods: int, steps: int) -> int:
+        """Choose a number of steps that keeps the error of a few trajectories within its limit.
+
+        Those few may close no contact that others close, so that the stiffnesses of all contacts set the least number.
+        """
         lanes = np.random.default_rng(_SEED).choice(batch.count, min(LANES, batch.count), replace=False)
         few, plan, too_few = batch.some(np.sort(lanes)), _Plan(min(periods, _PILOT)), 0
+        least = first_guess(batch.linear, self.options.error, batch.states, alone=True)
         while True:
             error = self._carry(few, plan, steps).error
             if error > self.options.error:
@@ -531,20 +531,23 @@ def _scale(sizes: NDArray[np.float64], n: int) -> NDArray[np.float64]:
     return np.concatenate([np.maximum(kind, least[place % 2]) for place, kind in enumerate(kinds)])
 
 
-def first_guess(linear: Linear, error: float, states: NDArray[np.float64]) -> int:
+def first_guess(linear: Linear, error: float, states: NDArray[np.float64], *, alone: bool = False) -> int:
     """Estimate the steps from the fastest vibration with all stages closed, at the lowest frequency of all systems.
 
-    A force without stages has its slopes at the states.
+    A force without stages has its slopes at the states. With `alone`, the contacts hold the masses alone: the linear
+    part is propagated exactly, however fast it vibrates.
     """
-    turns = 2.0 * math.pi * float(np.max(linear.rate * _fastest(linear, states)))
+    turns = 2.0 * math.pi * float(np.max(linear.rate * _fastest(linear, states, alone)))
     steps = turns / (_TURN * (error / _TURN_ERROR) ** (1.0 / _ORDER))
     orders = [*linear.layout.orders, *(cycle.order for cycle in linear.layout.cycles)]
     return _rounded(max(steps, _LEAST * max(orders, default=1)))
 
 
-def _fastest(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fastest(linear: Linear, states: NDArray[np.float64], alone: bool) -> NDArray[np.float64]:
     """Compute the spectral radius with all stages of one side closed, in radians per unit of time, shape (lanes,)."""
     n, matrix, slopes = linear.n, linear.matrix.copy(), slopes_of(linear, states)
+    if alone:
+        matrix[:, n:] = 0.0
     for place, (contact, _) in enumerate(deflections_of(linear.layout)):
         row = linear.deflections[:, 0, place, None, :n]
         matrix[:, n:, :n] += slopes[place][:, None, None] * linear.push[:, n:, contact, None] * row

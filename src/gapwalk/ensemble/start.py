@@ -23,6 +23,7 @@ from gapwalk.model.system import System
 
 _STEP = 1e-150  # of the complex step
 _BEYOND = 1e-2  # share of its size by which a motion may begin beyond a rigid stop, as in the exact flow
+_RESTS = 1e-9  # share of a clearance by which a deflection that rests on the breakpoint may miss it
 _ROUNDING = 1e-9  # of the limit of friction: so close to it, an element slips
 _Moves = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -128,6 +129,17 @@ def within_stops(system: System, states: NDArray[np.float64]) -> NDArray[np.bool
     for _, _, lanes in _beyond_stops(linear, states):
         found[lanes] = False
     return found
+
+
+def closed_in(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mark the contacts that are closed, or rest on a breakpoint, at theta = 0, shape (count, contacts)."""
+    moved = _moves(linear, Angles(linear.layout, linear.coefficients, 0.0), states)
+    closed = np.zeros((len(states), len(moved)), dtype=bool)
+    for index, slots in enumerate(linear.layout.contacts):
+        for stage in (stage for stage in slots.stages if stage.innermost):
+            x, clearance = stage.sign * moved[index][0][0], linear.coefficients[:, stage.clearance]
+            closed[:, index] |= x >= clearance - _RESTS * np.maximum(np.abs(x), np.abs(clearance))
+    return closed
 
 
 def _beyond_stops(

@@ -9,6 +9,7 @@ the paper shows u3'' of three inertias. Absolute angles and speeds depend on the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -302,7 +303,7 @@ def integrate(
     start : shape (state_size,)
         Positions, velocities and extensions at `phase`; extensions that are left out are zero.
     periods
-        Length in forcing periods.
+        Length in forcing periods, > 0: forwards in time.
     samples
         Samples per forcing period.
     phase
@@ -318,7 +319,7 @@ def integrate(
     FlowError
         If the motion diverges or chatters without end.
     ModelError
-        If the state has the wrong length.
+        If the state has the wrong length, or `periods` or `samples` are not positive.
 
     Notes
     -----
@@ -331,6 +332,12 @@ def integrate(
     >>> [(event.enters, round(event.theta, 6)) for event in motion.events]
     [(True, 0.301576), (False, 0.695754)]
     """
+    if not (math.isfinite(periods) and periods > 0.0):
+        raise ModelError(
+            f"periods is {periods!r}; a motion is followed forwards: write a number > 0, such as periods=6.0"
+        )
+    if not (math.isfinite(samples) and samples >= 1):
+        raise ModelError(f"samples is {samples!r}; it must be at least 1 per forcing period, such as samples=256")
     count = max(1, round(samples * periods))
     return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
 

@@ -20,7 +20,7 @@ from gapwalk.attractors.attractor_catalogue import (
 )
 from gapwalk.attractors.basins import BasinCheck, BasinShares, in_order
 from gapwalk.attractors.box import Box, Range, about, beside_states, differs
-from gapwalk.attractors.many_motions import ExactMotions, has_kernel, motions_of
+from gapwalk.attractors.many_motions import ExactMotions, enough, has_kernel, motions_of
 from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -294,8 +294,10 @@ def _sort_fast(
 ) -> BasinChunk:
     """Sort the states of a chunk by the batch integrator."""
     number, states = piece
-    motions = motions_of(system, states)
-    return BasinChunk(number, sort_states(motions.advance, states, signatures, longest), motions.error)
+    found, error = enough(
+        motions_of(system, states), lambda motions: sort_states(motions.advance, states, signatures, longest)
+    )
+    return BasinChunk(number, found, error)
 
 
 def _sort_exactly(

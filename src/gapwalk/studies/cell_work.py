@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import Finding, Found, Work
+
+_COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
 
 class CellWork(Work):
@@ -134,3 +139,59 @@ class CellFinding(Finding):
     @abstractmethod
     def map_document(self, points: bool) -> dict[str, Any]:
         """The map as JSON values."""
+
+
+def check_until_right(
+    kinds: NDArray[Any],
+    may: NDArray[np.bool_],
+    costly: NDArray[np.bool_],
+    most: int,
+    seed: int,
+    find_wrong: Callable[[NDArray[np.intp]], NDArray[np.bool_]],
+) -> int:
+    """Check cells of all kinds, then those beside wrong ones and more of their kinds, until none is wrong.
+
+    Parameters
+    ----------
+    kinds : shape (first, second, numbers)
+        What distinguishes cells: their labels, and which contacts they touch.
+    may, costly : shape (first, second), bool
+        The cells that can be checked; those that take seconds, of which a sample has few.
+    most, seed
+        Cells of a sample, and the seed of its choice.
+    find_wrong
+        Checks cells, by their numbers, and marks the wrong ones.
+
+    Returns
+    -------
+    int
+        Number of cells that were checked.
+    """
+    _, group, sizes = np.unique(kinds.reshape(may.size, -1), axis=0, return_inverse=True, return_counts=True)
+    group, left, random = group.ravel(), may.ravel().copy(), np.random.default_rng(seed)
+
+    def sample(among: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Choose cells of some kinds: the rarest in full, the others in equal numbers."""
+        chosen = [np.empty(0, dtype=np.intp)]
+        among = among[np.argsort(sizes[among], kind="stable")]
+        for number, one in enumerate(among):
+            share, own = (most - sum(map(len, chosen))) // (len(among) - number), group == one
+            if costly.ravel()[own].any():
+                share = min(share, -(-most // _COSTLY))
+            chosen.append(random.permutation(np.flatnonzero(left & own))[:share])
+        return np.concatenate(chosen)
+
+    chosen, wrong = sample(np.arange(len(sizes))), np.zeros(may.size, dtype=bool)
+    while len(chosen):
+        chosen = np.sort(chosen)
+        left[chosen] = False
+        bad = chosen[find_wrong(chosen)]
+        if not len(bad):
+            break
+        wrong[:] = False
+        wrong[bad] = True
+        framed = np.pad(wrong.reshape(may.shape), 1)
+        rows, columns = may.shape
+        near = np.any([framed[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0).ravel()
+        chosen = np.union1d(np.flatnonzero(near & left), sample(np.unique(group[bad])))
+    return int(may.sum() - left.sum())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_states import chosen_gaps, judge_gaps
-from gapwalk.answers.rattle_map import RattleMap, borders, differs
+from gapwalk.answers.rattle_map import RattleMap, borders, exact_gaps
 from gapwalk.attractors.box import centres
 from gapwalk.attractors.many_motions import finite_rows
 from gapwalk.bifurcation.loci import Locus
@@ -19,7 +19,7 @@ from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
-from gapwalk.studies.cell_work import CellFinding, CellWork
+from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right
 from gapwalk.studies.study_kind import Rows
 from gapwalk.summary import SummaryParts, summarizes
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 CHUNK = 512
 """Cells in a chunk."""
 _SECTIONS = 3  # values of the second parameter at which points of borders are sought
-_DIFFERENT = 8  # differences that are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,22 +134,32 @@ class RattleMapWork(CellWork):
         self._peaks[place], self._states[place] = chunk.peaks, chunk.states
 
     def check(self, workers: Workers) -> None:
-        """Watch the gaps of random cells with the exact flow, and follow the borders."""
+        """Follow the borders, and watch the gaps of cells with the exact flow, until no further cell is wrong."""
         asked, (low, high) = self.asked, self.within[1]
         own = self.system[self.names[1]]
         sections = [*np.linspace(low, high, _SECTIONS + 2)[1:-1].tolist()]
         sections = [own, *sections] if low < own < high else sections
         loci, notes = borders(self.system, self.names, self.within, self.gaps, asked.start, asked.sweep, sections)
         self._loci, self._notes = tuple(loci), tuple(notes)
-        known = np.flatnonzero((self._codes >= 0).all(axis=1) & finite_rows(self._states))
-        chosen = np.sort(np.random.default_rng(asked.seed).permutation(known)[: asked.check])
-        sentences = []
-        for place in chosen.tolist():
-            here = dict(zip(self.names, self.values[place].tolist(), strict=True))
-            text = differs(self.system.at(here), self._states[place], self.gaps, self._codes[place].tolist())
-            if text:
-                sentences.append(f"at {', '.join(f'{name} = {value:.6g}' for name, value in here.items())}: {text}")
-        self._checked, self._different = len(chosen), tuple(sentences[:_DIFFERENT])
+        look = partial(_look, self.system, self.names, self.gaps, asked.sweep.patience)
+        sentences: dict[int, str] = {}
+
+        def find_wrong(chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
+            states = np.where(finite_rows(self._states[chosen])[:, None], self._states[chosen], self.start)
+            jobs = list(zip(self.values[chosen], states, self._codes[chosen].tolist(), strict=True))
+            is_wrong = np.zeros(len(chosen), dtype=bool)
+            for k, (codes, text) in workers.each(look, jobs, in_order=False):
+                if text:
+                    where = zip(self.names, self.values[chosen[k]].tolist(), strict=True)
+                    sentences[chosen[k]] = f"at {', '.join(f'{name} = {value:.6g}' for name, value in where)}: {text}"
+                    is_wrong[k], self._codes[chosen[k]], self._peaks[chosen[k]] = True, codes, np.nan
+            return is_wrong
+
+        columns, rows = self.resolution
+        kinds = np.column_stack((self._codes, self._periods > 0)).reshape(columns, rows, -1)
+        may = np.ones((columns, rows), dtype=bool)
+        self._checked = check_until_right(kinds, may, ~may, asked.check, asked.seed, find_wrong)
+        self._different = tuple(sentences[cell] for cell in sorted(sentences))
 
     def found(self, *, complete: bool) -> RattleMap:
         """Return the map so far."""
@@ -181,3 +190,15 @@ def _judge_piece(
     states = np.tile(start, (len(values), 1))
     found = judge_gaps(system, states, dict(zip(names, values.T, strict=True)), gaps, patience)
     return RattleChunk(number, *found[:4], found.error)
+
+
+def _look(
+    system: System,
+    names: tuple[str, str],
+    gaps: tuple[str, ...],
+    patience: int,
+    job: tuple[NDArray[np.float64], NDArray[np.float64], list[int]],
+) -> tuple[list[int], str]:
+    """Return the codes of the gaps of a cell by the exact flow, and how they differ."""
+    values, state, codes = job
+    return exact_gaps(system.at(dict(zip(names, values.tolist(), strict=True))), state, gaps, codes, patience)

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.many_motions import has_kernel, motions_of
+from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.regime_judge import (
     Finding,
     RegimeOptions,
     Verdicts,
+    corrected,
     is_doubtful,
     judge,
     settle_doubts,
-    take_another_look,
 )
 from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes, regime_word
 from gapwalk.errors import ModelError
@@ -33,7 +33,7 @@ from gapwalk.orbit.find import initial_state
 from gapwalk.parallel.stages import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
-from gapwalk.studies.cell_work import CellFinding, CellWork
+from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
@@ -73,7 +73,8 @@ class RegimeMapOptions:
     judging
         Criteria that separate the regimes.
     check
-        Cells that are settled and classified again with the exact flow.
+        Cells that are settled and classified again with the exact flow: those of rare regimes, and of rare contacts,
+        first. If one differs, it is corrected, and more are checked until none differs.
     seed
         Seed of the choice of those cells.
     workers
@@ -193,6 +194,7 @@ class _Doubts(NamedTuple):
     verdicts: Verdicts
 
 
+_LISTED = 8  # differences that the summary lists
 _LONGEST_LISTED = 12  # longest period that the summary lists separately
 _ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
 
@@ -217,7 +219,7 @@ class RegimeFinding(CellFinding):
         cells = [(word, str(count), f"{count / total:.2%}") for word, count in counts.items()]
         yield Table(["motion", ">cells", ">share"], cells)
         yield f"{found.check.checked} cells classified again, {len(found.check.different)} differently"
-        yield from (f"  {text}" for text in found.check.different)
+        yield from (f"  {text}" for text in found.check.different[:_LISTED])
 
     def map_document(self, points: bool) -> dict[str, Any]:
         """Return the number of cells of each regime, and the results of the check; with all cells if wanted."""
@@ -308,27 +310,45 @@ class RegimeWork(CellWork):
             whole[self.places[chunk.number]] = part
 
     def check(self, workers: Workers) -> None:
-        """Classify the motions of random cells with the exact flow, starting from the states that they have reached."""
-        regimes, periods = self.verdicts.regimes.ravel(), self.verdicts.periods.ravel()
-        decided = np.flatnonzero(np.isin(regimes, (Regime.PERIODIC, Regime.QUASI_PERIODIC, Regime.CHAOTIC)))
-        random = np.random.default_rng(self.asked.seed)
-        chosen = np.sort(random.permutation(decided)[: self.asked.check])
-        systems = [_system_at(self.system, self.asked.names, pair) for pair in self.values.reshape(-1, 2)[chosen]]
-        states = self.verdicts.states.reshape(len(regimes), -1)[chosen]
-        exact: list[Finding] = [(0, 0)] * len(chosen)
-        groups = _by_cost(regimes[chosen])
-        jobs = [[(systems[k], states[k]) for k in group] for group in groups]
-        for number, some in workers.each(_classify_some, jobs, in_order=False):
-            for k, found in zip(groups[number], some, strict=True):
-                exact[k] = found
-        mine = zip(regimes[chosen].tolist(), periods[chosen].tolist(), strict=True)
-        both = zip(systems, mine, exact, strict=True)
-        sentences = []
-        for system, one, other in both:
-            if one != other:
-                where = ", ".join(f"{name} = {system[name]:.6g}" for name in self.asked.names)
-                sentences.append(f"at {where}: {regime_word(*one)}, but {regime_word(*other)} by the exact flow")
-        self._checked = RegimeCheck(len(chosen), tuple(sentences))
+        """Classify cells with the exact flow, from the states that their motions have reached, and correct them.
+
+        All kinds of cells are among them; a wrong cell leads to more of them.
+        """
+        known, names = self.verdicts, self.asked.names
+        count = known.regimes.size
+        numbers = (part.reshape(count, *part.shape[2:]) for part in known[2:])
+        whole = Verdicts(known.regimes.reshape(count), known.periods.reshape(count), *numbers)
+        # a motion that has diverged is followed from its start once more, if that is known
+        gone = known.regimes == Regime.RUNAWAY
+        may = (known.regimes != Regime.UNDECIDED) & (~gone | (self.asked.carry is Carry.NO))
+        kinds = [known.regimes, known.periods, *np.moveaxis(known.impacts > 0.0, 2, 0)]
+        sentences: dict[int, str] = {}
+
+        def find_wrong(chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
+            groups, is_wrong = _by_cost(whole.regimes[chosen]), np.zeros(len(chosen), dtype=bool)
+            jobs = []
+            for group in groups:
+                cells = chosen[group]
+                states = np.where(gone.reshape(-1, 1)[cells], self.start, whole.states[cells])
+                mine = list(zip(whole.regimes[cells].tolist(), whole.periods[cells].tolist(), strict=True))
+                jobs.append(list(zip(self.values.reshape(-1, 2)[cells], states, mine, strict=True)))
+            look = partial(_correct_some, self.system, names, self.asked.judging.forces)
+            for number, some in workers.each(look, jobs, in_order=False):
+                for k, (pair, _, mine), exact in zip(groups[number], jobs[number], some, strict=True):
+                    if exact is None:
+                        continue
+                    cell, found = chosen[k], (int(exact.regimes[0]), int(exact.periods[0]))
+                    where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, pair, strict=True))
+                    sentences[cell] = f"at {where}: {regime_word(*mine)}, but {regime_word(*found)} by the exact flow"
+                    is_wrong[k] = found[0] != Regime.UNDECIDED
+                    if is_wrong[k]:
+                        for part, value in zip(whole, exact, strict=True):
+                            part[cell] = value[0]
+            return is_wrong
+
+        wanders, how = known.regimes != Regime.PERIODIC, (self.asked.check, self.asked.seed)
+        checked = check_until_right(np.stack(kinds, axis=-1), may, wanders, *how, find_wrong)
+        self._checked = RegimeCheck(checked, tuple(sentences[cell] for cell in sorted(sentences)))
 
     def found(self, *, complete: bool) -> Regimes:
         """Return the map so far."""
@@ -379,13 +399,13 @@ def _judge_piece(
     for values in turns:
         by_name = dict(zip(names, values.T, strict=True))
         paces = by_name.get(structure.pace, np.full(len(values), system[structure.pace]))
-        motions = motions_of(system, states, by_name)
         scales = np.array([system.state_scales(1.0, structure.frequency * pace) for pace in paces.tolist()])
-        verdicts = judge(motions, states, scales, judging)
+        work = partial(judge, states=states, scales=scales, options=judging)
+        verdicts, measured = enough(motions_of(system, states, by_name), work)
         if len(turns) > 1:  # the next turn starts from the states of this one
             verdicts = settle_doubts(verdicts, [partial(_system_at, system, names, pair) for pair in values])
         found.append(verdicts)
-        error = max(error, motions.error)
+        error = max(error, measured)
         finite = np.isfinite(verdicts.states).all(axis=1, keepdims=True)
         states = np.where(finite, verdicts.states, start)
     return RegimeChunk(number, Verdicts(*(np.array(parts) for parts in zip(*found, strict=True))), error)
@@ -415,8 +435,13 @@ def _by_cost(regimes: NDArray[np.int_]) -> list[list[int]]:
     return [*([k] for k in np.flatnonzero(~is_periodic).tolist()), *groups]
 
 
-def _classify_some(jobs: list[tuple[System, NDArray[np.float64]]]) -> list[Finding]:
-    return [take_another_look(system, state) for system, state in jobs]
+def _correct_some(
+    system: System,
+    names: tuple[str, str],
+    forces: bool,
+    jobs: list[tuple[NDArray[np.float64], NDArray[np.float64], Finding]],
+) -> list[Verdicts | None]:
+    return [corrected(_system_at(system, names, pair), state, mine, forces) for pair, state, mine in jobs]
 
 
 @shows_progress(lambda count, part, pace: str(pace))

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from gapwalk.answers.parameter_variations import variations
 from gapwalk.answers.scan import FAILS, HOLDS, UNKNOWN, Scan, ScanCheck, check_claims
 from gapwalk.answers.scan_claims import AnyClaim, Course, Motion, MotionClaim, PointClaim
-from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, ManyMotions, finite_rows, has_kernel, motions_of
+from gapwalk.attractors.many_motions import (
+    BatchMotions,
+    ExactMotions,
+    ManyMotions,
+    enough,
+    finite_rows,
+    has_kernel,
+    motions_of,
+)
 from gapwalk.attractors.regime_judge import judge, take_another_look
 from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.bifurcation.branch import Branch
@@ -305,9 +313,10 @@ class _Scanner:
         structure = self.system.structure
         paces = by_name.get(structure.pace, np.full(len(states), float(self.system[structure.pace])))
         scales = np.array([self.system.state_scales(1.0, structure.frequency * each) for each in paces.tolist()])
-        verdicts = judge(motions, states, scales, self.asked.judging)
+        work = partial(judge, states=states, scales=scales, options=self.asked.judging)
+        verdicts, error = enough(motions, work)
         kinds = list(zip(verdicts.regimes.tolist(), verdicts.periods.tolist(), strict=True))
-        return kinds, verdicts.states, motions.error
+        return kinds, verdicts.states, error
 
     def _look_again(
         self, kinds: NDArray[np.int_], states: NDArray[np.float64], system: System, place: Mapping[str, float]

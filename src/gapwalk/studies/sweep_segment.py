@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.many_motions import BatchMotions, motions_of
+from gapwalk.attractors.many_motions import BatchMotions, enough, motions_of
 from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
 from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.attractors.settling_judge import has_settled, period_of
+from gapwalk.ensemble.start import within_stops
 from gapwalk.errors import FlowError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model.coefficients import ParameterLine
@@ -144,7 +145,8 @@ def wandering_words(
     systems = [partial(system.at, {parameter: value}) for value in values.tolist()]
     scales = np.array([system().state_scales() for system in systems])
     options = RegimeOptions(longest=_RETURNS, max_period=max_period, forces=False)
-    found = settle_doubts(judge(motions, states, scales, options), systems)
+    verdicts, _ = enough(motions, partial(judge, states=states, scales=scales, options=options))
+    found = settle_doubts(verdicts, systems)
     return [regime_word(*pair) for pair in zip(found.regimes.tolist(), found.periods.tolist(), strict=True)]
 
 
@@ -191,7 +193,7 @@ def sweep_stretch(task: Task) -> SweepSegment:
         coefficients = line.coefficients(value)[0]
         if flow is None or not np.array_equal(pattern, coefficients != 0.0):
             flow, pattern = flow_of(line.system_at(value)), coefficients != 0.0
-        start = _kicked(state if is_carried else task.state, task, int(task.places[row]))
+        start = _kicked(state if is_carried else task.state, task, int(task.places[row]), value)
         try:
             found = let_settle(flow, coefficients, start, box, options.max_period, options.patience)
             path = flow.sample(coefficients, found.state, PERIOD * np.arange(options.points + 1.0)).states
@@ -211,12 +213,16 @@ def sweep_stretch(task: Task) -> SweepSegment:
     return SweepSegment(task.index, task.number, sections, transients, settled, tuple(regimes), note)
 
 
-def _kicked(state: NDArray[np.float64], task: Task, place: int) -> NDArray[np.float64]:
+def _kicked(state: NDArray[np.float64], task: Task, place: int, value: float) -> NDArray[np.float64]:
     """Return the state with a small disturbance that depends on the seed, the lane and the value alone."""
     kick, lane = task.options.kick, task.lane
     if kick == 0.0:
         return state
     seed = np.random.SeedSequence(task.options.seed, spawn_key=(lane.way.number, lane.start, place))
-    size, state = 2 * task.system.size, state.copy()  # an extension stays: friction would not let it be larger
-    state[:size] += kick * task.box[:size] * np.random.default_rng(seed).uniform(-1.0, 1.0, size)
-    return state
+    size, moved = 2 * task.system.size, np.zeros(len(state))  # an extension stays: friction would not let it be larger
+    moved[:size] = kick * task.box[:size] * np.random.default_rng(seed).uniform(-1.0, 1.0, size)
+    # a motion that rests on a rigid stop cannot be pushed through it, but away from it
+    ways = np.array([state + moved, state - moved, state])
+    if not any(contact.law.rebounds for contact in task.system.structure.contacts):
+        return ways[0]
+    return ways[int(np.argmax(within_stops(task.system.at({task.parameter: float(value)}), ways)))]
