@@ -21,11 +21,10 @@ from gapwalk.bifurcation.branch_start import (
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left
 from gapwalk.bifurcation.sliding_corner import pass_corner
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start
 from gapwalk.bifurcation.stiff_graze import pass_graze

@@ -18,10 +18,9 @@ from typing import NamedTuple
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.held_stop import held_changes
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
+from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.corrector import Corrector
