@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.breakpoints import Gauge
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -31,7 +32,7 @@ from gapwalk.orbit.sticking import released
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
 _SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
-_JUST = 1e-6  # angle before a turn at which its acceleration is read, by which angles of events may be off
+_JUST = 1e-6  # angle before a touch at which its acceleration is read, by which angles of events may be off
 _TURNING = 0.05  # share of the way to where the acceleration vanishes up to which it is almost constant
 _ITERATIONS = 12
 _SIMPLE = 4  # steps of the simplified Newton's method
@@ -112,15 +113,15 @@ def touches(orbit: Orbit) -> list[Touch]:
     places = sorted((each for each in places if each[0] > 0.0), key=lambda each: each[:2])
     if not places:
         return []
-    # where friction acts on the deflection, its slip reverses where that turns, and the acceleration jumps
-    just = _JUST if orbit.slips else 0.0
+    # the acceleration jumps where a force does, and where the deflection turns, as the slip of friction on it reverses
+    just = _JUST if orbit.slips or jumping_switches(orbit.system) else 0.0
     thetas = sorted({max(theta - aside, 0.0) for theta, _, _ in places for aside in (0.0, just)})
     states = dict(zip(thetas, _states(orbit, thetas), strict=True))
     coefficients, found = coefficients_of(orbit.system), []
     for theta, switch, depth in places:
         gauge = Gauge(layout_of(orbit.system.structure), switch)
         _, speed, acceleration = gauge.read(coefficients, theta, states[theta])
-        if just and depth is not None:
+        if just:
             before = max(theta - just, 0.0)
             acceleration = gauge.read(coefficients, before, states[before])[2]
         if depth is None:
