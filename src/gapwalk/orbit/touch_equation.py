@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.breakpoints import Gauge
-from gapwalk.flow.event_rule import jumping_switches
+from gapwalk.flow.event_rule import jump_of, jumping_switches
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -172,8 +172,7 @@ class TouchEquation:
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
         self._gauges = [Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
-        contacts = equation.system.structure.contacts
-        self._rigid = any(contacts[equation.system.breakpoints[each][0]].law.rebounds for each in self._switches)
+        self._jumps = not jumping_switches(near.system).isdisjoint(self._switches)
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
@@ -201,9 +200,9 @@ class TouchEquation:
             If there is no such orbit.
         """
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
-        if self._rigid and start.depth * self.free > 0.0 > depth * self.free:
+        if self._jumps and start.depth * self.free > 0.0 > depth * self.free:
             return self._solve(self._struck(start, depth), depth)
-        if self._rigid and start.depth * self.free <= 0.0 < depth * self.free:
+        if self._jumps and start.depth * self.free <= 0.0 < depth * self.free:
             # the derivatives with the impact grow as the inverse of its velocity; where it is missed they are smooth
             return self._solve(self._at_depth(unknowns, depth), depth)
         if depth * self.free > 0.0:
@@ -219,9 +218,9 @@ class TouchEquation:
         return self.hold(self.hold(start, 0.0), depth)
 
     def _struck(self, start: Held, depth: float) -> NDArray[np.float64]:
-        """Return a start for Newton's method with an impact on a rigid stop, from an orbit that just misses it.
+        """Return a start for Newton's method with a touch of a force that jumps, from an orbit that just misses it.
 
-        The impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
+        An impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
         large, but they vanish while the depth does not change. So the first steps leave them out. The very first one
         does not integrate the motion: an impact that nothing makes up for may let the next touch begin before its
         segment does, as another impact.
@@ -243,23 +242,18 @@ class TouchEquation:
         coefficients, residual = self._posed.line.coefficients(start.value)[0], np.zeros(start.states.size)
         touches = zip(self._gauges, self._switches, self._segments, self._thetas, strict=True)
         for gauge, switch, segment, theta in touches:
-            contact, side, _ = self._own.system.breakpoints[switch]
-            slots, state = layout.contacts[contact], start.states[segment]
+            state = start.states[segment]
             acceleration = gauge.read(coefficients, theta, state)[2]
-            before = side * np.sqrt(-2.0 * depth * acceleration)
-            numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
-            push, kick = coefficients[slots.force], np.zeros(self._size)
-            kick[n : 2 * n] = (slots.form.law.rebound(before, numbers) - before) * push
+            kick = np.zeros(self._size)
+            kick[n : 2 * n] = _impulse(layout, coefficients, switch, theta, depth, acceleration)
             place = slice(segment * self._size, (segment + 1) * self._size)
-            residual[place] = (
-                start.evaluation.by_unknowns[place, place] @ kick / (coefficients[slots.deflection] @ push)
-            )
+            residual[place] = start.evaluation.by_unknowns[place, place] @ kick
         return residual
 
     def _at_depth(self, unknowns: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
         """Return unknowns with positions at which each touch has exactly a depth.
 
-        The depth is the square of the velocity of an impact on a rigid stop, so the square of a step changes it as much
+        The depth is the square of the velocity of an impact, so the square of a step changes it as much
         as the step itself; Newton's method would not converge otherwise.
         """
         found, n = unknowns.copy(), self._own.system.size
@@ -355,7 +349,7 @@ class TouchEquation:
         In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
         independent. They make the system regular even where another branch crosses on which one touch is deeper.
         """
-        before, strikes = np.inf, self._rigid and depth * self.free < 0.0
+        before, strikes = np.inf, self._jumps and depth * self.free < 0.0
         if strikes and len(self._switches) > 1:  # an impact that is off would throw the next one far off
             unknowns = self._at_depth(unknowns, depth)
         for _ in range(_ITERATIONS):
@@ -427,6 +421,33 @@ def _reach(
     by_state = np.zeros(len(state))
     by_state[: 2 * len(vector)] = np.concatenate((vector, -speed / turning * vector))
     return depth - 0.5 * speed**2 / turning, by_state, by_value
+
+
+def _impulse(
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    switch: int,
+    theta: float,
+    depth: float,
+    acceleration: float,
+) -> NDArray[np.float64]:
+    """Return the change of the velocities by a touch of a depth: by a rebound, or by a force that begins with a jump.
+
+    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way.
+    """
+    contact, side, _ = layout.structure.breakpoints[switch]
+    slots, push = layout.contacts[contact], coefficients[layout.contacts[contact].force]
+    before, along = side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
+    if slots.form.law.rebounds:
+        numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
+        return (slots.form.law.rebound(before, numbers) - before) / along * push
+    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
+    quotient = jump_of(layout, contact, switch - first)
+    force = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+    slowed = side * acceleration - along * force
+    if slowed * before >= 0.0:
+        raise ConvergenceError("the force beyond the breakpoint draws the deflection in")
+    return 2.0 * before * force / slowed * push
 
 
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:
