@@ -124,18 +124,19 @@ def _difference(
 
 
 @lru_cache(maxsize=256)
-def jumping_switches(system: System) -> frozenset[int]:
+def jumping_switches(system: System, *, friction: bool = True) -> frozenset[int]:
     """Return the numbers of the switches whose touch, however soft, has an effect that grows as the root of its depth.
 
     These are rigid stops, stages that add friction that sticks rigidly, and stages whose force begins with a jump, such
     as a preload: its impulse is as long as the touch. Damping begins with the rate of the touch, so it is none of them.
+    With `friction` False, stages that only add friction are left out: its impulse reverses within the touch.
     """
     layout, coefficients, structure = layout_of(system.structure), coefficients_of(system), system.structure
     hosts = {each.law.host for each in structure.contacts if isinstance(each.law, Coulomb) and each.law.by == "stages"}
     found, switch = set[int](), 0
     for slots in layout.contacts:
         for stage in range(len(slots.stages)):
-            jumps = slots.form.law.rebounds or slots.form.name in hosts
+            jumps = slots.form.law.rebounds or (friction and slots.form.name in hosts)
             if jumps or _jumps_at_rest(layout, slots, stage, coefficients):
                 found.add(switch)
             switch += 1

@@ -114,14 +114,14 @@ def touches(orbit: Orbit) -> list[Touch]:
     if not places:
         return []
     # the acceleration jumps where a force does, and where the deflection turns, as the slip of friction on it reverses
-    just = _JUST if orbit.slips or jumping_switches(orbit.system) else 0.0
+    just = _JUST if orbit.slips or jumping_switches(orbit.system, friction=False) else 0.0
     thetas = sorted({max(theta - aside, 0.0) for theta, _, _ in places for aside in (0.0, just)})
     states = dict(zip(thetas, _states(orbit, thetas), strict=True))
     coefficients, found = coefficients_of(orbit.system), []
     for theta, switch, depth in places:
         gauge = Gauge(layout_of(orbit.system.structure), switch)
         _, speed, acceleration = gauge.read(coefficients, theta, states[theta])
-        if just:
+        if just and (depth is not None or switch not in rigid):
             before = max(theta - just, 0.0)
             acceleration = gauge.read(coefficients, before, states[before])[2]
         if depth is None:
@@ -172,7 +172,7 @@ class TouchEquation:
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
         self._gauges = [Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
-        self._jumps = not jumping_switches(near.system).isdisjoint(self._switches)
+        self._jumps = not jumping_switches(near.system, friction=False).isdisjoint(self._switches)
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
