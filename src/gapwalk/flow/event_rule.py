@@ -29,7 +29,9 @@ from gapwalk.model.system import System
 _AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _STEP = 1e-150  # of the complex step
 _ANGLE = 0.7  # an angle at which what varies is not zero by chance
-_NOTHING = 1e-12  # share of the force below which its jump is rounding
+# share of the accelerations of a motion as wide as the gap below which a jump is none: the multiplier that grows beside
+# its graze does so within the square of that, where the graze is not located
+_SLIGHT = 1e-5
 
 Formula = Callable[[NDArray[Any], NDArray[Any], Any], NDArray[Any]]
 """A function of states, shape (..., 2n), coefficients, shape (..., number of coefficients), and theta."""
@@ -149,11 +151,6 @@ def _jumps_at_rest(
     products = closed_form_of(slots.form.law, slots.form.shapes)
     if products is not None and not any(term.stage == stage and term.power == term.rate == 0 for term in products):
         return False
-    here = slots.stages[stage]
-    force = contact_force(
-        slots,
-        Angles(layout, coefficients, _ANGLE),
-        [(np.asarray(here.sign * coefficients[here.clearance]), np.zeros(()))],
-    )
     jump = _difference(layout, slots, stage, coefficients, 0.0, _ANGLE)
-    return abs(jump) > _NOTHING * float(abs(force))
+    along = float(coefficients[slots.deflection] @ coefficients[slots.force])
+    return abs(along * jump) > _SLIGHT * float(coefficients[slots.stages[stage].clearance] / coefficients[0] ** 2)

@@ -23,7 +23,7 @@ from gapwalk.flow.breakpoints import Gauge
 from gapwalk.flow.event_rule import jump_of, jumping_switches
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
