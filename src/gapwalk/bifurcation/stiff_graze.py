@@ -102,12 +102,12 @@ def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
 
 
 def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint) -> Passage | None:
-    """Return the step from an orbit with the softest impact on a rigid stop to orbits that miss it.
+    """Return the step from an orbit with the softest touch of a force that jumps to orbits that miss it.
 
-    However soft, such an impact has an effect, so a walk comes to within rounding of the graze, where Newton's method
+    However soft, such a touch has an effect, so a walk comes to within rounding of the graze, where Newton's method
     jumps over it in any case.
     """
-    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
+    if not jumping_switches(point.orbit.system, friction=False):
         return None
     for aside in _MISSING:
         correction = corrector.correct(point.x + aside * point.tangent, point.tangent)
