@@ -1,4 +1,4 @@
-"""One machine walked with default and with small steps, mirrored, in other units, and from other angles of its loads."""
+"""One machine walked in several ways: with other steps, mirrored, in other units, from other angles of its loads."""
 
 from __future__ import annotations
 
@@ -83,10 +83,10 @@ class Comparison:
         return f"{self.shared} special points in {self.walks} walks, {self.stuck} of them stuck{faults}"
 
 
-def compare_ways(name: str, machine: Machine, verified: bool = True) -> Comparison:
+def compare_ways(name: str, machine: Machine, verified: bool = True, fine: WalkOptions = FINE) -> Comparison:
     """Walk a machine in all ways, from one orbit, and compare all special points with those of the default walk."""
     orbit = gw.find_orbit(machine.system)
-    plain, *others = ways(machine, orbit)
+    plain, *others = ways(machine, orbit, fine)
     branch = plain.walked()
     faults = [f"{plain.name}: verification: {breach}" for breach in gw.verify(branch).breaches[:3]] if verified else []
     ends = [branch.ends[-1]]
@@ -100,10 +100,10 @@ def compare_ways(name: str, machine: Machine, verified: bool = True) -> Comparis
     return Comparison(name, faults, len(branch.special_points), len(ends), stuck)
 
 
-def ways(machine: Machine, orbit: Orbit) -> Iterator[Way]:
+def ways(machine: Machine, orbit: Orbit, fine: WalkOptions = FINE) -> Iterator[Way]:
     """Yield all ways in which a machine is walked from an orbit, the default one first."""
     yield Way("default steps", machine, orbit.state)
-    yield Way("small steps", machine, orbit.state, FINE)
+    yield Way("small steps", machine, orbit.state, fine)
     yield Way("mirrored", machine.mirrored(), -orbit.state, swaps=True)
     length, time, force = UNITS
     n = machine.system.size
