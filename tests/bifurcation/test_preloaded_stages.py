@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import fsolve, minimize_scalar
 
 import gapwalk as gw
+from gapwalk.bifurcation.branch_start import has_parent, value_ahead
 from gapwalk.flow.event_rule import jumping_switches
 from tests.bifurcation.alike.comparison import compare_ways, differences, ways
 from tests.bifurcation.alike.kinds import machine_of
@@ -139,3 +140,17 @@ def test_a_comparison_names_what_only_one_walk_has():
     assert differences(plain, branch, plain, branch) == []
     assert "missing" in differences(plain, branch, plain, fewer)[0]
     assert "in place of" in differences(plain, branch, plain, replace(branch, special_points=(moved,)))[0]
+
+
+def test_a_doubled_branch_joins_only_a_parent_that_is_there():
+    stage = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.05})
+    branch = gw.follow(gw.find_orbit(mass(stage, 0.08, 0.5, 0.75)), "frequency", 0.85)
+    (flip,) = branch.special("flip")
+    doubled = gw.follow(flip, "frequency", (0.6, 0.9))
+    assert doubled.ends[-1].reason.name == "JOINED"  # at the graze, beside which the motion of period 1 is unstable
+    assert doubled.ends[-1].value == pytest.approx(touching(1.0, 0.08, 0.5)[0], abs=1e-8)
+    before, last = doubled.points[-2:]
+    equation = gw.methods.Shooting().pose(last.orbit.system, "frequency", 2)
+    assert has_parent(last, equation, doubled.ends[-1].value)
+    assert not has_parent(last, equation, 0.8)
+    assert value_ahead(last, before, 1.0) is None
