@@ -209,8 +209,11 @@ class TouchEquation:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
+        unknowns += ahead * start.slope * self._scales
+        if self._jumps and depth * self.free > 0.0:  # off by so little, the orbit might touch
+            unknowns = self._at_depth(unknowns, depth)
         try:
-            return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+            return self._solve(unknowns, depth)
         except ConvergenceError:
             if not start.depth * self.free < 0.0 < depth * self.free:
                 raise
