@@ -163,3 +163,14 @@ def test_a_walk_turns_where_the_floating_gear_touches_both_flanks():
     assert touch.contact == "mesh -"
     assert abs(touch.value - brentq(lambda speed: swing(system, speed), 860.0, 880.0, xtol=1e-9)) < 1e-3
     assert abs(fold.value - touch.value) < 1e-2
+
+
+def test_a_part_that_is_pressed_on_a_stiff_stop_does_not_float():
+    """It is pressed by 1 N on a stop of 1e7 N/m beyond a gap of 1,000 m: a depth of a ten-thousand-millionth of it."""
+    stop = gw.Contact("stop", {"x": 1.0}, [gw.Stage(1000.0, 1e7, side="positive")])
+    loads: Any = {"mean": {"x": 1.0}, "harmonics": [gw.Harmonic(0.2, {"x": 1.0})]}
+    mass = gw.System(["x"], [[0.0]], [[100.0]], contacts=[stop], frequency=50.0, **loads)
+    orbit = gw.find_orbit(mass, start=[1000.0 + 1e-7, 0.0])
+    depths = orbit.turning_depths[0].values
+    assert 0.0 < min(depths) < max(depths) < 2e-7
+    assert not floats(orbit, unheld(mass))

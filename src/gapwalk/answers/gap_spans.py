@@ -16,8 +16,7 @@ import numpy as np
 from gapwalk.answers.gap_states import GapState, gap_state, innermost
 from gapwalk.answers.settled_sweep import Direction, Sample, SettledSweep, Stretch, start_of
 from gapwalk.attractors.section import Strobe
-from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.motion import Motion

@@ -19,9 +19,8 @@ from gapwalk.answers.settled_sweep import SlowSweepOptions
 from gapwalk.attractors.box import centres
 from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.bifurcation.follow import walk
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci import Locus, follow_locus
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System

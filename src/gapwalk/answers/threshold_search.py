@@ -29,8 +29,7 @@ from gapwalk.bifurcation.branch_start import start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
-from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import value_words

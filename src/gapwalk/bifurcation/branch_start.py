@@ -18,6 +18,7 @@ from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.walk_scales import Range, check_range, scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.flow.length_unit import magnitude
+from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, returns, true_period
 from gapwalk.orbit.orbit_equation import OrbitEquation, solve
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _MERGED = 1e-7  # relative difference between the parts of an orbit below which its period is that of a part
 _CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period
+_PARENT = 2.0  # distance of the parent from the mean of the halves, in their difference, up to which it is the parent
 
 
 @dataclass(frozen=True)
@@ -252,8 +254,8 @@ def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float 
     return float(hermite(first, last, before / (before + after))[-1]) * scale
 
 
-def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float:
-    """Return the parameter at which the halves will coincide, just beyond two points.
+def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float | None:
+    """Return the parameter at which the halves will coincide, just beyond two points; None if they do not approach.
 
     The difference of the halves is linear in arclength. The parameter is quadratic in it at a flip, where the branch
     turns back, and linear where the motion of the parent changes its sequence; the tangent tells how it goes on.
@@ -261,7 +263,23 @@ def value_ahead(before: BranchPoint, last: BranchPoint, scale: float) -> float:
     a, b = (float(np.linalg.norm(halves_apart(point))) for point in (before, last))
     step = last.arclength - before.arclength
     if a <= b or not step:
-        return last.value
+        return None
     slope, mean = float(last.tangent[-1]) * scale, (last.value - before.value) / step
     ahead = step * b / (a - b)
     return last.value + ahead * (slope + ahead * (slope - mean) / step)
+
+
+def has_parent(point: BranchPoint, equation: OrbitEquation, value: float) -> bool:
+    """Return True if there is a motion of half the period at a value of the parameter, between the halves of a point.
+
+    Beside a graze the halves of a doubled motion may be close, and a step fail, where no other branch is.
+    """
+    orbit, half = point.orbit, point.orbit.period // 2
+    system = orbit.system.at({equation.parameter or "": value})
+    start = 0.5 * (orbit.state + returns(orbit, half + 1)[half])
+    try:
+        found = find_orbit(system, half, start, method=equation.options).state
+    except NumericalError:
+        return False
+    apart = float(np.abs(halves_apart(point)).max())
+    return float(np.abs(found - start).max()) < _PARENT * apart * magnitude(orbit.state, orbit.system)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch_start import (
     BranchStart,
     has_merged,
+    has_parent,
     is_close,
     lift,
     refined,
@@ -21,11 +22,10 @@ from gapwalk.bifurcation.branch_start import (
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.user_event import Event
 from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left
 from gapwalk.bifurcation.sliding_corner import pass_corner
-from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.start_of_period import AT_START, pass_start
 from gapwalk.bifurcation.stiff_graze import pass_graze
@@ -413,7 +413,7 @@ class BranchTracer(Iterator[Step]):
         if self._ended(EndReason.JOINED) or not self._is_doubled(first):
             return step
         value = value_between(first, point, self._scale)
-        if value is None:
+        if value is None or not has_parent(first, self.beginning.equation, value):
             return step
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
@@ -423,7 +423,10 @@ class BranchTracer(Iterator[Step]):
         """End the walk if its last point is just before the parent of a doubled branch; return whether it is."""
         if before is None or not self._is_doubled(last) or not is_close(last):
             return False
-        self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last, self._scale)))
+        value = value_ahead(before, last, self._scale)
+        if value is None or value not in self.beginning.within or not has_parent(last, self.beginning.equation, value):
+            return False
+        self.walk.finish(last, End(EndReason.JOINED, value))
         return True
 
     def _jumps(self, last: BranchPoint) -> bool:

@@ -18,10 +18,9 @@ from typing import NamedTuple
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.kinds.held_stop import held_changes
 from gapwalk.bifurcation.kinds.sliding import Sliding
-from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint
+from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.corrector import Corrector
@@ -167,6 +166,7 @@ def unexplained(
                 if found % 2 == 0
                 else (f"{found} points of the kind {kind} lie between, but the test function does not change its sign")
             )
+    yield from _corners(a, b, special)
     yield from _contacts(a, b, special)
     yield from _stops(a, b, special)
     yield from _friction(a, b, special)
@@ -181,9 +181,11 @@ def _passes(kind: Kind, special: SpecialPoint, a: BranchPoint, b: BranchPoint, o
     at_once = any(
         each.kind is Kind.GRAZING and each.contact != special.contact and _is_at(each, special) for each in others
     )
-    crosses = special.is_corner and special.turns and at_once and float(a.tangent[-1] * b.tangent[-1]) > 0.0
+    leaps = abs(special.before.above - special.after.above) if special.is_corner and at_once else 0
+    turned = float(a.tangent[-1] * b.tangent[-1]) < 0.0
+    crosses = leaps > 0 and (leaps % 2 == 0) is turned  # two that leap are one with the symmetry, and one without
     if kind.is_turning:
-        return special.is_vertex or (special.turns and not crosses)
+        return special.is_vertex or (turned if crosses else special.turns)
     return special.passes_flip if kind is Kind.FLIP else kind is Kind.BRANCH_POINT and crosses
 
 
@@ -201,6 +203,25 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
     if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"
         yield f"{count} unstable multipliers become {b.instability.total}, with {between} between"
+
+
+def _corners(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """Yield the grazes with stable motions where a multiplier must be unbounded: where a force that jumps is touched.
+
+    Where friction sticks, or a stop is held, all that a touch changes may be lost.
+    """
+    corners = [each for each in special if each.kind is Kind.GRAZING and each.is_corner]
+    if any(point.orbit.slips or any(count for count, _ in point.orbit.held.values()) for point in (a, b) if corners):
+        return
+    changes = a.orbit.closing_changes(b.orbit) if corners else []
+    for each in corners:
+        group = [other for other in corners if _is_at(other, each)]
+        switch = next(place for place in range(len(changes)) if describe_switch(a.orbit, place) == each.contact)
+        only = sum(other.contact == each.contact for other in corners) == 1
+        sides = {"before": group[0].before, "after": group[-1].after}
+        touching = [("after" if changes[switch] > 0 else "before")] if only else [*sides]
+        if all(sides[side].total == 0 for side in touching):
+            yield f"no multiplier is unstable {' or '.join(touching)} {each.contact} grazes, where one is unbounded"
 
 
 def _is_undecided(point: BranchPoint) -> bool:

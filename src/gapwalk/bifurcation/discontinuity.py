@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError

@@ -9,9 +9,9 @@ import numpy as np
 
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.model.laws.friction import Coulomb
-from gapwalk.model.structure import Structure
+from gapwalk.flow.motion import switch_names
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
@@ -134,14 +134,11 @@ class SpecialPoint(Shown):
     def is_corner(self) -> bool:
         """True if multipliers jump here: where slip and stick change their sequence, or a contact grazes that jumps.
 
-        That is a rigid stop, or a stage with friction: a touch, however short, reverses the force of friction that it
-        adds, and changes of the motion grow as the inverse of its speed.
+        Beside such a graze (see `jumping_switches`), changes of the motion grow as the inverse of the speed of a touch.
         """
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
-        contacts, jumping = self.orbit.system.structure.contacts, jumping_contacts(self.orbit.system.structure)
-        stages = [(contacts[each].name, stage.name) for each in jumping for stage in contacts[each].stages]
-        return self.contact.rsplit(" ", 1)[0] in [f"{name}.{stage}" if stage else name for name, stage in stages]
+        return self.contact in {describe_switch(self.orbit, switch) for switch in jumping_switches(self.orbit.system)}
 
     @property
     def nature_words(self) -> str:
@@ -221,10 +218,7 @@ class SpecialPoint(Shown):
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
-def jumping_contacts(structure: Structure) -> set[int]:
-    """Return the numbers of the contacts whose touch, however soft, has an effect that grows as the root of its depth.
-
-    These are rigid stops, and contacts whose stages add friction that sticks rigidly: its force is there at once.
-    """
-    hosts = {each.law.host for each in structure.contacts if isinstance(each.law, Coulomb) and each.law.by == "stages"}
-    return {place for place, each in enumerate(structure.contacts) if each.law.rebounds or each.name in hosts}
+def describe_switch(orbit: Orbit, switch: int) -> str:
+    """Return contact, stage and side of a switch, such as ``stage2 -``."""
+    contact, stage, side = switch_names(orbit.system)[switch]
+    return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"

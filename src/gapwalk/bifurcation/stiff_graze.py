@@ -21,13 +21,13 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from gapwalk.bifurcation.error_estimate import ROUNDING
-from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.special_point import SpecialPoint, jumping_contacts
+from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
@@ -90,7 +90,7 @@ def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
 
     A walk approaches the graze by the velocity of the impact, to a depth that is rounding and cannot be prescribed.
     """
-    if not jumping_contacts(point.orbit.system.structure):
+    if not jumping_switches(point.orbit.system):
         return
     for aside in _BEHIND:
         correction = corrector.correct(point.x - aside * point.tangent, point.tangent)
@@ -102,12 +102,12 @@ def _behind(corrector: Corrector, point: BranchPoint) -> Iterator[BranchPoint]:
 
 
 def _leave_impact(corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint) -> Passage | None:
-    """Return the step from an orbit with the softest impact on a rigid stop to orbits that miss it.
+    """Return the step from an orbit with the softest touch of a force that jumps to orbits that miss it.
 
-    However soft, such an impact has an effect, so a walk comes to within rounding of the graze, where Newton's method
+    However soft, such a touch has an effect, so a walk comes to within rounding of the graze, where Newton's method
     jumps over it in any case.
     """
-    if not any(contact.law.rebounds for contact in point.orbit.system.structure.contacts):
+    if not jumping_switches(point.orbit.system, friction=False):
         return None
     for aside in _MISSING:
         correction = corrector.correct(point.x + aside * point.tangent, point.tangent)
@@ -133,7 +133,7 @@ class _Corner:
             raise ConvergenceError("no deflection has an extremum near a breakpoint")
         first = found[0]
         self._unit = float(corrector.scales[0])
-        rigid = point.orbit.system.breakpoints[first.switch][0] in jumping_contacts(point.orbit.system.structure)
+        rigid = first.switch in jumping_switches(point.orbit.system)
         self._least = _SOFTEST if rigid else _LEAST
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._simultaneous = [  # contacts that begin simultaneously, in a symmetric motion

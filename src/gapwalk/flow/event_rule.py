@@ -14,17 +14,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.forces import Angles, contact_force
-from gapwalk.model.coefficients import CoefficientLayout, ContactSlots
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, coefficients_of, layout_of
 from gapwalk.model.laws import closed_form_of
+from gapwalk.model.laws.friction import Coulomb
+from gapwalk.model.system import System
 
 _AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _STEP = 1e-150  # of the complex step
+_ANGLE = 0.7  # an angle at which what varies is not zero by chance
+# share of the accelerations of a motion as wide as the gap below which a jump is none: the multiplier that grows beside
+# its graze does so within the square of that, where the graze is not located
+_SLIGHT = 1e-5
 
 Formula = Callable[[NDArray[Any], NDArray[Any], Any], NDArray[Any]]
 """A function of states, shape (..., 2n), coefficients, shape (..., number of coefficients), and theta."""
@@ -116,3 +123,34 @@ def _difference(
     moves, angles = [(np.asarray(here.sign * clearance), np.asarray(rate))], Angles(layout, coefficients, theta)
     forces = [contact_force(slots, angles, moves, closed) for closed in (after, inside)]
     return float(forces[0] - forces[1])
+
+
+@lru_cache(maxsize=256)
+def jumping_switches(system: System, *, friction: bool = True) -> frozenset[int]:
+    """Return the numbers of the switches whose touch, however soft, has an effect that grows as the root of its depth.
+
+    These are rigid stops, stages that add friction that sticks rigidly, and stages whose force begins with a jump, such
+    as a preload: its impulse is as long as the touch. Damping begins with the rate of the touch, so it is none of them.
+    With `friction` False, stages that only add friction are left out: its impulse reverses within the touch.
+    """
+    layout, coefficients, structure = layout_of(system.structure), coefficients_of(system), system.structure
+    hosts = {each.law.host for each in structure.contacts if isinstance(each.law, Coulomb) and each.law.by == "stages"}
+    found, switch = set[int](), 0
+    for slots in layout.contacts:
+        for stage in range(len(slots.stages)):
+            jumps = slots.form.law.rebounds or (friction and slots.form.name in hosts)
+            if jumps or _jumps_at_rest(layout, slots, stage, coefficients):
+                found.add(switch)
+            switch += 1
+    return frozenset(found)
+
+
+def _jumps_at_rest(
+    layout: CoefficientLayout, slots: ContactSlots, stage: int, coefficients: NDArray[np.float64]
+) -> bool:
+    products = closed_form_of(slots.form.law, slots.form.shapes)
+    if products is not None and not any(term.stage == stage and term.power == term.rate == 0 for term in products):
+        return False
+    jump = _difference(layout, slots, stage, coefficients, 0.0, _ANGLE)
+    along = float(coefficients[slots.deflection] @ coefficients[slots.force])
+    return abs(along * jump) > _SLIGHT * float(coefficients[slots.stages[stage].clearance] / coefficients[0] ** 2)

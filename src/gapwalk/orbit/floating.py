@@ -56,7 +56,8 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
         if np.abs(deflection @ ways).max() <= _NOTHING * np.abs(deflection).max():
             continue
         own = [(each[2], turns.values) for each, turns in depths if each[0] == place]
-        closed = any(not values or max(values) > _TOUCHES * clearance for clearance, values in own)
+        # what stays beyond a breakpoint is pressed there, however stiff the stage is
+        closed = any(not values or min(values) > 0.0 or max(values) > _TOUCHES * gap for gap, values in own)
         (touching if closed else opened).append((contact.name, deflection @ ways))
     rows = np.vstack([*held, *(row for _, row in touching), np.zeros_like(ways[:0])])
     if np.linalg.matrix_rank(rows) == ways.shape[1]:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.breakpoints import Gauge
+from gapwalk.flow.event_rule import jump_of, jumping_switches
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles
-from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, roundings
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
@@ -31,7 +32,7 @@ from gapwalk.orbit.sticking import released
 LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
 _STEADY = 0.02  # largest relative change of the acceleration from there to the touch
 _SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
-_JUST = 1e-6  # angle before a turn at which its acceleration is read, by which angles of events may be off
+_JUST = 1e-6  # angle before a touch at which its acceleration is read, by which angles of events may be off
 _TURNING = 0.05  # share of the way to where the acceleration vanishes up to which it is almost constant
 _ITERATIONS = 12
 _SIMPLE = 4  # steps of the simplified Newton's method
@@ -112,15 +113,15 @@ def touches(orbit: Orbit) -> list[Touch]:
     places = sorted((each for each in places if each[0] > 0.0), key=lambda each: each[:2])
     if not places:
         return []
-    # where friction acts on the deflection, its slip reverses where that turns, and the acceleration jumps
-    just = _JUST if orbit.slips else 0.0
+    # the acceleration jumps where a force does, and where the deflection turns, as the slip of friction on it reverses
+    just = _JUST if orbit.slips or jumping_switches(orbit.system, friction=False) else 0.0
     thetas = sorted({max(theta - aside, 0.0) for theta, _, _ in places for aside in (0.0, just)})
     states = dict(zip(thetas, _states(orbit, thetas), strict=True))
     coefficients, found = coefficients_of(orbit.system), []
     for theta, switch, depth in places:
         gauge = Gauge(layout_of(orbit.system.structure), switch)
         _, speed, acceleration = gauge.read(coefficients, theta, states[theta])
-        if just and depth is not None:
+        if just and (depth is not None or switch not in rigid):
             before = max(theta - just, 0.0)
             acceleration = gauge.read(coefficients, before, states[before])[2]
         if depth is None:
@@ -171,8 +172,7 @@ class TouchEquation:
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
         self._gauges = [Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
-        contacts = equation.system.structure.contacts
-        self._rigid = any(contacts[equation.system.breakpoints[each][0]].law.rebounds for each in self._switches)
+        self._jumps = not jumping_switches(near.system, friction=False).isdisjoint(self._switches)
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
@@ -200,17 +200,20 @@ class TouchEquation:
             If there is no such orbit.
         """
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
-        if self._rigid and start.depth * self.free > 0.0 > depth * self.free:
+        if self._jumps and start.depth * self.free > 0.0 > depth * self.free:
             return self._solve(self._struck(start, depth), depth)
-        if self._rigid and start.depth * self.free <= 0.0 < depth * self.free:
+        if self._jumps and start.depth * self.free <= 0.0 < depth * self.free:
             # the derivatives with the impact grow as the inverse of its velocity; where it is missed they are smooth
             return self._solve(self._at_depth(unknowns, depth), depth)
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
+        unknowns += ahead * start.slope * self._scales
+        if self._jumps and depth * self.free > 0.0:  # off by so little, the orbit might touch
+            unknowns = self._at_depth(unknowns, depth)
         try:
-            return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+            return self._solve(unknowns, depth)
         except ConvergenceError:
             if not start.depth * self.free < 0.0 < depth * self.free:
                 raise
@@ -218,9 +221,9 @@ class TouchEquation:
         return self.hold(self.hold(start, 0.0), depth)
 
     def _struck(self, start: Held, depth: float) -> NDArray[np.float64]:
-        """Return a start for Newton's method with an impact on a rigid stop, from an orbit that just misses it.
+        """Return a start for Newton's method with a touch of a force that jumps, from an orbit that just misses it.
 
-        The impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
+        An impact changes the motion in proportion to its velocity, the root of the depth. Derivatives of that are
         large, but they vanish while the depth does not change. So the first steps leave them out. The very first one
         does not integrate the motion: an impact that nothing makes up for may let the next touch begin before its
         segment does, as another impact.
@@ -242,23 +245,18 @@ class TouchEquation:
         coefficients, residual = self._posed.line.coefficients(start.value)[0], np.zeros(start.states.size)
         touches = zip(self._gauges, self._switches, self._segments, self._thetas, strict=True)
         for gauge, switch, segment, theta in touches:
-            contact, side, _ = self._own.system.breakpoints[switch]
-            slots, state = layout.contacts[contact], start.states[segment]
+            state = start.states[segment]
             acceleration = gauge.read(coefficients, theta, state)[2]
-            before = side * np.sqrt(-2.0 * depth * acceleration)
-            numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
-            push, kick = coefficients[slots.force], np.zeros(self._size)
-            kick[n : 2 * n] = (slots.form.law.rebound(before, numbers) - before) * push
+            kick = np.zeros(self._size)
+            kick[n : 2 * n] = _impulse(layout, coefficients, switch, theta, depth, acceleration)
             place = slice(segment * self._size, (segment + 1) * self._size)
-            residual[place] = (
-                start.evaluation.by_unknowns[place, place] @ kick / (coefficients[slots.deflection] @ push)
-            )
+            residual[place] = start.evaluation.by_unknowns[place, place] @ kick
         return residual
 
     def _at_depth(self, unknowns: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
         """Return unknowns with positions at which each touch has exactly a depth.
 
-        The depth is the square of the velocity of an impact on a rigid stop, so the square of a step changes it as much
+        The depth is the square of the velocity of an impact, so the square of a step changes it as much
         as the step itself; Newton's method would not converge otherwise.
         """
         found, n = unknowns.copy(), self._own.system.size
@@ -354,7 +352,7 @@ class TouchEquation:
         In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
         independent. They make the system regular even where another branch crosses on which one touch is deeper.
         """
-        before, strikes = np.inf, self._rigid and depth * self.free < 0.0
+        before, strikes = np.inf, self._jumps and depth * self.free < 0.0
         if strikes and len(self._switches) > 1:  # an impact that is off would throw the next one far off
             unknowns = self._at_depth(unknowns, depth)
         for _ in range(_ITERATIONS):
@@ -426,6 +424,33 @@ def _reach(
     by_state = np.zeros(len(state))
     by_state[: 2 * len(vector)] = np.concatenate((vector, -speed / turning * vector))
     return depth - 0.5 * speed**2 / turning, by_state, by_value
+
+
+def _impulse(
+    layout: CoefficientLayout,
+    coefficients: NDArray[np.float64],
+    switch: int,
+    theta: float,
+    depth: float,
+    acceleration: float,
+) -> NDArray[np.float64]:
+    """Return the change of the velocities by a touch of a depth: by a rebound, or by a force that begins with a jump.
+
+    The force lasts until the deflection, with what is left of its acceleration, has its speed the other way.
+    """
+    contact, side, _ = layout.structure.breakpoints[switch]
+    slots, push = layout.contacts[contact], coefficients[layout.contacts[contact].force]
+    before, along = side * np.sqrt(-2.0 * depth * acceleration), float(coefficients[slots.deflection] @ push)
+    if slots.form.law.rebounds:
+        numbers = Angles(layout, coefficients, theta).named(slots.numbers, slots.waves)
+        return (slots.form.law.rebound(before, numbers) - before) / along * push
+    first = next(place for place, each in enumerate(layout.structure.breakpoints) if each.contact == contact)
+    quotient = jump_of(layout, contact, switch - first)
+    force = 0.0 if quotient is None else quotient(coefficients)(before, theta) * before
+    slowed = side * acceleration - along * force
+    if slowed * before >= 0.0:
+        raise ConvergenceError("the force beyond the breakpoint draws the deflection in")
+    return 2.0 * before * force / slowed * push
 
 
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:

@@ -169,7 +169,9 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
             if apart > _CLOSED:
                 yield f"{said}, but its last motion is not its first"
         case EndReason.JOINED:
-            if not abs(end.value - point.value) <= _BEYOND * (abs(point.value) + scale):
+            if within is not None and not within[0] - same <= end.value <= within[1] + same:
+                yield f"{said}, where the range is from {within[0]:.10g} to {within[1]:.10g}"
+            elif not abs(end.value - point.value) <= _BEYOND * (abs(point.value) + scale):
                 yield f"{said}, but the branch ends at {point.value:.10g}"
             elif not _may_join(track, point):
                 yield f"{said}, but no other branch is near its end"

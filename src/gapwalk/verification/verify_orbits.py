@@ -33,6 +33,7 @@ _MOST = 24  # largest number of segments
 _POWERS = 6
 _VARIED = 3.0  # allowed difference of multipliers, as a multiple of their variation near the point
 _UNKNOWN = 0.1  # difference of multipliers which their variation explains, but which verifies nothing
+_EPS = float(np.finfo(float).eps)
 _SAMPLED = 40  # number of points of a locus that are verified
 
 
@@ -47,11 +48,14 @@ class Reshot(NamedTuple):
         Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
     growth
         Largest factor by which a small change of the state grows over the period; at least 1.
+    lost
+        Error of the contraction by rounding: a segment with a soft touch of a force that jumps is almost singular.
     """
 
     multipliers: NDArray[np.complex128]
     contraction: float
     growth: float
+    lost: float = 0.0
 
 
 def verify_orbits(ledger: Ledger, tracks: Sequence[Track], advance: Advance | None) -> None:
@@ -98,7 +102,7 @@ def _verify_orbit(
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
     if not collapses(orbit.system):  # a volume that vanishes has no logarithm
         off = abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction))
-        ledger.enter(Check.VOLUME, spot, off)
+        ledger.enter(Check.VOLUME, spot, off / max(1.0, reshot.lost / Check.VOLUME.bound))
     off = _distance(reshot.multipliers, orbit.free_multipliers)
     if off > Check.MULTIPLIERS.bound and isinstance(around, DryRound):
         # beside a graze, errors of the integrator grow as changes of the motion do, and the impact depends on them
@@ -179,7 +183,8 @@ def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
         around = arc.transition @ around
     growth = float(np.linalg.norm(around * units / units[:, None], 2))
     found = without_kept(multipliers([arc.transition for arc in arcs]), orbit.kept)
-    return Reshot(found, total, max(1.0, growth))
+    lost = _EPS * sum(float(np.linalg.cond(arc.transition * units / units[:, None])) for arc in arcs)
+    return Reshot(found, total, max(1.0, growth), lost)
 
 
 def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:

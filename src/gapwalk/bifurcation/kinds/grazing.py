@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.bracketed_zero import zero_between
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
-from gapwalk.bifurcation.special_point import jumping_contacts
+from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.flow.event_rule import jumping_switches
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.measures import Turns, apart
 from gapwalk.orbit.orbit import Orbit
 
@@ -248,12 +248,6 @@ def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switc
     return False
 
 
-def describe_switch(orbit: Orbit, switch: int) -> str:
-    """Return contact, stage and side of a switch, such as ``stage2 -``."""
-    contact, stage, side = switch_names(orbit.system)[switch]
-    return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
-
-
 def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
     """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
 
@@ -293,9 +287,8 @@ def _is_torn(interval: StepInterval, richer: BranchPoint, graze: BranchPoint, sw
     Beside a graze of a stage whose friction is there at once, changes of the motion grow without bound. The branch may
     turn back at the graze, and once more a little beyond; a step may pass over both, with both ends stable.
     """
-    structure = graze.orbit.system.structure
-    contact = structure.breakpoints[switch].contact
-    if structure.contacts[contact].law.rebounds or contact not in jumping_contacts(structure):
+    rigid = {each for _, each in graze.orbit.system.structure.reactions}
+    if switch in rigid or switch not in jumping_switches(graze.orbit.system):
         return False
     ahead = 0.5 * (richer.arclength - graze.arclength)
     ahead = math.copysign(min(_BESIDE, abs(ahead)), ahead)

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
-from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.corrector import length_of

@@ -20,10 +20,10 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci.codimension_two import Finding
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import MARGIN, GrazingEquation, MultiplierEquation, Secant, zero_along
+from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError

@@ -1,0 +1,156 @@
+"""Stages whose force begins with a jump: beside their grazes a multiplier is unbounded, as beside a rigid stop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve, minimize_scalar
+
+import gapwalk as gw
+from gapwalk.bifurcation.branch_start import has_parent, value_ahead
+from gapwalk.flow.event_rule import jumping_switches
+from tests.bifurcation.alike.comparison import compare_ways, differences, ways
+from tests.bifurcation.alike.kinds import machine_of
+from tests.computed import once
+from tests.tiers import some_of
+
+B, K, P, C, F = 1.1008242922933908, 1.107877872602049, 0.03230478179428088, 0.20880532034255395, 0.511866097372504
+
+SHORTER = gw.WalkOptions(largest_step=6e-3)
+
+
+def mass(stage: gw.Stage, damping: float, force: float, frequency: float, phase: float = 0.0) -> gw.System:
+    contact = gw.Contact("p", {"x": 1.0}, [stage], law="piecewise")
+    load = gw.Harmonic(force, {"x": 1.0}, phase=phase)
+    return gw.System(["x"], [[1.0]], [[damping]], contacts=[contact], harmonics=[load], frequency=frequency)
+
+
+def touching(amplitude: float, damping: float, force: float) -> list[float]:
+    """The frequencies at which a linear oscillator has an amplitude: closed form, in increasing order."""
+    return sorted(np.sqrt(np.roots([1.0, damping**2 - 2.0, 1.0 - (force / amplitude) ** 2]).real))
+
+
+@once
+def beside_a_fold() -> gw.Branch:
+    stage = gw.Stage(B, K, side="positive", numbers={"preload": P})
+    return gw.follow(gw.find_orbit(mass(stage, C, F, 1.1)), "frequency", 1.9)
+
+
+def piece(stiffness: float, mean: float, time: float, start: tuple[float, float], w: float, angle: float) -> np.ndarray:
+    """Position and velocity after a time of a linear oscillator under a mean load and F cos(w t + angle)."""
+    forced = F / (stiffness - w**2 + 1j * C * w) * np.exp(1j * angle)
+    roots = np.roots([1.0, C, stiffness])
+    own = np.linalg.solve(
+        np.array([[1.0, 1.0], roots]), [start[0] - mean / stiffness - forced.real, start[1] - (1j * w * forced).real]
+    )
+    free, turned = own * np.exp(roots * time), forced * np.exp(1j * w * time)
+    return np.array(
+        [mean / stiffness + turned.real + free.sum().real, (1j * w * turned).real + (roots * free).sum().real]
+    )
+
+
+def test_a_fold_beside_a_graze_is_found():
+    branch = beside_a_fold()
+    assert branch.ends[-1].reason.name == "RANGE"
+    fold, graze = branch.special_points
+    assert (fold.kind, graze.kind) == ("fold", "grazing")
+    assert (fold.change, graze.change) == ("stable -> unstable(1)", "unstable(1) -> stable")
+    assert abs(graze.value - touching(B, C, F)[-1]) <= graze.uncertainty < 1e-11
+
+    def frequency(speed: float) -> float:
+        """The frequency of the motion that closes the stage at a speed; it is largest at the fold."""
+
+        def open_ends(unknowns: np.ndarray) -> list[float]:
+            angle, closed, w = unknowns
+            inside = piece(1.0 + K, K * B - P, closed, (B, speed), w, angle)
+            outside = piece(1.0, 0.0, 2.0 * np.pi / w - closed, (B, inside[1]), w, angle + w * closed)
+            return [(inside[0] - B) / speed, outside[0] - B, outside[1] - speed]
+
+        return float(fsolve(open_ends, guess, xtol=1e-12)[2])
+
+    event = next(each for each in fold.orbit.events if each.enters)
+    leaves = next(each for each in fold.orbit.events if not each.enters)
+    guess = [event.theta, (leaves.theta - event.theta) / fold.value, fold.value]
+    near = abs(event.velocity)
+    largest = minimize_scalar(lambda speed: -frequency(speed), (0.9 * near, near, 1.1 * near), tol=1e-8)
+    assert fold.value == pytest.approx(-largest.fun, abs=1e-11)
+
+
+def test_verification_refuses_stable_motions_on_both_sides_of_such_a_graze():
+    branch = beside_a_fold()
+    assert gw.verify(branch).ok
+    graze = branch.special_points[-1]
+    points = [each for each in branch.points if each.stable]
+    assert len(points) < len(branch.points)
+    stable = replace(graze, before=graze.after)
+    missed = replace(branch, points=tuple(points), special_points=(stable,))
+    assert any("no multiplier is unstable before p + grazes" in each.text for each in missed.unexplained)
+    assert not gw.verify(missed).ok
+
+
+@pytest.mark.parametrize("phase", [0.0, *some_of([1.0, 2.0, 3.0, 4.0, 5.0], 4.0)])
+def test_a_walk_goes_on_beyond_the_first_touch_from_any_phase(phase):
+    stage = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.05})
+    branch = gw.follow(gw.find_orbit(mass(stage, 0.08, 0.5, 0.4, phase)), "frequency", 2.0)
+    assert branch.ends[-1].reason.name == "RANGE"
+    assert branch.unexplained == ()
+    kinds = ["grazing", "flip", "fold", "fold", "fold", "grazing"]
+    assert [special.kind for special in branch.special_points] == kinds
+    grazes = [special.value for special in branch.special("grazing")]
+    assert grazes == pytest.approx(touching(1.0, 0.08, 0.5), abs=1e-11)
+    others = [0.7877663599, 1.2798928297, 1.2207489251, 1.2212487604]
+    assert [special.value for special in branch.special_points if special.kind != "grazing"] == pytest.approx(
+        others, abs=2e-9
+    )
+
+
+def test_what_begins_with_the_speed_of_a_touch_or_is_slight_does_not_jump():
+    def jumps(contact: gw.Contact) -> bool:
+        return bool(jumping_switches(gw.System(["x"], [[1.0]], contacts=[contact])))
+
+    def preloaded(preload: float, **numbers: float) -> gw.Contact:
+        return gw.Contact(
+            "p", {"x": 1.0}, [gw.Stage(1.0, 3.0, numbers={"preload": preload})], law="piecewise", **numbers
+        )
+
+    assert jumps(preloaded(0.05))
+    assert jumps(preloaded(-0.05))
+    assert jumps(preloaded(0.0, offset=0.1))
+    assert jumps(gw.rigid_stop("s", {"x": 1.0}, 1.0, 0.5))
+    assert not jumps(preloaded(0.0))
+    assert not jumps(preloaded(1e-7))
+    for law, damping in (("hunt-crossley", "impact_damping"), ("viscous", "viscous_damping")):
+        assert not jumps(gw.Contact("s", {"x": 1.0}, [gw.Stage(1.0, 3.0)], law=law, **{damping: 0.5}))
+
+
+@pytest.mark.parametrize("seed", some_of([12, 16, 18, 31], 12))
+def test_random_machines_have_one_list_of_special_points(seed):
+    comparison = compare_ways(f"preload {seed}", machine_of(f"preload {seed}"), verified=False, fine=SHORTER)
+    assert comparison.faults == []
+    assert comparison.stuck == 0
+    assert comparison.shared > 2
+
+
+def test_a_comparison_names_what_only_one_walk_has():
+    machine = machine_of("preload 12")
+    plain = next(ways(machine, gw.find_orbit(machine.system)))
+    branch = plain.walked()
+    fewer = replace(branch, special_points=branch.special_points[:-1])
+    moved = replace(branch.special_points[0], uncertainty=1e-15, point=branch.points[0])
+    assert differences(plain, branch, plain, branch) == []
+    assert "missing" in differences(plain, branch, plain, fewer)[0]
+    assert "in place of" in differences(plain, branch, plain, replace(branch, special_points=(moved,)))[0]
+
+
+def test_a_doubled_branch_joins_only_a_parent_that_is_there():
+    stage = gw.Stage(1.0, 3.0, side="positive", numbers={"preload": 0.05})
+    branch = gw.follow(gw.find_orbit(mass(stage, 0.08, 0.5, 0.75)), "frequency", 0.85)
+    (flip,) = branch.special("flip")
+    doubled = gw.follow(flip, "frequency", (0.6, 0.9))
+    assert doubled.ends[-1].reason.name == "JOINED"  # at the graze, beside which the motion of period 1 is unstable
+    assert doubled.ends[-1].value == pytest.approx(touching(1.0, 0.08, 0.5)[0], abs=1e-8)
+    before, last = doubled.points[-2:]
+    equation = gw.methods.Shooting().pose(last.orbit.system, "frequency", 2)
+    assert has_parent(last, equation, doubled.ends[-1].value)
+    assert not has_parent(last, equation, 0.8)
+    assert value_ahead(last, before, 1.0) is None
