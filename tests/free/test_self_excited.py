@@ -276,3 +276,20 @@ def test_a_motion_that_was_found_over_several_periods_has_the_shortest(turns: in
     assert found.duration == pytest.approx(6.663286859, rel=1e-9)
     assert found.state == pytest.approx(orbit.state, abs=1e-8)
     assert _shortest(orbit, turns, 0) is orbit
+
+
+def test_two_blocks_on_a_belt_repeat_after_half_of_what_was_given() -> None:
+    """Its multiplier is near -1, so that they settle by turns: 29.6298 was given, with the square of it."""
+    stiffness, speed, falls = 0.5707991778636574, 0.16214163824978198, 0.21179737789356254
+    contacts = [gw.friction(f"belt{name}", {name: 1.0}, 1.0, speed=speed) for name in "ab"]
+    contacts += [gw.force(f"falls{name}", {name: 1.0}, "-d*(v - V)", d=falls, V=speed) for name in "ab"]
+    mass, coupling = [1.0, 1.5059366220404455], [[1.0 + stiffness, -stiffness], [-stiffness, 1.0 + 1.1 * stiffness]]
+    orbit = gw.free.find_self_excited(
+        gw.System(["a", "b"], coupling, mass=mass, contacts=contacts), [0.0, 0.1, 0.0, 0.0]
+    )
+    assert orbit.duration == pytest.approx(29.629752614 / 2.0, rel=1e-8)
+    multiplier = min(orbit.free_multipliers, key=lambda each: each.real)
+    assert multiplier == pytest.approx(-np.sqrt(0.895006974), rel=1e-6)
+    once, twice = orbit.strobes(3)[1:]
+    assert once == pytest.approx(orbit.state, abs=1e-9)
+    assert twice == pytest.approx(orbit.state, abs=1e-9)

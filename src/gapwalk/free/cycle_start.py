@@ -185,8 +185,13 @@ def _repeats(turns: Sequence[tuple[float, NDArray[np.float64]]], system: System,
 def _exact(system: System, state: NDArray[np.float64], periods: float, place: int) -> FreeOrbit:
     pace = system.structure.pace
     there = system.at({pace: system[pace] / periods})
-    equation = FreeShooting(system.coordinates[place]).pose(there)
-    guess = np.append(at_rest(there, state, place), there[pace])
+    return _solved(there, at_rest(there, state, place), place)
+
+
+def _solved(there: System, state: NDArray[np.float64], place: int) -> FreeOrbit:
+    """Return the exact motion over a period of a system, from a state at which a coordinate is at rest."""
+    equation = FreeShooting(there.coordinates[place]).pose(there)
+    guess = np.append(state, there[there.structure.pace])
     unknowns, evaluation = solve(equation, guess, 0.0, Newton(iterations=20))
     found = equation.orbit(unknowns, 0.0, evaluation)
     if float(np.ptp(found.extremes[:, :2], axis=1).max()) <= _STILL * magnitude(found.state, found.system):
@@ -196,7 +201,7 @@ def _exact(system: System, state: NDArray[np.float64], periods: float, place: in
 
 def _shortest(orbit: FreeOrbit, turns: int, place: int) -> FreeOrbit:
     """Return a motion over its shortest period: where it settles slowly, a multiple of that may repeat first."""
-    system, swing = orbit.system, float(np.ptp(orbit.extremes[place, :2]))
+    system, pace, swing = orbit.system, orbit.system.structure.pace, float(np.ptp(orbit.extremes[place, :2]))
     for parts in range(turns, 1, -1):
         if turns % parts:
             continue
@@ -204,7 +209,7 @@ def _shortest(orbit: FreeOrbit, turns: int, place: int) -> FreeOrbit:
         if np.abs((later - orbit.state) / system.state_scales()).max() > _REPEATS * swing:
             continue
         try:
-            found = _exact(system, orbit.state, 1.0 / parts, place)
+            found = _solved(system.at({pace: system[pace] * parts}), orbit.state, place)
         except NumericalError:
             continue
         if np.abs((found.state - orbit.state) / system.state_scales()).max() <= _SAME * swing:
