@@ -187,7 +187,7 @@ def _entry(value: float | complex) -> str:
     """Write an entry of a mode; a complex one with the angle, in degrees, by which it is ahead."""
     if not isinstance(value, complex):
         return f"{value:+.3f}"
-    return f"{abs(value):.3f} {math.degrees(math.atan2(value.imag, value.real)):+.0f}°"
+    return f"{abs(value):.3f} {round(math.degrees(math.atan2(value.imag, value.real))):+d}°"
 
 
 def _number(value: float) -> str:
