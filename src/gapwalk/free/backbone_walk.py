@@ -192,7 +192,7 @@ def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64
         if abs(swing) > 1e-9
     ]
     amplitude = _SHARE * min([each for each in room if each > 0.0], default=2.0 * _TINY * unit)
-    away = amplitude * np.append(shape.real, (1j * frequency * shape).real)
+    away = np.asarray(amplitude * np.append(shape.real, (1j * frequency * shape).real), dtype=np.float64)
     return np.append(rest.position, np.zeros(system.size)) + away, away, frequency
 
 

@@ -47,7 +47,9 @@ def gyroscopic_part(system: System, stiffness: Array, damping: Array) -> Array |
     return 0.5 * mass @ np.linalg.solve(energy, moved - moved.T)
 
 
-def whirls(mass: Array, gyroscopic: Array, stiffness: Array, losses: Array) -> tuple[NDArray, NDArray, Array]:
+def whirls(
+    mass: Array, gyroscopic: Array, stiffness: Array, losses: Array
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array]:
     """Compute the modes of ``M q'' + G q' + K q = 0``.
 
     Returns
