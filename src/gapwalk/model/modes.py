@@ -146,7 +146,7 @@ def find_modes(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Mod
     frequencies[np.abs(squares) <= floor] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(frequencies > 0, decay / frequencies, np.nan)
-    return Modes(frequencies, shapes / largest, ratios, system.coordinates, inertias, angles / largest)
+    return Modes(frequencies, shapes / largest, ratios, system.coordinates, inertias, np.real(angles / largest))
 
 
 def _left_free(system: System, *, stops: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
