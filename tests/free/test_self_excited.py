@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.free.cycle_start import _exact, _shortest
 from gapwalk.orbit.sensitivity import sensitivity
 
 VAN_DER_POL = 6.6632868593231301896996820305  # its period at mu = 1
@@ -262,3 +263,33 @@ def test_what_is_no_free_motion_is_refused():
     with pytest.raises(ModelError, match="write a range, such as"):
         gw.free.follow_self_excited(rests.hopf_points[0], van_der_pol(1.0), "damper.mu", 2.0)
     assert gw.free.without_excitation(loaded)["harmonic1.amplitude"] == 0.0
+
+
+@pytest.mark.parametrize("turns", [2, 3, 4, 6])
+def test_a_motion_that_was_found_over_several_periods_has_the_shortest(turns: int) -> None:
+    """Where a motion settles by turns, a multiple of its period repeats first; van der Pol's is 6.663286859."""
+    oscillator = van_der_pol(1.0)
+    orbit = gw.free.find_self_excited(oscillator)
+    several = _exact(orbit.system, orbit.state, float(turns), 0)
+    assert several.duration == pytest.approx(turns * orbit.duration, rel=1e-9)
+    found = _shortest(several, turns, 0)
+    assert found.duration == pytest.approx(6.663286859, rel=1e-9)
+    assert found.state == pytest.approx(orbit.state, abs=1e-8)
+    assert _shortest(orbit, turns, 0) is orbit
+
+
+def test_two_blocks_on_a_belt_repeat_after_half_of_what_was_given() -> None:
+    """Its multiplier is near -1, so that they settle by turns: 29.6298 was given, with the square of it."""
+    stiffness, speed, falls = 0.5707991778636574, 0.16214163824978198, 0.21179737789356254
+    contacts = [gw.friction(f"belt{name}", {name: 1.0}, 1.0, speed=speed) for name in "ab"]
+    contacts += [gw.force(f"falls{name}", {name: 1.0}, "-d*(v - V)", d=falls, V=speed) for name in "ab"]
+    mass, coupling = [1.0, 1.5059366220404455], [[1.0 + stiffness, -stiffness], [-stiffness, 1.0 + 1.1 * stiffness]]
+    orbit = gw.free.find_self_excited(
+        gw.System(["a", "b"], coupling, mass=mass, contacts=contacts), [0.0, 0.1, 0.0, 0.0]
+    )
+    assert orbit.duration == pytest.approx(29.629752614 / 2.0, rel=1e-8)
+    multiplier = min(orbit.free_multipliers, key=lambda each: each.real)
+    assert multiplier == pytest.approx(-np.sqrt(0.895006974), rel=1e-6)
+    once, twice = orbit.strobes(3)[1:]
+    assert once == pytest.approx(orbit.state, abs=1e-9)
+    assert twice == pytest.approx(orbit.state, abs=1e-9)

@@ -38,8 +38,7 @@ def test_modes_with_the_springs_of_friction_stuck() -> None:
     system = clutch()
     frequencies = [gw.find_modes(system, at).frequencies[0] for at in ("open", "closed", "stuck")]
     np.testing.assert_allclose(np.square(frequencies), [1.0, 1.0 + SPRING, 1.0 + SPRING + 5.0], rtol=1e-14)
-    rigid = clutch(stiffness=None)
-    assert gw.find_modes(rigid, "stuck").frequencies == pytest.approx(gw.find_modes(rigid).frequencies)
+    assert len(gw.find_modes(clutch(stiffness=None), "stuck")) == 0
     with pytest.raises(ModelError, match="it must be an equilibrium, or did you mean stuck"):
         gw.find_modes(system, "stick")
 
@@ -73,8 +72,8 @@ def test_several_coordinates_and_formulas_beside_friction() -> None:
     assert 2.0 * y == pytest.approx(x)
     assert [contact.name for contact in rest.equilibria[0].contacts] == ["cubic", "wall"]
     stiffness = np.array([[3.0, -1.0], [-1.0, 2.0]]) + np.outer([0.2, 1.0], [0.0, 7.0])
-    squares = np.sort(np.linalg.eigvals(stiffness).real)
-    np.testing.assert_allclose(np.square(gw.find_modes(system, "stuck").frequencies), squares, rtol=1e-12)
+    square = stiffness.sum() / 2.0  # "rub" sticks rigidly: both move as one, of mass 2
+    np.testing.assert_allclose(np.square(gw.find_modes(system, "stuck").frequencies), [square], rtol=1e-12)
 
 
 def test_modes_of_a_train_with_stuck_friction() -> None:
@@ -102,7 +101,8 @@ def test_the_command_says_what_it_leaves_out(tmp_path, capsys) -> None:
     out = " ".join(capsys.readouterr().out.split())
     assert "dry friction is left out (clutch_friction)" in out
     assert "rigid stops are open (clutch_stop)" in out
-    assert "with rigid stops open, and with the springs of friction that sticks" in out
+    assert "with rigid stops open, and with dry friction that sticks: mode W" in out
+    assert "with rigid stops held, and with dry friction that sticks: none, nothing is left free" in out
     assert main(["modes", str(path), "--json"]) == 0
     assert "clutch_stop" in capsys.readouterr().out
 

@@ -15,7 +15,7 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.equilibria import Equilibrium, Rest, find_equilibria
 from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import read_source
-from gapwalk.model.modes import Modes, find_modes
+from gapwalk.model.modes import Clearances, Modes, find_modes
 from gapwalk.model.problems import ModelFileError
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
@@ -37,8 +37,8 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     closed, reason = _closed(system)
     if closed is not None and not any(np.array_equal(closed.frequencies, each.frequencies) for _, each in found):
         found.append((_closed_words(system), closed))
-    if closed is not None and system.structure.memories:
-        found.append((_closed_words(system, stuck=True), find_modes(system, "stuck")))
+    fixed = {each: find_modes(system, each) for each in _fixed(system)} if closed is not None else {}
+    found += [(_closed_words(system, each), modes) for each, modes in fixed.items()]
     if picture is not None and not found:
         raise ModelError(f"there are no modes to draw: there is no static equilibrium, and {reason}")
     if picture is not None:
@@ -46,12 +46,15 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
 
         save(found[0][1], picture, system=system, title=title)
     if json:
-        print_json(_document(title, system, rest, closed, picture))
+        print_json(_document(title, system, rest, closed, fixed, picture))
         return DONE
     lines = [*variation_lines(system), *_rest_lines(rest, system.units), *[f"  {reason}"] * bool(reason)]
     lines += [f"  {note}" for note in rest.notes]
     show([title or str(file), *train_lines(system), *lines])
     for heading, modes in found:
+        if not len(modes):
+            show([f"\nNatural vibrations {heading}: none, nothing is left free"])
+            continue
         show([f"\nNatural vibrations {heading}:", _table(modes, system)])
         if len(modes) > _ROWS:
             last = _number(modes.frequencies[-1])
@@ -69,15 +72,22 @@ def _closed(system: System) -> tuple[Modes | None, str]:
         return None, str(error)
 
 
-def _closed_words(system: System, *, stuck: bool = False) -> str:
-    """Describe the linearisation that does not depend on the load."""
+def _fixed(system: System) -> list[Clearances]:
+    """Return the linearisations in which friction sticks, or stops are held, if the system has such contacts."""
+    held = any(form.law.rebounds for form in system.structure.contacts)
+    return [Clearances.STUCK] * bool(system.structure.friction) + [Clearances.HELD] * held
+
+
+def _closed_words(system: System, at: Clearances = Clearances.CLOSED) -> str:
+    """Describe a linearisation that does not depend on the load."""
     contacts = system.structure.contacts
     stages = [form for form in contacts if form.stages and not form.law.rebounds]
     words = ["with the first stage of every contact closed"] * bool(stages)
-    words += ["with rigid stops open"] * any(form.law.rebounds for form in contacts)
+    rigid = "held" if at == Clearances.HELD else "open"
+    words += [f"with rigid stops {rigid}"] * any(form.law.rebounds for form in contacts)
     formulas = any(not (form.stages or form.law.is_dry) for form in contacts)
     words += ["at zero deflection of the forces by formulas"] * formulas
-    words += ["with the springs of friction that sticks"] * stuck
+    words += ["with dry friction that sticks"] * (at != Clearances.CLOSED and bool(system.structure.friction))
     return ", and ".join(words) or "with the first stage of every contact closed"
 
 
@@ -155,7 +165,7 @@ def _table(modes: Modes, system: System) -> Table:
     headings = [f">{each}" for each in ("mode", *rates, *resonances, "damping", *(() if is_wide else names))]
     rows = []
     for number, (frequency, ratio) in enumerate(zip(modes.frequencies[:_ROWS], modes.damping_ratios, strict=False)):
-        entries = [f"{entry:+.3f}" for entry in shapes[:, number]]
+        entries = [_entry(entry) for entry in shapes[:, number]]
         if is_wide:
             most = np.argsort(-np.abs(shapes[:, number]), kind="stable")[:_LARGEST]
             entries = [", ".join(f"{names[place]} {entries[place]}" for place in most)]
@@ -173,11 +183,25 @@ def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float
     return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
 
 
+def _entry(value: float | complex) -> str:
+    """Write an entry of a mode; a complex one with the angle, in degrees, by which it is ahead."""
+    if not isinstance(value, complex):
+        return f"{value:+.3f}"
+    return f"{abs(value):.3f} {round(math.degrees(math.atan2(value.imag, value.real))):+d}°"
+
+
 def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _document(title: str, system: System, rest: Rest, closed: Modes | None, picture: Path | None) -> dict[str, Any]:
+def _document(
+    title: str,
+    system: System,
+    rest: Rest,
+    closed: Modes | None,
+    fixed: dict[Clearances, Modes],
+    picture: Path | None,
+) -> dict[str, Any]:
     return {
         "title": title,
         "coordinates": list(system.coordinates),
@@ -186,6 +210,7 @@ def _document(title: str, system: System, rest: Rest, closed: Modes | None, pict
         "notes": list(rest.notes),
         "rest": [_rest_document(system, each) for each in rest.equilibria],
         "closed": _modes_document(closed) if closed else None,
+        **{each.value: _modes_document(modes) for each, modes in fixed.items()},
         "resonances": plain(resonance_values(system, closed)) if closed else None,
         "picture": None if picture is None else str(picture),
     }

@@ -7,6 +7,10 @@ n positions at rest and the frequency satisfy n equations, without a phase to fi
 
     v(T/2; q0, W) = 0
 
+With gyroscopic terms a motion that runs backwards is one of the rotor that turns the other way, and vibrations whirl
+without coming to rest. They are periodic motions of the system with a damping that is an unknown too, and comes out as
+zero, because the energy returns (Munoz-Almaraz et al. 2003, Physica D 181, 1-38).
+
 Method: docs/numerics/backbones.md
 """
 
@@ -21,8 +25,10 @@ from numpy.typing import NDArray
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.flow.length_unit import smallness
 from gapwalk.free.backbone_record import BackbonePoint
-from gapwalk.free.conservative import potential_of
+from gapwalk.free.conservative import damping_values, potential_of
+from gapwalk.free.free_shooting import FreeEquation, FreeShooting
 from gapwalk.model.coefficients import ParameterLine
+from gapwalk.model.parameter_homotopy import WAY, on_the_way
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.sticking import transition_of
@@ -89,10 +95,86 @@ class BackboneEquation:
         multipliers = np.linalg.eigvals(turn @ np.linalg.solve(half, turn @ half)).astype(complex)
         energy = potential_of(self.system, unknowns) - potential_of(self.system, np.zeros(size))
         order = np.argsort(-np.abs(multipliers))
-        return BackbonePoint(
-            value, unknowns.copy(), arc.state[:size].copy(), energy, multipliers[order], 2 * len(arc.contacts)
-        )
+        half = 0.5 * np.abs(unknowns - arc.state[:size])
+        still = np.zeros(size)
+        return BackbonePoint(value, unknowns.copy(), still, half, energy, multipliers[order], 2 * len(arc.contacts))
+
+    def unknowns(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of a motion that begins at a state."""
+        return state[: self.system.size]
 
     def scales(self, length: float) -> NDArray[np.float64]:
         """Return the scales of the positions."""
         return np.full(self.system.size, max(length, smallness(self.system)) * np.sqrt(self.system.size))
+
+
+@dataclass(frozen=True, eq=False)
+class WhirlEquation:
+    """Equations of free vibrations with gyroscopic terms, in their states and a damping, along the frequency.
+
+    Parameters
+    ----------
+    system
+        A system without losses, from `without_losses`.
+    coordinate
+        Number of the coordinate that is at rest at the start.
+    tolerance
+        Largest residual of a free vibration, relative to its state.
+    """
+
+    system: System
+    coordinate: int
+    tolerance: float = 1e-11
+
+    @property
+    def parameter(self) -> str:
+        """Name of the frequency among the parameters."""
+        return self.system.structure.pace
+
+    @cached_property
+    def _free(self) -> FreeEquation:
+        """The equation of the motions damped in proportion to the mass; the parameter is a damping ratio."""
+        system = self.system
+        damping = system.matrix("damping") + 2.0 * system.frequency * system.matrix("mass")
+        damped = on_the_way(system, damping_values(system, damping))
+        return FreeShooting(system.coordinates[self.coordinate]).pose(damped, WAY)
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives at a state with a damping and a frequency; see `FreeEquation.evaluate`."""
+        found = self._free.evaluate(np.append(unknowns[:-1], value), float(unknowns[-1]))
+        assert found.by_parameter is not None
+        by_unknowns = np.column_stack((found.by_unknowns[:, :-1], found.by_parameter))
+        return found._replace(by_unknowns=by_unknowns, by_parameter=found.by_unknowns[:, -1])
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BackbonePoint:
+        """Return the free vibration of a solution."""
+        size, system = self.system.size, self.system
+        orbit = self._free.orbit(np.append(unknowns[:-1], value), float(unknowns[-1]), evaluation)
+        q, v = np.split(unknowns[:-1].copy(), [size])
+        energy = (
+            potential_of(system, q) - potential_of(system, np.zeros(size)) + 0.5 * float(v @ system.matrix("mass") @ v)
+        )
+        half = 0.5 * np.ptp(orbit.extremes[:size, :2], axis=1)
+        return BackbonePoint(value, q, v, half, energy, orbit.multipliers, len(orbit.events))
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """Return the scales of the states and of the damping."""
+        size = max(length, smallness(self.system))
+        return np.append(self.system.state_scales(size) * np.sqrt(self.system.size), 1.0)
+
+    def unknowns(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of a motion that begins at a state."""
+        return np.append(state, 0.0)
+
+
+def free_equation(system: System, coordinate: int) -> BackboneEquation | WhirlEquation:
+    """Return the equation of free vibrations of a system without losses.
+
+    Parameters
+    ----------
+    system
+        The system, at a frequency of about that of the vibrations.
+    coordinate
+        The coordinate that is at rest at the start, if others are not.
+    """
+    return WhirlEquation(system, coordinate) if system.matrix("damping").any() else BackboneEquation(system)

@@ -26,8 +26,10 @@ class BackbonePoint:
     ----------
     value
         The frequency, in the unit of the model.
-    start, turn : shape (n,)
-        The positions at the two places of rest between which the motion swings.
+    start, rates : shape (n,)
+        Positions and velocities at the start: at rest, if there are no gyroscopic terms.
+    half : shape (n,)
+        Half the distance between the places of rest for each coordinate; half its peak to peak where a motion whirls.
     energy
         Energy, without that at zero positions; nan if the equations do not show it (see `potential_of`).
     multipliers : shape (2n,)
@@ -52,7 +54,8 @@ class BackbonePoint:
 
     value: float
     start: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    half: NDArray[np.float64]
     energy: float
     multipliers: NDArray[np.complex128]
     touches: int
@@ -64,13 +67,13 @@ class BackbonePoint:
 
     @property
     def amplitude(self) -> float:
-        """Half the distance between the places of rest, of the coordinate that swings most."""
-        return 0.5 * float(np.abs(self.start - self.turn).max())
+        """That of `half` of the coordinate that swings most."""
+        return float(self.half.max())
 
     @property
-    def half(self) -> NDArray[np.float64]:
-        """Half the distance between the places of rest for each coordinate, shape (n,)."""
-        return 0.5 * np.abs(self.start - self.turn)
+    def state(self) -> NDArray[np.float64]:
+        """The state at the start: positions, then velocities; shape (2n,)."""
+        return np.append(self.start, self.rates)
 
     @property
     def stable(self) -> bool:
@@ -231,10 +234,10 @@ class Backbone(Shown):
         Returns
         -------
         Motion
-            It begins at rest.
+            It begins at rest; where it whirls, with a coordinate at its largest deflection.
         """
         system = self.system.at({self.system.structure.pace: point.value})
-        return integrate(system, np.append(point.start, np.zeros(system.size)), 1, samples)
+        return integrate(system, point.state, 1, samples)
 
     @property
     def failures(self) -> tuple[str, ...]:

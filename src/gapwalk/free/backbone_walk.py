@@ -21,7 +21,7 @@ from gapwalk.continuation.walk_scales import check_range, powers_of_two
 from gapwalk.continuation.zero_in_step import zero_in_step
 from gapwalk.errors import ConvergenceError, Interrupted, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.free.backbone_equation import BackboneEquation
+from gapwalk.free.backbone_equation import free_equation
 from gapwalk.free.backbone_record import Backbone, BackboneEnd, BackboneEvent, BackboneEventKind, BackbonePoint
 from gapwalk.free.conservative import without_losses
 from gapwalk.model.coefficients import coefficients_of
@@ -77,8 +77,9 @@ def backbone(
 ) -> Backbone:
     """Follow the free vibrations of a system without damping and excitation: the backbone of its resonances.
 
-    The motions are those that swing between two places of rest. They include the nonlinear normal modes, and internal
-    resonances as turns of the frequency. The mean load remains.
+    The motions are those that swing between two places of rest; with gyroscopic terms, which lose no energy, those that
+    whirl. They include the nonlinear normal modes, and internal resonances as turns of the frequency. The mean load
+    remains.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def backbone(
     Raises
     ------
     ModelError
-        For a system with friction, rigid stops or forces that depend on rates, or an unknown mode.
+        For a system with friction, rigid stops or forces that lose energy, an unknown mode, or a release at rest with
+        gyroscopic terms.
     ConvergenceError
         If no free vibration is found at the start.
     Interrupted
@@ -130,17 +132,17 @@ def backbone(
     unit = max((slope.clearance for spring in springs_of(free) for slope in spring.slopes), default=0.0) or 1.0
     mode = start if isinstance(start, int) and not isinstance(start, bool) else 0
     if mode:
-        positions, away, frequency = _of_mode(free, mode, unit)
+        state, away, frequency = _of_mode(free, mode, unit)
     else:
-        positions, frequency = _released(free, np.asarray(start, dtype=float))
-        away = positions
+        state, frequency = _released(free, np.asarray(start, dtype=float))
+        away = state
     pace = free.structure.pace
     first_value = frequency * free[pace] / free.frequency
     within = check_range(first_value, to or (0.2 * first_value, 5.0 * first_value)).along(pace, free)
-    equation = BackboneEquation(free.at({pace: first_value}))
+    equation = free_equation(free.at({pace: first_value}), int(np.argmax(np.abs(away[: free.size]))))
     scales = powers_of_two(np.append(equation.scales(_LENGTHS * unit), within.width))
     corrector = Corrector(cast(Equation, cast(object, equation)), scales)
-    first = _first(corrector, positions, away, first_value, mode)
+    first = _first(corrector, equation.unknowns(state), equation.unknowns(away), first_value, mode)
     limit = options.largest_amplitude * unit
     walks = [_Walked(first, Walk(first, within, corrector, options.walk, trust=0.0, branched=True), limit)]
     if not mode:  # towards smaller motions too
@@ -166,7 +168,7 @@ def _record(system: System, mode: int, walks: Sequence[_Walked]) -> Backbone:
 
 
 def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return positions of a small vibration in a linear mode, those from the stable equilibrium, and its frequency."""
+    """Return a state of a small vibration in a linear mode, that from the stable equilibrium, and its frequency."""
     rests = [each for each in find_equilibria(system).equilibria if each.stable]
     if not rests:
         raise ModelError("the system has no stable equilibrium to vibrate about; give positions to release it from")
@@ -185,23 +187,26 @@ def _of_mode(system: System, mode: int, unit: float) -> tuple[NDArray[np.float64
         abs(slope.sign * slope.clearance - at) / abs(swing)
         for form, spring in zip(system.structure.contacts, springs_of(system), strict=True)
         for vector in [system.vector(form.vectors[0])]
-        for at, swing in [(float(vector @ rest.position), float(vector @ shape))]
+        for at, swing in [(float(vector @ rest.position), abs(complex(vector @ shape)))]
         for slope in spring.slopes
         if abs(swing) > 1e-9
     ]
     amplitude = _SHARE * min([each for each in room if each > 0.0], default=2.0 * _TINY * unit)
-    return rest.position + amplitude * shape, amplitude * shape, frequency
+    away = np.asarray(amplitude * np.append(shape.real, (1j * frequency * shape).real), dtype=np.float64)
+    return np.append(rest.position, np.zeros(system.size)) + away, away, frequency
 
 
 def _released(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return positions and frequency of the motion from a release: half a period passes until it is nearly at rest."""
+    """Return state and frequency of the motion from a release: half a period passes until it is nearly at rest."""
+    check_released(system)
     if positions.shape != (system.size,):
         raise ModelError(
             f"start has the shape {positions.shape}; write {system.size} positions, or the number of a mode"
         )
     flow, coefficients = flow_of(system), coefficients_of(system)
     thetas = np.linspace(0.0, PERIOD * _HALF_PERIODS, _SAMPLES)
-    states = flow.sample(coefficients, np.append(positions, np.zeros(system.size)), thetas).states
+    state = np.append(positions, np.zeros(system.size))
+    states = flow.sample(coefficients, state, thetas).states
     place = int(np.argmax(np.abs(states[:, system.size :]).max(axis=0)))
     rates = states[:, system.size + place]
     turns = np.flatnonzero((rates[1:-1] * rates[2:] <= 0.0) & (np.abs(rates[1:-1]) > 0.0)) + 1
@@ -212,19 +217,28 @@ def _released(system: System, positions: NDArray[np.float64]) -> tuple[NDArray[n
         )
     k = int(turns[0])
     theta = thetas[k] + (thetas[k + 1] - thetas[k]) * rates[k] / (rates[k] - rates[k + 1])
-    return positions, float(system.frequency * 0.5 * PERIOD / theta)
+    return state, float(system.frequency * 0.5 * PERIOD / theta)
+
+
+def check_released(system: System) -> None:
+    """Raise a ModelError if a system without losses has gyroscopic terms: it does not come to rest again."""
+    if system.matrix("damping").any():
+        raise ModelError(
+            "with gyroscopic terms a system that is released at rest does not come to rest again; write the number of "
+            "a mode instead, as in backbone(system, 1), or modes = [1] in a study"
+        )
 
 
 def _first(
-    corrector: Corrector, positions: NDArray[np.float64], away: NDArray[np.float64], value: float, mode: int
+    corrector: Corrector, unknowns: NDArray[np.float64], away: NDArray[np.float64], value: float, mode: int
 ) -> BranchPoint:
-    """Return the first point, at positions whose size along a direction is kept, with the tangent along it."""
-    x = np.append(positions, value) / corrector.scales
+    """Return the first point, whose size along a direction is kept, with the tangent along it."""
+    x = np.append(unknowns, value) / corrector.scales
     normal = np.append(away / corrector.scales[:-1], 0.0)
     normal /= np.linalg.norm(normal)
     found = corrector.correct(x, normal)
     if found is None:
-        what = f"mode {mode}" if mode else f"the release from {positions.tolist()}"
+        what = f"mode {mode}" if mode else f"the release from {away.tolist()}"
         raise ConvergenceError(f"no free vibration was found at {what}; try other positions")
     return corrector.point(found, normal, 0.0)
 

@@ -11,6 +11,7 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.gyroscopic import gyroscopic_part
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
@@ -20,7 +21,7 @@ _BACK = 1e-7  # largest difference of a motion that ran forward and back, relati
 
 
 def without_losses(system: System) -> System:
-    """Return a system without damping and without excitation: its mean loads remain.
+    """Return a system without damping and without excitation: its mean loads remain, and its gyroscopic terms.
 
     A drive train becomes the system of its equations of motion.
 
@@ -37,7 +38,8 @@ def without_losses(system: System) -> System:
     Raises
     ------
     ModelError
-        For a system with dry friction or rigid stops, or with a force that depends on rates in another way.
+        For a system with dry friction or rigid stops, or with a force that depends on rates in another way, or if its
+        gyroscopic terms cannot be told from losses.
 
     Examples
     --------
@@ -53,24 +55,35 @@ def without_losses(system: System) -> System:
         )
     plain = system.equations
     structure, names = plain.structure, plain.coordinates
-    zero = [f"damping.{a}.{b}" for a in names for b in names]
-    zero += [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
+    zero = [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
     zero += [f"{form.name}.amplitude" for form in structure.harmonics]
-    free = plain.at({name: 0.0 for name in zero if name in structure.names})
+    kept = gyroscopic_part(plain, plain.matrix("stiffness"), plain.matrix("damping"))
+    turning = damping_values(plain, np.zeros((len(names), len(names))) if kept is None else kept)
+    free = plain.at({**{name: 0.0 for name in zero if name in structure.names}, **turning})
     _check_reversible(free)
     return free
 
 
+def damping_values(system: System, damping: NDArray[np.float64]) -> dict[str, float]:
+    """Return the values of the parameters that make up a damping matrix."""
+    names = system.coordinates
+    return {f"damping.{a}.{b}": float(damping[i, k]) for i, a in enumerate(names) for k, b in enumerate(names)}
+
+
 def _check_reversible(system: System) -> None:
-    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law."""
+    """Refuse a system whose motions do not run backwards, by running one: that shows any loss, whatever its law.
+
+    Gyroscopic terms turn with the motion.
+    """
     flow, coefficients = flow_of(system), coefficients_of(system)
+    turned = coefficients_of(system.at(damping_values(system, -system.matrix("damping"))))
     size = 2.0 * max((slope.clearance for spring in springs_of(system) for slope in spring.slopes), default=1.0) or 1.0
     start = np.zeros(2 * system.size)
     start[: system.size] = size * np.linspace(1.0, 0.7, system.size)
     turn = np.repeat([1.0, -1.0], system.size)
     try:
         there = flow.integrate(coefficients, start, 0.0, PERIOD).state
-        back = flow.integrate(coefficients, turn * there, 0.0, PERIOD).state * turn
+        back = flow.integrate(turned, turn * there, 0.0, PERIOD).state * turn
     except FlowError:
         return
     unit = system.state_scales()

@@ -31,6 +31,7 @@ _SMALL = 1e-3  # displacement from the equilibrium, in lengths, from which a mot
 _TURNS = 400  # largest number of times that the coordinate turns round before the motion must repeat
 _SAMPLES = 256  # of a natural period
 _REPEATS = 1e-3  # relative difference of states that count as repeated
+_SAME = 1e-6  # relative difference of the states of one motion, found over its period and over a part of it
 _MOST = 8  # largest number of turns after which a motion repeats
 _STILL = 1e-9  # size of a motion, relative to its state, that has died away
 
@@ -159,7 +160,8 @@ def _settled(system: System, state: NDArray[np.float64], coordinate: str) -> Fre
         repeats = _repeats(turns, system, swing)
         if repeats:
             try:
-                return _exact(system, turns[-1][1], (turns[-1][0] - turns[-1 - repeats][0]) / PERIOD, place)
+                found = _exact(system, turns[-1][1], (turns[-1][0] - turns[-1 - repeats][0]) / PERIOD, place)
+                return _shortest(found, repeats, place)
             except NumericalError as failed:  # it may settle further
                 error, turns = failed, []
         if len(turns) > _TURNS:
@@ -183,10 +185,33 @@ def _repeats(turns: Sequence[tuple[float, NDArray[np.float64]]], system: System,
 def _exact(system: System, state: NDArray[np.float64], periods: float, place: int) -> FreeOrbit:
     pace = system.structure.pace
     there = system.at({pace: system[pace] / periods})
-    equation = FreeShooting(system.coordinates[place]).pose(there)
-    guess = np.append(at_rest(there, state, place), there[pace])
+    return _solved(there, at_rest(there, state, place), place)
+
+
+def _solved(there: System, state: NDArray[np.float64], place: int) -> FreeOrbit:
+    """Return the exact motion over a period of a system, from a state at which a coordinate is at rest."""
+    equation = FreeShooting(there.coordinates[place]).pose(there)
+    guess = np.append(state, there[there.structure.pace])
     unknowns, evaluation = solve(equation, guess, 0.0, Newton(iterations=20))
     found = equation.orbit(unknowns, 0.0, evaluation)
     if float(np.ptp(found.extremes[:, :2], axis=1).max()) <= _STILL * magnitude(found.state, found.system):
         raise ConvergenceError("Newton's method leads to an equilibrium")
     return found
+
+
+def _shortest(orbit: FreeOrbit, turns: int, place: int) -> FreeOrbit:
+    """Return a motion over its shortest period: where it settles slowly, a multiple of that may repeat first."""
+    system, pace, swing = orbit.system, orbit.system.structure.pace, float(np.ptp(orbit.extremes[place, :2]))
+    for parts in range(turns, 1, -1):
+        if turns % parts:
+            continue
+        later = orbit.strobes(2, PERIOD / parts)[-1]
+        if np.abs((later - orbit.state) / system.state_scales()).max() > _REPEATS * swing:
+            continue
+        try:
+            found = _solved(system.at({pace: system[pace] * parts}), orbit.state, place)
+        except NumericalError:
+            continue
+        if np.abs((found.state - orbit.state) / system.state_scales()).max() <= _SAME * swing:
+            return found
+    return orbit

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.free.backbone_equation import BackboneEquation
+from gapwalk.free.backbone_equation import free_equation
 from gapwalk.free.backbone_record import Backbone, BackbonePoint
 from gapwalk.free.work_balance import WorkBalance, check_load
 from gapwalk.model.coefficients import coefficients_of
@@ -188,9 +188,8 @@ class Foretold(Shown):
             2n numbers, for `gw.SearchOptions`.
         """
         system = self.line.system.at({self._balance.pace: birth.point.value})
-        start = np.append(birth.point.start, np.zeros(system.size))
         theta = PERIOD * np.arange(_SAMPLES) / _SAMPLES
-        states = flow_of(system).sample(coefficients_of(system), start, theta).states
+        states = flow_of(system).sample(coefficients_of(system), birth.point.state, theta).states
         return tuple((_ROOM * np.abs(states).max(axis=0)).tolist())
 
     @property
@@ -357,16 +356,23 @@ def _refined(
     return IslandBirth(harmonic, period, amplitude, frequency, error, joins, point, balance.line.mode)
 
 
+def _at_rest(point: BackbonePoint) -> int:
+    """Return the number of a coordinate that is at rest at the start of a free vibration."""
+    return int(np.argmin(np.abs(point.rates) / np.maximum(point.half, 1e-9 * point.amplitude)))
+
+
 class _Between:
     """Free vibrations between a point of a backbone and its two neighbours."""
 
     def __init__(self, line: Backbone, k: int) -> None:
         self._points = line.points[k - 1 : k + 2]
-        equation = BackboneEquation(line.system)
+        equation = free_equation(
+            line.system.at({line.system.structure.pace: line.points[k].value}), _at_rest(line.points[k])
+        )
         size = max(float(np.abs(point.start).max()) for point in self._points)
-        scales = np.append(np.full(line.system.size, size or 1.0), line.points[k].value)
+        scales = np.append(equation.scales(size), line.points[k].value)
         self._corrector = Corrector(cast(Equation, cast(object, equation)), scales)
-        self._x = [np.append(point.start, point.value) / scales for point in self._points]
+        self._x = [np.append(equation.unknowns(point.state), point.value) / scales for point in self._points]
 
     def at(self, place: float) -> BackbonePoint:
         """Return the vibration at a place, -1 to 1, on the parabola through the three; the nearest if that fails."""

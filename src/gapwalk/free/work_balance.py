@@ -64,7 +64,7 @@ class WorkBalance:
         if not 0.0 < share <= 1.0:
             return []
         system = self.line.system.at({self.pace: point.value})
-        start, best = np.append(point.start, np.zeros(system.size)), float(np.angle(done))
+        start, best = point.state, float(np.angle(done))
         flow, coefficients = flow_of(system), coefficients_of(system)
         found = []
         for way in (1.0, -1.0):
@@ -130,7 +130,7 @@ class WorkBalance:
         self, system: System, point: BackbonePoint, theta: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the states at some angles, and the vectors whose products with accelerations are the work."""
-        start, coefficients = np.append(point.start, np.zeros(system.size)), coefficients_of(system)
+        start, coefficients = point.state, coefficients_of(system)
         n = system.size
         if shows_energy(system):
             states = flow_of(system).sample(coefficients, start, theta).states

@@ -7,7 +7,7 @@ bracketed on a fine grid (one coordinate), or Newton's method starts from many p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -87,7 +87,9 @@ class StaticBalance:
         for each in self.forces:
             own, stiffness, _ = each.at(q)
             force = force + own[..., None] * each.direction
-            sizes = sizes + np.abs(own)[..., None] * np.abs(each.direction)
+            # terms of one formula that cancel each other are seen in its slopes
+            terms = np.abs(own) + (np.abs(stiffness) * np.abs(q @ each.deflections.T)).sum(axis=-1)
+            sizes = sizes + terms[..., None] * np.abs(each.direction)
             slope += each.direction[:, None] * (stiffness @ each.deflections)[..., None, :]
         return Unbalanced(force, sizes, slope)
 
@@ -219,10 +221,34 @@ class StaticBalance:
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
-        """The smallest change of each coordinate at which a formula bends or a stage begins, shape (any, n)."""
-        return self._by_coordinate(
+        """Changes of each coordinate at which a formula bends, a stage begins or another force leads: (any, n)."""
+        own = self._by_coordinate(
             (each, [_bend(each), *each.clearances] if each.is_formula else each.clearances) for each in self.forces
         )
+        return np.vstack((own, *self._leads()))
+
+    def _leads(self) -> Iterator[NDArray[np.float64]]:
+        """Return changes of one coordinate at which the largest part of its balance becomes another one, in rows.
+
+        The parts are the load, the linear terms of the stiffness matrix, and each contact: it does not matter which of
+        them has a term that others balance.
+        """
+        still = [float(each.at(np.zeros(len(self.load))).force) for each in self.forces]
+        load = self.load - sum(f * each.direction for f, each in zip(still, self.forces, strict=True))
+        moved = [
+            np.abs(each.deflections).max(axis=0) * np.abs(each.direction) for each in self.forces if each.is_formula
+        ]
+        sizes = np.exp2(_OCTAVES.astype(float))
+        for place in np.flatnonzero(np.sum(moved, axis=0)) if moved else ():
+            way = np.eye(len(self.load))[place]
+            parts = [np.full(len(sizes), abs(load[place])), abs(self.stiffness[place, place]) * sizes]
+            for at_rest, each in zip(still, self.forces, strict=True):
+                both = [each.at(sign * sizes[:, None] * way).force - at_rest for sign in (1.0, -1.0)]
+                parts.append(np.abs(each.direction[place]) * np.abs(both).max(axis=0))
+            known = np.isfinite(parts).all(axis=0)
+            leading = np.argmax(np.array(parts)[:, known], axis=0)
+            changes = sizes[known][1:][leading[1:] != leading[:-1]]
+            yield changes[:, None] * way
 
     def near(self, rests: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
         """Return the rests that are not far from zero, at least one; a pendulum has any number of others."""
@@ -236,18 +262,16 @@ class StaticBalance:
 
         n = len(self.load)
         count = 1 << (min(max(_WORK // n**2, _FEW), _STARTS) - 1).bit_length()
-        lengths = self.lengths
-        least = np.min(np.where(lengths > 0.0, lengths, np.inf), axis=0, initial=np.inf)
-        least = np.where(np.isfinite(least), least, 0.0)
+        lengths, rng = self.lengths, np.random.default_rng(0)
         largest = np.max(lengths, axis=0, initial=0.0)
-        points = 2.0 * qmc.Sobol(2 * n, rng=np.random.default_rng(0)).random(count) - 1.0
+        points = 2.0 * qmc.Sobol(2 * n, rng=rng).random(count) - 1.0
         where, magnitude = points[:, :n], np.exp2(_DECADES * points[:, n:])
-        where[0::4] *= _BOX * least
+        for place, own in enumerate(lengths.T):
+            one = own[own > 0.0] if own.any() else np.zeros(1)
+            where[0::4, place] *= _BOX * rng.choice(one, len(where[0::4]))
+            where[2::4, place] *= rng.choice(one, len(where[2::4]))
         where[1::4] *= _BOX * largest
-        where[2::4] *= np.sqrt(least * largest)
-        where[3::4] *= magnitude[3::4] * np.maximum(
-            largest, 0.0
-        )  # forces such as logarithms have no length of their own
+        where[3::4] *= magnitude[3::4] * largest  # forces such as logarithms have no length of their own
         return np.vstack((np.zeros(n), where))
 
     def _from_samples(self) -> list[NDArray[np.float64]]:
@@ -375,5 +399,6 @@ def _bend(formula: StaticForce, *, of_rates: bool = False) -> float:
         if len(slopes):
             sizes, change = np.abs(slopes).max(axis=(1, 2)), np.abs(slopes - slopes[:1]).max(axis=(1, 2))
             bent = octaves[change > _BENDS * np.maximum(sizes, sizes[0])]
-            smallest += [2.0 ** float(bent[0])] if len(bent) else []
+            # one that bends at any length, such as x**3, has none of its own
+            smallest += [2.0 ** float(bent[0])] if len(bent) and bent[0] > octaves[1] else []
     return min(filter(None, smallest), default=0.0)

@@ -28,11 +28,11 @@ from gapwalk.flow.forces import Angles, contact_force
 from gapwalk.flow.quadrature import Quadrature, quadrature
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.gyroscopic import SYMMETRIC, mass_of_energy
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.summary import SummaryParts, Table, summarizes
 
-_SYMMETRIC = 1e-9  # relative asymmetry of a matrix that counts as rounding
 _AT_ONCE = 1e-12  # radians within which impacts are at one instant
 
 Array = NDArray[np.float64]
@@ -261,7 +261,7 @@ class _Book:
             self.leaks = np.broadcast_to(self.train.leaks, (n,))
         # where a drag alone joins two groups of inertias, a velocity is not the derivative of its coordinate
         self.v = motion.v + self.leaks * motion.q
-        self.mass = _mass_of_energy(system, self.table)
+        self.mass = mass_of_energy(system)
         self.forces = self.mass @ self.table  # columns of stiffness, damping, contacts, mean load, loads
 
     def integral(self, power: Array) -> float:
@@ -315,7 +315,7 @@ class _Book:
         elif damping.any():
             yield "damping", "damping", self.integral(np.sum(v * (v @ damping.T), axis=1))
         turning = 0.5 * (stiffness - stiffness.T)
-        if np.abs(turning).max(initial=0.0) > _SYMMETRIC * np.abs(stiffness).max(initial=0.0):
+        if np.abs(turning).max(initial=0.0) > SYMMETRIC * np.abs(stiffness).max(initial=0.0):
             yield "stiffness", "stiffness", self.integral(np.sum(v * (q @ turning.T), axis=1))
 
     def _of_contacts(self) -> list[tuple[str, str, float]]:
@@ -396,7 +396,7 @@ class _Book:
     def _is_reciprocal(self, slots: ContactSlots, push: Array) -> bool:
         """Return True if a contact acts along its own deflection."""
         vector = self.coefficients[slots.deflection]
-        return bool(np.abs(push - vector).max() <= _SYMMETRIC * np.abs(vector).max())
+        return bool(np.abs(push - vector).max() <= SYMMETRIC * np.abs(vector).max())
 
     def impact(self, kink: Kink) -> Iterator[tuple[int, float, float]]:
         """Yield for each contact that is struck at one instant its number, its loss, and the work of its displacement.
@@ -426,57 +426,3 @@ class _Book:
 
 
 _GIVE = ("load", "displacement", "variation", "moving base")
-
-
-def _mass_of_energy(system: System, table: Array) -> Array:
-    """Return the masses of the kinetic energy: the mass matrix, or that for which the contacts act on themselves.
-
-    Equations that were divided by masses, or combined, have matrices that are not symmetric. Their energy has the
-    symmetric mass matrix A with ``A M^-1 d = e`` for each contact, and a symmetric ``A M^-1 K``.
-    """
-    n, mass, stiffness = system.size, system.matrix("mass"), system.matrix("stiffness")
-    forms = [(place, form) for place, form in enumerate(system.structure.contacts) if not form.vectors[1:]]
-    reciprocal = all(np.allclose(system.vector(form.push), system.vector(form.vectors[0])) for _, form in forms)
-    known = _is_symmetric(mass)
-    if known and (reciprocal or _is_symmetric(_potential(system, stiffness, mass))):
-        return mass
-    basis = [(i, j) for i in range(n) for j in range(i, n)]
-    shapes = np.zeros((len(basis), n, n))
-    for shape, (i, j) in zip(shapes, basis, strict=True):
-        shape[i, j] = shape[j, i] = 1.0
-    rows, wanted = [], []
-    for place, form in forms:
-        vector = system.vector(form.vectors[0])
-        scale = np.abs(vector).max()
-        rows.append((shapes @ table[:, 2 * n + place]).T / scale)
-        wanted.append(vector / scale)
-    moved = shapes @ table[:, :n]
-    upper = np.triu_indices(n, 1)
-    size = np.abs(table[:, :n]).max() or 1.0
-    rows.append((moved - moved.transpose(0, 2, 1))[:, upper[0], upper[1]].T / size)
-    wanted.append(np.zeros(len(upper[0])))
-    equations, right = np.vstack(rows), np.concatenate(wanted)
-    found, _, rank, _ = np.linalg.lstsq(equations, right, rcond=1e-12)
-    candidate = np.tensordot(found, shapes, axes=1)
-    exact = rank == len(basis) and np.abs(equations @ found - right).max() <= _SYMMETRIC
-    if exact and np.linalg.eigvalsh(candidate).min() > 0.0:
-        return candidate
-    if known:
-        return mass
-    raise ModelError(
-        "the mass matrix is not symmetric, and there is no symmetric one for which each contact acts along its own "
-        "deflection, so that no energy is known; write the equations of motion as forces on the coordinates"
-    )
-
-
-def _potential(system: System, stiffness: Array, mass: Array) -> Array:
-    """Return the stiffness matrix without what leaky coordinates of a train add to it."""
-    assembly = system.structure.assembly
-    if not isinstance(assembly, TrainAssembly):
-        return stiffness
-    leaks = assembly.numbers(system.values).leaks
-    return stiffness - (system.matrix("damping") - mass * leaks) * leaks
-
-
-def _is_symmetric(matrix: Array) -> bool:
-    return bool(np.abs(matrix - matrix.T).max() <= _SYMMETRIC * np.abs(matrix).max())

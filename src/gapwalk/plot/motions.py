@@ -442,6 +442,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
         panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
     kind = "" if system.units else " (angular)"
     quantity = "angles, each times the ratio to the first inertia" if modes.inertias else "coordinates"
+    quantity += " (open circles: a quarter of a period later)" if np.iscomplexobj(modes.shapes) else ""
     panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies{kind}")
 
 
@@ -455,6 +456,8 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
             ends = list(link.ends)
             ax.plot(ends, heights[ends], **stroke(BLUE, 1.4, "--" if link.contact else "-"))
     else:
-        heights = modes.shapes[:, number]
+        heights = modes.shapes[:, number].real
+        if np.iscomplexobj(modes.shapes):
+            ax.plot(-modes.shapes[:, number].imag, **symbols("o", 5))
         ax.vlines(range(len(heights)), 0.0, heights, color=BLUE, linewidth=1.4)
     ax.plot(heights, **symbols("o", 4, BLACK))

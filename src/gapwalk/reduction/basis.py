@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh, splu
 
 from gapwalk.errors import ModelError
+from gapwalk.model.gyroscopic import is_symmetric, whirls
 from gapwalk.model.problems import did_you_mean
 from gapwalk.reduction.sparse_matrices import Matrices
 
@@ -372,8 +373,12 @@ class Accuracy:
 
 def resonances_of(reduced: Matrices) -> NDArray[np.float64]:
     """Return the undamped natural frequencies with all contacts open, then with all closed; sorted within each."""
-    mass, stiffness = reduced.mass.toarray(), reduced.stiffness.toarray()
+    mass, stiffness, damping = (each.toarray() for each in (reduced.mass, reduced.stiffness, reduced.damping))
     held = stiffness + (reduced.deflections.T * reduced.springs) @ reduced.deflections
+    if not is_symmetric(damping):
+        turning = 0.5 * (damping - damping.T)
+        found = [whirls(mass, turning, each, np.zeros_like(mass))[0].real for each in (stiffness, held)]
+        return np.sqrt(np.maximum(np.concatenate(found), 0.0))
     squares = [scipy.linalg.eigvalsh(each, mass) for each in (stiffness, held)]
     return np.sqrt(np.maximum(np.concatenate(squares), 0.0))
 

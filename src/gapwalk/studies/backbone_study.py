@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.free.backbone_record import Backbone
-from gapwalk.free.backbone_walk import BackboneOptions, backbone
+from gapwalk.free.backbone_walk import BackboneOptions, backbone, check_released
 from gapwalk.free.backbones import Backbones
 from gapwalk.free.conservative import without_losses
 from gapwalk.free.island_births import IslandBirth, foretell
@@ -69,7 +69,9 @@ class BackboneStudy(StudyKind):
     def of_table(cls, values: dict[str, Any], system: System) -> BackboneStudy:
         """Return the study of a table, if the system has free vibrations without losses."""
         asked = cls(**values)
-        without_losses(system)
+        free = without_losses(system)
+        if asked.release:
+            check_released(free)
         if asked.foretell:
             check_load(system, asked.foretell)
         if asked.release and len(asked.release) != system.size:
