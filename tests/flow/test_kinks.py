@@ -68,22 +68,33 @@ def test_a_motion_that_begins_where_a_formula_has_no_slope_is_refused_with_the_w
     assert np.isfinite(flow_of(rotor).integrate(coefficients_of(rotor), np.full(4, 0.1), 0.0, 1.0).state).all()
 
 
-@pytest.mark.parametrize(("amplitude", "largest"), [(1.2, 1.96630022243), (2.0, 2.0767806884189)])
-def test_the_falling_law_of_stribeck_is_written_beside_friction(amplitude: float, largest: float) -> None:
-    """In stick the kink of abs(v) lies on the motion. Right: an event-driven DOP853 of its own."""
+def stribeck(amplitude: float, frequency: float) -> gw.System:
     falls = force("fall", {"x": 1.0}, "-Fs*d*v/(1 + d*abs(v))", Fs=1.0, d=1.0)
-    dry = gw.System(
+    return gw.System(
         ["x"],
         mass=[[1.0]],
         stiffness=[[1.0]],
         damping=[[0.05]],
         contacts=[gw.friction("dry", {"x": 1.0}, 1.0), falls],
         harmonics=[Harmonic(amplitude, {"x": 1.0})],
-        frequency=0.5,
+        frequency=frequency,
     )
-    orbit = gw.settle(dry).orbit
+
+
+@pytest.mark.parametrize(("amplitude", "largest"), [(1.2, 1.96630022243), (2.0, 2.0767806884189)])
+def test_the_falling_law_of_stribeck_is_written_beside_friction(amplitude: float, largest: float) -> None:
+    """In stick the kink of abs(v) lies on the motion. Right: an event-driven DOP853 of its own."""
+    orbit = gw.settle(stribeck(amplitude, 0.5)).orbit
     assert orbit is not None
     assert orbit.measure("max.x") == pytest.approx(largest, abs=1e-9)
+
+
+def test_a_kink_is_passed_where_slip_turns_round_with_hardly_any_acceleration() -> None:
+    """At a point of crossing-sliding the acceleration after the turn is rounding, and so is the slope of the kink."""
+    state = np.array([float.fromhex("0x1.125d4025cdfa0p+1"), float.fromhex("0x1.9ccc449bdcb9ep-2")])
+    found = gw.integrate(stribeck(1.2, float.fromhex("0x1.3546324c08aacp-1")), state)
+    np.testing.assert_allclose(found.states[-1], state, atol=1e-9)
+    assert [event.slip for event in found.slips] == [1, -1, 1]
 
 
 def test_a_block_on_a_belt_with_the_falling_law_has_its_cycle() -> None:

@@ -105,9 +105,8 @@ class ModeSwitches:
 
     def leave(self, theta: float, dry: DrySwitches) -> None:
         """Set the modes whose guards vanish at the start of a motion, by the motion just after; `dry` has begun."""
-        self._waits, self._woken, self._held = [False] * self.mode_count, [-math.inf] * self.mode_count, ()
-        if self.equations.may_wait:
-            self.wait(theta, dry)
+        self._waits, self._left, self._present = [False] * self.mode_count, [-math.inf] * self.mode_count, ()
+        self.wait(theta, dry)
         self._integrator.step(max_delta_t=0.0, write_tc=True)
         state, series = self._state[: 2 * self.n], self._integrator.tc[: 2 * self.n]
         ahead = _AHEAD * taylor_reach(series)
@@ -117,42 +116,46 @@ class ModeSwitches:
                 self._parameters[self._modes + place] = late
 
     def wait(self, theta: float, dry: DrySwitches) -> None:
-        """Let those modes wait whose guards vanish for as long as what is held stays so, where that has changed.
+        """Let those modes wait whose guards vanish for as long as what is held stays so, where friction has changed.
 
-        Such a guard depends on what is held alone, and the force does not depend on its mode. One that ceases to wait
-        is set by the motion a moment later: where friction has just let go, all that decides now is rounding.
+        Such a guard depends on what is held alone, and the force does not depend on its mode. Another guard that
+        vanishes is decided by the motion a moment later: where friction has just let go, or has turned round with
+        hardly any acceleration, all that decides now is rounding.
         """
-        if dry.held == self._held:
+        present = dry.held, *dry.slips
+        if present == self._present or not self.equations.may_wait:
             return
-        self._held, before = dry.held, self._waits
-        self._waits = [self._stays(mode, theta, dry) for mode in range(self.mode_count)]
+        begins, self._present = not self._present, present
+        now, still = dry.read(theta), self._still(theta, dry)
+        self._waits = [zero and stays for zero, stays in still]
         first = self.equations.first_waiting
         self._parameters[first : first + self.mode_count] = self._waits
-        woken = [mode for mode, waits in enumerate(self._waits) if before[mode] and not waits]
-        if not woken:
+        leaving = [mode for mode, (zero, stays) in enumerate(still) if zero and not stays]
+        if begins or not leaving:
             return
-        now, step, n = dry.read(theta), LATER * float(self.coefficients[0]), self.n
+        n, step = self.n, LATER * float(self.coefficients[0])
         turning = 0.5 * (now.accelerations + dry.soon(now, theta).accelerations)
         later = self._state[: 2 * n] + step * np.concatenate((now.velocities, turning))
         found = self._contact_modes(theta + LATER, later, dry.closed or None)
-        for mode in woken:
-            self._parameters[self._modes + mode], self._woken[mode] = found[mode][0], theta
+        for mode in leaving:
+            self._parameters[self._modes + mode], self._left[mode] = found[mode][0], theta
 
-    def _stays(self, mode: int, theta: float, dry: DrySwitches) -> bool:
-        """Return True if a guard vanishes and cannot change while what is held stays so."""
-        if not dry.held:
-            return False
+    def _still(self, theta: float, dry: DrySwitches) -> list[tuple[bool, bool]]:
+        """Return for each mode whether its guard vanishes, and whether it cannot change while what is held stays so."""
         n, now, state, closed = self.n, dry.read(theta), self._state[: 2 * self.n], dry.closed or None
-        rates = np.concatenate((now.velocities, now.accelerations))
-        along = 1j * _STEP * float(self.coefficients[0])
-        guard = self._contact_modes(theta + 1j * _STEP, state + along * rates, closed)[mode][1]
-        moves = [self._contact_modes(theta, state + 1j * _STEP * unit, closed)[mode][1] for unit in np.eye(2 * n)]
-        slopes, rate, speed = np.imag(moves) / _STEP, float(self.coefficients[0]), dry.speed()
+        rate, speed = float(self.coefficients[0]), dry.speed()
         turning = max(float(np.abs(now.accelerations).max()), speed / rate)
-        size, growth = (np.abs(slopes) @ np.repeat(each, n) for each in ([speed * rate, speed], [speed, turning]))
-        if abs(np.real(guard)) > STILL * size or abs(np.imag(guard)) / _STEP > NEAR * rate * growth:
-            return False
-        return all(dry.keeps_still(each) for each in (slopes[:n], slopes[n:]) if each.any())
+        along = 1j * _STEP * rate * np.concatenate((now.velocities, now.accelerations))
+        found = [guard for _, guard in self._contact_modes(theta + 1j * _STEP, state + along, closed)]
+        moved = [self._contact_modes(theta, state + 1j * _STEP * unit, closed) for unit in np.eye(2 * n)]
+        still = []
+        for mode, guard in enumerate(found):
+            slopes = np.imag([each[mode][1] for each in moved]) / _STEP
+            size, growth = (np.abs(slopes) @ np.repeat(each, n) for each in ([speed * rate, speed], [speed, turning]))
+            stays = bool(dry.held) and abs(np.imag(guard)) / _STEP <= NEAR * rate * growth
+            stays = stays and all(dry.keeps_still(each) for each in (slopes[:n], slopes[n:]) if each.any())
+            still.append((bool(abs(np.real(guard)) <= STILL * size), stays))
+        return still
 
     def are_right(self) -> bool:
         """Return True if the modes are those of the guards at the present state, unless it is on one of them."""
@@ -166,7 +169,7 @@ class ModeSwitches:
 
     def set_mode(self, mode: int, direction: int) -> None:
         """Set a mode whose guard changes its sign in a direction; a guard that only touches 0 changes nothing."""
-        if self._integrator.time - self._woken[mode] <= SETTLING:
+        if self._integrator.time - self._left[mode] <= SETTLING:
             return  # it begins at 0, and rounding may be a crossing until it has left
         if direction:
             self._parameters[self._modes + mode] = direction > 0
@@ -190,7 +193,7 @@ class ModeSwitches:
         def decide(other: int, guard: Any) -> float:
             slope = float(np.imag(guard)) / _STEP
             # a guard without a slope is left by a higher derivative, which decided at the start
-            settles = other == mode or theta - self._woken[other] <= SETTLING
+            settles = other == mode or theta - self._left[other] <= SETTLING
             if not settles and slope and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
                 modes[other] = slope > 0.0
             return float(modes[other])
