@@ -369,20 +369,26 @@ class BranchTracer(Iterator[Step]):
         return point, special
 
     def _until_slip(self, first: BranchPoint, step: Step) -> Step:
-        """Return the step, cut off where rigid friction that never slipped gives way to one side.
+        """Return the step, cut off where friction that never slipped gives way to one side, and positions are lost.
 
-        The motions beyond are at other positions, at which the force just reaches its bound. What is left of slip there
-        is rounding, so they cannot be followed.
+        The motions beyond a rigid one are at other positions, at which the force just reaches its bound. What is left
+        of slip there is rounding, so they cannot be followed. A spring in series is followed alone; where another
+        element never slips either, its position depends on the position of this one, and both on the path.
         """
         point, special = step
-        rigid = {contact for contact, switch in point.orbit.system.structure.reactions if switch < 0}
+        structure = point.orbit.system.structure
+        still = [contact for contact, phases in point.orbit.friction.items() if [each.mode for each in phases] == [0]]
         slips = {event.contact for event in point.orbit.slips if event.slip}
-        given = rigid & slips & {*first.orbit.stuck}
-        if not any([phase.mode for phase in point.orbit.friction[contact]] == [0] for contact in given):
+        given = [contact for contact in still if contact in slips and contact in first.orbit.stuck]
+        if not given or ({*given} <= {*structure.memories} and len(still) < 2):
             return step
+        words = ""
+        if {*given} <= {*structure.memories}:
+            names = " and ".join(structure.contacts[contact].name for contact in still)
+            words = f"what {names} keep from here on depends on the path; settle beyond, and begin another branch there"
         number = next((place for place, each in enumerate(special) if each.kind is Kind.SLIP_ONSET), None)
         last = first if number is None else special[number].point
-        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value))
+        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value, words))
         return last, special[: 0 if number is None else number + 1]
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
