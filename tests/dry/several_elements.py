@@ -29,7 +29,7 @@ def several_elements(rng: np.random.Generator) -> gw.System:
         mean={"x": round(float(rng.uniform(-0.08, 0.08)), 4)},
         contacts=contacts,
         harmonics=[
-            gw.Harmonic(round(float(rng.uniform(0.3, 0.9)), 4), {"x": 1.0}),
+            gw.Harmonic(round(float(rng.uniform(0.15, 0.7)), 4), {"x": 1.0}),
             gw.Harmonic(round(float(rng.uniform(0.0, 0.3)), 4), {"x": 1.0}, 2, round(float(rng.uniform(0, 6.28)), 4)),
         ],
         frequency=round(float(rng.uniform(0.6, 1.4)), 4),
