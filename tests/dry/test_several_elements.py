@@ -47,7 +47,7 @@ def test_a_walk_ends_where_what_several_elements_keep_depends_on_the_path(first,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(100, 108))
 def test_walks_of_random_elements_do_not_depend_on_steps_or_signs(seed):
     system = several_elements(np.random.default_rng(seed))
     loads = [name for name in system.parameters if name.startswith("mean.") or name.endswith(".amplitude")]
