@@ -51,7 +51,7 @@ def test_a_walk_ends_where_what_several_elements_keep_depends_on_the_path(first,
 def test_walks_of_random_elements_do_not_depend_on_steps_or_signs(seed):
     system = several_elements(np.random.default_rng(seed))
     loads = [name for name in system.parameters if name.startswith("mean.") or name.endswith(".amplitude")]
-    mirrored = system.at(**{name: -system[name] for name in loads})
+    mirrored = system.at({name: -system[name] for name in loads})
     walks = [(system, gw.WalkOptions()), (system, gw.WalkOptions(largest_step=0.02)), (mirrored, gw.WalkOptions())]
     branches = [
         gw.follow(gw.find_orbit(each), "frequency", 1.3 * system["frequency"], walk=walk) for each, walk in walks
