@@ -66,3 +66,63 @@ def test_a_motion_that_begins_where_a_formula_has_no_slope_is_refused_with_the_w
     with pytest.raises(FlowError, match=r"cannot begin in the state \(0, 0, 0, 0\).*no finite value or slope"):
         flow_of(rotor).integrate(coefficients_of(rotor), np.zeros(4), 0.0, 1.0)
     assert np.isfinite(flow_of(rotor).integrate(coefficients_of(rotor), np.full(4, 0.1), 0.0, 1.0).state).all()
+
+
+def stribeck(amplitude: float, frequency: float) -> gw.System:
+    falls = force("fall", {"x": 1.0}, "-Fs*d*v/(1 + d*abs(v))", Fs=1.0, d=1.0)
+    return gw.System(
+        ["x"],
+        mass=[[1.0]],
+        stiffness=[[1.0]],
+        damping=[[0.05]],
+        contacts=[gw.friction("dry", {"x": 1.0}, 1.0), falls],
+        harmonics=[Harmonic(amplitude, {"x": 1.0})],
+        frequency=frequency,
+    )
+
+
+@pytest.mark.parametrize(("amplitude", "largest"), [(1.2, 1.96630022243), (2.0, 2.0767806884189)])
+def test_the_falling_law_of_stribeck_is_written_beside_friction(amplitude: float, largest: float) -> None:
+    """In stick the kink of abs(v) lies on the motion. Right: an event-driven DOP853 of its own."""
+    orbit = gw.settle(stribeck(amplitude, 0.5)).orbit
+    assert orbit is not None
+    assert orbit.measure("max.x") == pytest.approx(largest, abs=1e-9)
+
+
+def test_a_kink_is_passed_where_slip_turns_round_with_hardly_any_acceleration() -> None:
+    """At a point of crossing-sliding the acceleration after the turn is rounding, and so is the slope of the kink."""
+    state = np.array([float.fromhex("0x1.125d4025cdfa0p+1"), float.fromhex("0x1.9ccc449bdcb9ep-2")])
+    found = gw.integrate(stribeck(1.2, float.fromhex("0x1.3546324c08aacp-1")), state)
+    np.testing.assert_allclose(found.states[-1], state, atol=1e-9)
+    assert [event.slip for event in found.slips] == [1, -1, 1]
+
+
+def test_a_block_on_a_belt_with_the_falling_law_has_its_cycle() -> None:
+    falls = force("fall", {"x": 1.0}, "-d*(v - vb)/(1 + d*abs(v - vb))", d=3.0, vb=0.2)
+    belt = gw.friction("belt", {"x": 1.0}, 1.0, speed=0.2)
+    block = gw.System(["x"], mass=[[1.0]], stiffness=[[1.0]], contacts=[belt, falls])
+    assert gw.free.find_self_excited(block, start=[0.0, 0.1]).duration == pytest.approx(12.00103129483, abs=1e-9)
+
+
+@pytest.mark.parametrize("held", ["friction", "stop"])
+def test_modes_wait_while_all_that_moves_them_is_held(held: str) -> None:
+    """Two masses stick and slip in turn, or rest on a stop; the root has the same values, and no modes."""
+    names, ends = ["x", "y"], []
+    for size in ("abs(v)", "sqrt(v*v + 1e-9)"):
+        contacts = [gw.friction("first", {"x": 1.0}, 0.9), gw.friction("second", {"y": -1.0}, 0.75, static=1.2)]
+        if held == "stop":
+            contacts[0] = gw.rigid_stop("first", {"x": 1.0}, 0.3, 0.0, side="positive")
+        contacts += [force(f"drag_{each}", {each: 1.0}, f"a*v*{size}", a=0.3) for each in names]
+        contacts.append(force("between", {"x": 1.0, "y": -1.0}, f"-a*v/(1 + 3*{size})", a=0.2))
+        moved = gw.System(
+            names,
+            mass=np.diag([1.5, 0.8]),
+            stiffness=[[2.0, -0.8], [-0.8, 1.9]],
+            damping=0.1 * np.eye(2),
+            contacts=contacts,
+            harmonics=[Harmonic(1.6, {"x": 1.0}), Harmonic(1.1, {"y": 1.0}, 2, 0.7)],
+            frequency=0.6,
+        )
+        ends.append(flow_of(moved).integrate(coefficients_of(moved), np.zeros(4), 0.0, 8.0 * math.pi))
+    assert len(ends[0].slips) == len(ends[1].slips) > 8
+    np.testing.assert_allclose(ends[0].state, ends[1].state, atol=1e-5)

@@ -23,7 +23,7 @@ from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.discontinuity import coincidence, discontinuity_ahead
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.user_event import Event
-from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left
+from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, never_slips
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -49,6 +49,7 @@ _SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orb
 _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located to the square of that, and better
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
+_AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -69,6 +70,26 @@ def _change(first: BranchPoint, second: BranchPoint) -> float:
     """
     change = largest_move(first.orbit.free_multipliers, second.orbit.free_multipliers) / _FAR
     return min(1.0, change) if changes_between(first.orbit, second.orbit) != [] else change
+
+
+def _is_one_of_several(first: BranchPoint, special: Sequence[SpecialPoint], place: int) -> bool:
+    """Return True if one of several springs in series that never slip begins to, in one direction only.
+
+    Steps beyond would lead a little into the continuum and back, and its position would no longer be that of the path:
+    that of another one, which depends on it, would differ by far more than any stated error.
+    """
+    onset, contacts = special[place], first.orbit.system.structure.contacts
+    if onset.kind is not Kind.SLIP_ONSET:
+        return False
+    name = onset.contact.rpartition(" ")[0]
+    own = next(number for number, contact in enumerate(contacts) if contact.name == name)
+    still = {each for each in onset.point.orbit.friction if never_slips(onset.point.orbit, each)} | {own}
+    if own not in first.orbit.stuck or own not in first.orbit.system.structure.memories or len(still) < 2:
+        return False
+    away = [
+        abs(each.point.arclength - onset.point.arclength) for each in special if each.contact.startswith(f"{name} ")
+    ]
+    return sum(each < _AT_ONCE for each in away) < 2
 
 
 class BranchTracer(Iterator[Step]):
@@ -369,20 +390,26 @@ class BranchTracer(Iterator[Step]):
         return point, special
 
     def _until_slip(self, first: BranchPoint, step: Step) -> Step:
-        """Return the step, cut off where rigid friction that never slipped gives way to one side.
+        """Return the step, cut off where friction that never slipped gives way to one side, and its position is lost.
 
-        The motions beyond are at other positions, at which the force just reaches its bound. What is left of slip there
-        is rounding, so they cannot be followed.
+        The motions beyond are at other positions, at which the force just reaches its bound. What is left of slip of a
+        rigid one there is rounding, so they cannot be followed. A spring in series is followed if it is alone.
         """
         point, special = step
-        rigid = {contact for contact, switch in point.orbit.system.structure.reactions if switch < 0}
+        structure = point.orbit.system.structure
+        rigid = {contact for contact, switch in structure.reactions if switch < 0}
         slips = {event.contact for event in point.orbit.slips if event.slip}
         given = rigid & slips & {*first.orbit.stuck}
+        words, number = "", next((place for place, each in enumerate(special) if each.kind is Kind.SLIP_ONSET), None)
         if not any([phase.mode for phase in point.orbit.friction[contact]] == [0] for contact in given):
-            return step
-        number = next((place for place, each in enumerate(special) if each.kind is Kind.SLIP_ONSET), None)
+            number = next((place for place in range(len(special)) if _is_one_of_several(first, special, place)), None)
+            if number is None:
+                return step
+            still = [each for each in point.orbit.friction if never_slips(special[number].point.orbit, each)]
+            names = " and ".join(structure.contacts[each].name for each in still)
+            words = f"what {names} keep from here on depends on the path; settle beyond, and begin another branch there"
         last = first if number is None else special[number].point
-        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value))
+        self.walk.finish(last, End(EndReason.GIVES_WAY, last.value, words))
         return last, special[: 0 if number is None else number + 1]
 
     def _has_parent(self, vertex: BranchPoint) -> bool:

@@ -197,6 +197,8 @@ class Switchboard(BreakpointGeometry):
             self.modes.start(coefficients, theta, unit)
             if self.dry.count:
                 self._start_dry(theta)
+            if self.modes.mode_count:
+                self.modes.leave(theta, self.dry)
             return
         self._read_geometry(coefficients)
         state = self._moving.tolist()
@@ -209,6 +211,8 @@ class Switchboard(BreakpointGeometry):
         self._speeds, self._opened = [math.inf] * self.count, [-math.inf] * self.count
         if self.dry.count:
             self._start_dry(theta)
+        if self.modes.mode_count:
+            self.modes.leave(theta, self.dry)
         # no motion is larger than that, so nearly always its size need not be known
         most = _ON * (self._scale + max(map(abs, state)) * max(1.0, coefficients.item(0)))
         near = self._are_near(depths, state, _ON) if min(map(abs, depths)) <= most else self._nowhere
@@ -222,6 +226,8 @@ class Switchboard(BreakpointGeometry):
                 self.modes.refresh(theta, self._closed())
             if before != self._inside and self.dry.count:
                 self._start_dry(theta)
+                if self.modes.mode_count:
+                    self.modes.leave(theta, self.dry)
         self.begun = self._inside.copy()
         for switch in self.dry.stop_reaction:
             self._parameters[self._first + switch] = self._inside[switch] = False
@@ -483,6 +489,8 @@ class Switchboard(BreakpointGeometry):
         """Return whether the integrator continues after an event."""
         if self.dry.sign_of:
             self._log_released(theta)
+        if self.modes.mode_count and self.dry.count:
+            self.modes.wait(theta, self.dry)
         if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
@@ -494,6 +502,8 @@ class Switchboard(BreakpointGeometry):
         self.modes.change_level(theta, number, rises, columns, self._directions(), self._closed(), self.dry.present)
         if self.dry.count:
             self.dry.after_stage(-1, theta)
+            if self.modes.mode_count:
+                self.modes.wait(theta, self.dry)
         if self.dry.sign_of:
             self._log_released(theta)
 

@@ -128,7 +128,7 @@ class DrySwitches(LoneFriction):
         doubtful = [each for each in self.held if each in self.sign_of and abs(float(now.reactions[each])) <= zero]
         if not doubtful:
             return
-        soon = self._soon(now, theta)
+        soon = self.soon(now, theta)
         pulling = [each for each in doubtful if self.sign_of[each] * float(soon.reactions[each]) < 0.0]
         if pulling:
             self._hold(theta, [each for each in self.held if each not in pulling])
@@ -191,7 +191,7 @@ class DrySwitches(LoneFriction):
         vanishes = abs(change) <= NEAR * max(largest(now.accelerations), self.speed() / self.base.item(0))
         if not vanishes and not self.sign_of:
             return change
-        later = self.acceleration(contact, self._soon(now, theta), theta + LATER)
+        later = self.acceleration(contact, self.soon(now, theta), theta + LATER)
         return later if vanishes or abs(change) <= NEAR * abs(later) / LATER else change
 
     def _grows(self, place: int) -> bool:
@@ -435,7 +435,7 @@ class DrySwitches(LoneFriction):
         """Open a stop that is held where its reaction vanishes, unless the reaction only begins there."""
         number = self.stop_reaction[switch]
         sign, now, modes = self.sign_of[number], self.read(theta), self.slips.copy()
-        if sign * float(self._soon(now, theta).reactions[number]) > 0.0:
+        if sign * float(self.soon(now, theta).reactions[number]) > 0.0:
             return
         self._hold(theta, [each for each in self.held if each != number])
         self._report(modes, theta)

@@ -113,8 +113,12 @@ class Equations(RunTimeParameters):
         return (1.0 - held) * depth + held * self.reaction(self.layout.structure.reactions.index((contact, switch)))
 
     def guard(self, contact: int, mode: int) -> hy.expression:
-        """Return the event function of a mode of a law."""
-        return self._contact_laws[contact].guards[mode]
+        """Return the event function of a mode of a law, which does not vanish while it waits (`ModeSwitches.wait`)."""
+        guard = self._contact_laws[contact].guards[mode]
+        if not self.may_wait:
+            return guard
+        waits = hy.par[self.first_waiting + self.modes.index((contact, mode))]
+        return (1.0 - waits) * guard + waits
 
     @cached_property
     def restarts(self) -> list[hy.expression]:

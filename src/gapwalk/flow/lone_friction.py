@@ -239,7 +239,7 @@ class LoneFriction(DryState):
         """
         return TURNS * max(*map(abs, accelerations), self.speed() / self.base.item(0))
 
-    def _soon(self, now: Readings, theta: float) -> Readings:
+    def soon(self, now: Readings, theta: float) -> Readings:
         """Return the values a moment later, under the present modes."""
         kept, step = self.state[: self.size].copy(), LATER * float(self.base[0])
         self.state[: self.size] += step * np.concatenate((now.velocities, now.accelerations, now.extending))
@@ -255,7 +255,7 @@ class LoneFriction(DryState):
         """
         if not -self._slow(now.accelerations.tolist()) < turning < 0.0:
             return False
-        later = self.slips[place] * self.slip_acceleration(place, self._soon(now, theta), theta + LATER)
+        later = self.slips[place] * self.slip_acceleration(place, self.soon(now, theta), theta + LATER)
         bend = (later - turning) / (LATER * float(self.base[0]))
         if self.memory_of[place] is None:
             return bend > 0.0 and 0.5 * turning**2 < UNSEEN * self.speed() * bend

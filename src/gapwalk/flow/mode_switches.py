@@ -1,6 +1,7 @@
 """Switches besides those of the stages: modes of laws, which guards set, and levels, which change at known angles.
 
-The force is continuous where a guard vanishes, so derivatives of the motion pass it unchanged. Where a level changes,
+The force is continuous where a guard vanishes, so derivatives of the motion pass it unchanged. Where friction sticks,
+the guard of ``abs(v)`` vanishes all the time: such a mode waits until something slips. Where a level changes,
 the force jumps at an angle that does not depend on the state: only sensitivities to that angle change.
 """
 
@@ -14,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.equations import EDGE, Equations
 from gapwalk.flow.forces import Angles, Dry, accelerations, is_at_high, stages_of
+from gapwalk.flow.lone_friction import LATER, NEAR, SETTLING, STILL
 
 _ON = 1e-13  # share of the size of a guard within which a motion begins on it
 _NEAR = 1e-9  # the same for its end
@@ -55,7 +58,8 @@ class ModeSwitches:
         if self.cycle_count:
             self._set_levels(theta)
         if self.mode_count:
-            self._set_modes(theta)
+            found = self._contact_modes(theta, self._state[: 2 * self.n])
+            self._parameters[self._modes : self._modes + self.mode_count] = [mode for mode, _ in found]
 
     def refresh(self, theta: float, closed: list[list[bool]]) -> None:
         """Set the modes again after a stage closed or opened, for guards of laws with stages may jump there."""
@@ -99,23 +103,59 @@ class ModeSwitches:
             found += [(bool(mode), guard) for mode, guard in zip(stages.modes, guards, strict=True)]
         return found
 
-    def _set_modes(self, theta: float) -> None:
-        """Set the modes of all laws for the motion that begins; where a guard vanishes, by the motion just after."""
-        state = self._state[: 2 * self.n]
-        self._parameters[self._modes : self._modes + self.mode_count] = [
-            mode for mode, _ in self._contact_modes(theta, state)
-        ]
+    def leave(self, theta: float, dry: DrySwitches) -> None:
+        """Set the modes whose guards vanish at the start of a motion, by the motion just after; `dry` has begun."""
+        self._waits, self._left, self._present = [False] * self.mode_count, [-math.inf] * self.mode_count, ()
+        self.wait(theta, dry)
         self._integrator.step(max_delta_t=0.0, write_tc=True)
-        series = self._integrator.tc[: 2 * self.n]
+        state, series = self._state[: 2 * self.n], self._integrator.tc[: 2 * self.n]
         ahead = _AHEAD * taylor_reach(series)
-        later = series @ ahead ** np.arange(series.shape[1])
-        after = self._contact_modes(theta + ahead, later)
-        sizes = [abs(guard) for _, guard in after]
-        before = self._contact_modes(theta, state)
-        self._parameters[self._modes : self._modes + self.mode_count] = [
-            late if abs(guard) <= _ON * size else mode
-            for (mode, guard), (late, _), size in zip(before, after, sizes, strict=True)
-        ]
+        after = self._contact_modes(theta + ahead, series @ ahead ** np.arange(series.shape[1]))
+        for place, ((_, guard), (late, size)) in enumerate(zip(self._contact_modes(theta, state), after, strict=True)):
+            if abs(guard) <= _ON * abs(size):
+                self._parameters[self._modes + place] = late
+
+    def wait(self, theta: float, dry: DrySwitches) -> None:
+        """Let those modes wait whose guards vanish for as long as what is held stays so, where friction has changed.
+
+        Such a guard depends on what is held alone, and the force does not depend on its mode. Another guard that
+        vanishes is decided by the motion a moment later: where friction has just let go, or has turned round with
+        hardly any acceleration, all that decides now is rounding.
+        """
+        present = dry.held, *dry.slips
+        if present == self._present or not self.equations.may_wait:
+            return
+        begins, self._present = not self._present, present
+        now, still = dry.read(theta), self._still(theta, dry)
+        self._waits = [zero and stays for zero, stays in still]
+        first = self.equations.first_waiting
+        self._parameters[first : first + self.mode_count] = self._waits
+        leaving = [mode for mode, (zero, stays) in enumerate(still) if zero and not stays]
+        if begins or not leaving:
+            return
+        n, step = self.n, LATER * float(self.coefficients[0])
+        turning = 0.5 * (now.accelerations + dry.soon(now, theta).accelerations)
+        later = self._state[: 2 * n] + step * np.concatenate((now.velocities, turning))
+        found = self._contact_modes(theta + LATER, later, dry.closed or None)
+        for mode in leaving:
+            self._parameters[self._modes + mode], self._left[mode] = found[mode][0], theta
+
+    def _still(self, theta: float, dry: DrySwitches) -> list[tuple[bool, bool]]:
+        """Return for each mode whether its guard vanishes, and whether it cannot change while what is held stays so."""
+        n, now, state, closed = self.n, dry.read(theta), self._state[: 2 * self.n], dry.closed or None
+        rate, speed = float(self.coefficients[0]), dry.speed()
+        turning = max(float(np.abs(now.accelerations).max()), speed / rate)
+        along = 1j * _STEP * rate * np.concatenate((now.velocities, now.accelerations))
+        found = [guard for _, guard in self._contact_modes(theta + 1j * _STEP, state + along, closed)]
+        moved = [self._contact_modes(theta, state + 1j * _STEP * unit, closed) for unit in np.eye(2 * n)]
+        still = []
+        for mode, guard in enumerate(found):
+            slopes = np.imag([each[mode][1] for each in moved]) / _STEP
+            size, growth = (np.abs(slopes) @ np.repeat(each, n) for each in ([speed * rate, speed], [speed, turning]))
+            stays = bool(dry.held) and abs(np.imag(guard)) / _STEP <= NEAR * rate * growth
+            stays = stays and all(dry.keeps_still(each) for each in (slopes[:n], slopes[n:]) if each.any())
+            still.append((bool(abs(np.real(guard)) <= STILL * size), stays))
+        return still
 
     def are_right(self) -> bool:
         """Return True if the modes are those of the guards at the present state, unless it is on one of them."""
@@ -123,11 +163,14 @@ class ModeSwitches:
         modes = self._parameters[self._modes : self._modes + self.mode_count].tolist()
         largest = max(abs(guard) for _, guard in found)
         return all(
-            mode == now or abs(guard) <= _NEAR * largest for (mode, guard), now in zip(found, modes, strict=True)
+            mode == now or waits or abs(guard) <= _NEAR * largest
+            for (mode, guard), now, waits in zip(found, modes, self._waits, strict=True)
         )
 
     def set_mode(self, mode: int, direction: int) -> None:
         """Set a mode whose guard changes its sign in a direction; a guard that only touches 0 changes nothing."""
+        if self._integrator.time - self._left[mode] <= SETTLING:
+            return  # it begins at 0, and rounding may be a crossing until it has left
         if direction:
             self._parameters[self._modes + mode] = direction > 0
         self.kinks.append((self._integrator.time, self._state[: 2 * self.n].copy()))
@@ -150,7 +193,8 @@ class ModeSwitches:
         def decide(other: int, guard: Any) -> float:
             slope = float(np.imag(guard)) / _STEP
             # a guard without a slope is left by a higher derivative, which decided at the start
-            if other != mode and slope and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
+            settles = other == mode or theta - self._left[other] <= SETTLING
+            if not settles and slope and abs(float(np.real(guard))) <= _TOGETHER * abs(slope):
                 modes[other] = slope > 0.0
             return float(modes[other])
 

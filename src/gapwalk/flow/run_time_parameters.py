@@ -27,9 +27,9 @@ class RunTimeParameters:
         True if the speed changes with the angle. Then the pattern covers the slots of a ramp (`gapwalk.flow.ramp`).
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, the modes, the levels of the cycles, the slips and sticks of friction, the
-    stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in every equation, so
-    heyoka allocates room for all of them.
+    then the weights of the event functions, the modes, those that wait, the levels of the cycles, the slips and sticks
+    of friction, the stops that are held, the unit of length, then the coefficients. The last one, `1/W`, occurs in
+    every equation, so heyoka allocates room for all of them.
     """
 
     layout: CoefficientLayout
@@ -73,9 +73,19 @@ class RunTimeParameters:
         return self.first_weight + len(self.switches)
 
     @cached_property
+    def first_waiting(self) -> int:
+        """Run-time parameter of the first mode that may wait: 1 while its guard vanishes all the time, otherwise 0."""
+        return self.first_mode + len(self.modes)
+
+    @cached_property
+    def may_wait(self) -> bool:
+        """True if guards may vanish all the time, because contacts are held."""
+        return bool(self.layout.structure.reactions)
+
+    @cached_property
     def first_level(self) -> int:
         """Run-time parameter of the first cycle of two levels: 1 at the high one, otherwise 0."""
-        return self.first_mode + len(self.modes)
+        return self.first_waiting + len(self.modes) * self.may_wait
 
     @cached_property
     def first_slip(self) -> int:
