@@ -479,6 +479,24 @@ class Switchboard(BreakpointGeometry):
                 self._left[switch] = theta + _LEAVING
         self._holding = held
 
+    def sums(self, places: NDArray[np.float64], watched: NDArray[np.float64] | None = None) -> None:
+        """Let impacts that follow each other ever faster be summed between some angles; see `Impacts.begin`."""
+        self._impacts.begin(places, watched, self._unit)
+
+    def land(self) -> bool:
+        """Go to the end of a chatter if one was summed; return whether it was."""
+        if self._impacts.rest is None:
+            return False
+        self._integrator.time = self._impacts.rest.theta
+        rest = self._impacts.land()
+        self._integrator.reset_cooldowns()
+        switch = self.equations.layout.structure.reactions[rest.reaction][1]
+        for theta, speed in zip(rest.angles.tolist(), rest.speeds.tolist(), strict=True):
+            self.log.append(ContactEvent(theta, switch, True, speed * self._unit))
+        self._changed[switch], self._speeds[switch] = rest.theta, 0.0
+        self._log_released(rest.theta)
+        return True
+
     def _go_on(self, theta: float) -> bool:
         """Return whether the integrator continues after an event."""
         if self.dry.sign_of:
@@ -486,7 +504,7 @@ class Switchboard(BreakpointGeometry):
         if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
-        return self.event_limit > 0
+        return self.event_limit > 0 and self._impacts.rest is None
 
     def change_level(self, theta: float, number: int, rises: bool) -> None:
         """Change the level of a cycle at its angle."""
