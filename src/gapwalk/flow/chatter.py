@@ -28,7 +28,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 _ALONG, _WITHIN = 12, 10  # nodes along the curve, and within a flight
-_SWEEPS = 30  # most repetitions; each adds more digits, the shorter the chatter is
+_FEWEST, _SWEEPS = 6, 30  # least and most repetitions; each adds more digits, the shorter the chatter is
 _SETTLED = 1e-13  # change in a repetition, as a share of the motion, after which one more makes the rest rounding
 _RESOLVED = 1e-12  # share of the last coefficients of accelerations; their errors enter times the length of the chatter
 
@@ -112,7 +112,7 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
     turning = np.repeat(stop.turning(theta, q, v)[..., None, :], _ALONG, axis=-2)[..., None, :]
     turning, flight = np.repeat(turning, _WITHIN, axis=-2), 0.0 * curve[..., :1]
     last = math.inf
-    for _ in range(_SWEEPS):
+    for number in range(_SWEEPS):
         angles = curve[..., :1] + flight / stop.pace * _WITHIN_NODES
         pull = side * (turning @ stop.vector + stop.sway(angles)[1])
         late, whole = (pull @ _LATE)[..., None], (pull @ _WHOLE)[..., None]
@@ -135,10 +135,10 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
         before, curve = curve, start + sums @ np.concatenate(changes, axis=-1)
         angles = curve[..., :1] + turn * _WITHIN_NODES
         turning = stop.turning(angles, positions, velocities)
-        change = _change(curve - before, curve, n)
-        if last <= _SETTLED or not change < math.inf:
+        if last <= _SETTLED:
             break
-        last = change
+        if number >= _FEWEST:
+            last = _change(curve - before, curve, n)
     if not last <= _SETTLED:
         return None
     by_node = np.real(turning)
@@ -152,17 +152,17 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
 
 def _change(change: Array, curve: Array, n: int) -> float:
     """Return the largest change of angle, positions or rates as a share of their sizes; the same of their changes."""
-    kinds, tiny = (slice(0, 1), slice(1, n + 1), slice(n + 1, 2 * n + 2)), np.finfo(float).tiny
-    sizes = [max(float(np.abs(np.real(curve[..., kind])).max()), tiny) for kind in kinds]
-    sizes[1] = max(sizes[1], sizes[2] * abs(float(np.real(curve[..., 0, 0] - curve[..., -1, 0]).ravel()[0])))
+    count, kinds = 2 * n + 2, (0, 1, n + 1)
+    both, moved = (each[..., :count].reshape(-1, count) for each in (curve, change))
+    whole, turns = np.maximum.reduceat(np.abs(both.real).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
+    sizes = np.maximum((whole[0], max(whole[1], whole[2] * turns), whole[2]), np.finfo(float).tiny)
     found = 0.0
-    for part in (np.real, np.imag):
-        moved, whole = (
-            max(float(np.abs(part(each[..., kind])).max()) / size for kind, size in zip(kinds, sizes, strict=True))
-            for each in (change, curve)
+    for own, part in ((moved.real, both.real), (moved.imag, both.imag)):
+        most, all_of_it = (
+            float((np.maximum.reduceat(np.abs(each).max(axis=0), kinds) / sizes).max()) for each in (own, part)
         )
-        found = max(found, moved / whole if moved else 0.0)
-    return found
+        found = max(found, most / all_of_it if most else 0.0)
+    return found if math.isfinite(found) else math.inf
 
 
 @lru_cache(maxsize=16)
@@ -194,8 +194,7 @@ def _spectrum(nodes: Array) -> Array:
 _ALONG_NODES, _WITHIN_NODES = _places(_ALONG), _places(_WITHIN)[::-1]
 _SPECTRUM_ALONG, _SPECTRUM_WITHIN = _spectrum(_ALONG_NODES), _spectrum(_WITHIN_NODES)
 # integrals within a flight: from its begin to each node, over all of it, and of the integral to each node over all
-_RUNNING = np.array(
-    [chebyshev.chebval(2.0 * _WITHIN_NODES - 1.0, chebyshev.chebint(row, lbnd=-1, scl=0.5)) for row in _SPECTRUM_WITHIN.T]
-).T
+_RISING = [chebyshev.chebint(row, lbnd=-1, scl=0.5) for row in _SPECTRUM_WITHIN.T]
+_RUNNING = np.array([chebyshev.chebval(2.0 * _WITHIN_NODES - 1.0, each) for each in _RISING]).T
 _WHOLE = _RUNNING[-1]
 _LATE = _WHOLE @ _RUNNING

@@ -38,6 +38,7 @@ _NEAR = 1e-9  # relative distance within which the end of a motion may be on eit
 _LEAVING = (
     1e-5  # radians within which a stop that lets go is not struck again: its deflection leaves in the third order
 )
+_NOWHERE = np.zeros(0)  # no angles: then no impacts are summed
 
 
 class ContactEvent(NamedTuple):
@@ -189,6 +190,7 @@ class Switchboard(BreakpointGeometry):
         `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
         """
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
+        self.sums(_NOWHERE)
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = self._system = coefficients

@@ -25,7 +25,7 @@ from gapwalk.model.coefficients import ContactSlots
 _TAIL = 1e-6  # radians that further impacts may last together for the contact to be held at once
 _INTO = 1e-13  # share of the size of the velocities above which a stop that is held is struck too
 _AT_ONCE = 200  # the most impacts at one instant
-_LONG = 0.5  # radians that further impacts may last together for their sum to be tried
+_LONG = 0.3  # radians that further impacts may last together for their sum to be tried
 _MANY = 10  # impacts to come from which on to sum them costs less than to follow them
 _CLEAR = 0.1  # share of its change in a chatter by which another deflection must stay beside its breakpoint
 _STEP = 1e-150  # of the complex step
@@ -131,7 +131,7 @@ class Impacts:
         return 2.0 * max(left, 0.0) <= _TAIL * float(dry.base[0]) * towards * (1.0 - restitution)
 
     def _sum(self, number: int, theta: float) -> Rest | None:
-        """Return where all impacts to come on a stop end, if nothing else happens meanwhile; None if it is not known."""
+        """Return where all impacts to come on a stop end; None if they do not, or something else happens meanwhile."""
         dry, n, layout = self._dry, self._dry.n, self._layout
         if dry.held or dry.slots or self._modes.mode_count or layout.cycles:
             return None
@@ -189,6 +189,8 @@ class Impacts:
         push = numbers[slots.force]
 
         def sway(theta: NDArray) -> tuple[Any, Any]:
+            if slots.sway is None:
+                return 0.0, 0.0
             angles = Angles(layout, numbers, theta)
             return angles.sway(slots, 0, 1), angles.sway(slots, 0, 2)
 
