@@ -154,10 +154,10 @@ def _change(change: Array, curve: Array, n: int) -> float:
     """Return the largest change of angle, positions or rates as a share of their sizes; the same of their changes."""
     count, kinds = 2 * n + 2, (0, 1, n + 1)
     both, moved = (each[..., :count].reshape(-1, count) for each in (curve, change))
-    whole, turns = np.maximum.reduceat(np.abs(both.real).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
+    whole, turns = np.maximum.reduceat(np.abs(np.real(both)).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
     sizes = np.maximum((whole[0], max(whole[1], whole[2] * turns), whole[2]), np.finfo(float).tiny)
     found = 0.0
-    for own, part in ((moved.real, both.real), (moved.imag, both.imag)):
+    for own, part in ((np.real(moved), np.real(both)), (np.imag(moved), np.imag(both))):
         most, all_of_it = (
             float((np.maximum.reduceat(np.abs(each).max(axis=0), kinds) / sizes).max()) for each in (own, part)
         )
