@@ -111,7 +111,7 @@ def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
     curve = np.repeat(start, _ALONG, axis=-2)
     turning = np.repeat(stop.turning(theta, q, v)[..., None, :], _ALONG, axis=-2)[..., None, :]
     turning, flight = np.repeat(turning, _WITHIN, axis=-2), 0.0 * curve[..., :1]
-    last = math.inf
+    last, angles, positions, velocities = math.inf, curve, curve, curve
     for number in range(_SWEEPS):
         angles = curve[..., :1] + flight / stop.pace * _WITHIN_NODES
         pull = side * (turning @ stop.vector + stop.sway(angles)[1])
