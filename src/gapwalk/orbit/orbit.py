@@ -211,6 +211,11 @@ class Orbit(Shown):
         ----------
         switch
             The stage and its side: index into `System.breakpoints`.
+
+        Returns
+        -------
+        bool
+            False too if the stop is not rigid.
         """
         return self.held.get(switch) == (1, 0)
 
