@@ -18,7 +18,7 @@ from typing import NamedTuple
 from gapwalk.bifurcation.branch import Branch, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.friction_changes import unexplained_changes
-from gapwalk.bifurcation.kinds.held_stop import held_changes
+from gapwalk.bifurcation.kinds.held_stop import held_changes, how_often
 from gapwalk.bifurcation.kinds.sliding import Sliding
 from gapwalk.bifurcation.special_point import VERTEX, SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -279,8 +279,8 @@ def _stops(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> I
     for switch in held_changes(a, b):
         name = describe_switch(a.orbit, switch)
         if not any(each.kind is Kind.HELD_STOP and each.contact == name for each in special):
-            held = a.orbit.held[switch][0], b.orbit.held[switch][0]
-            yield f"{name} is held {held[0]} times per period before this step, {held[1]} times after it"
+            held = [how_often(each.orbit, switch) for each in (a, b)]
+            yield f"{name} is held {held[0]} times per period before this step, {held[1]} after it"
 
 
 def _friction(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:

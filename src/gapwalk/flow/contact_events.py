@@ -38,6 +38,7 @@ _NEAR = 1e-9  # relative distance within which the end of a motion may be on eit
 _LEAVING = (
     1e-5  # radians within which a stop that lets go is not struck again: its deflection leaves in the third order
 )
+_NOWHERE = np.zeros(0)  # no angles: then no impacts are summed
 
 
 class ContactEvent(NamedTuple):
@@ -189,6 +190,7 @@ class Switchboard(BreakpointGeometry):
         `directions` are those of the coefficients along which there are sensitivities, shape (directions, number).
         """
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
+        self.sums(_NOWHERE)
         # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
         self._of_motion: dict[int, tuple[NDArray, Quotient, NDArray, NDArray]] = {}
         self._coefficients = self._system = coefficients
@@ -485,6 +487,24 @@ class Switchboard(BreakpointGeometry):
                 self._left[switch] = theta + _LEAVING
         self._holding = held
 
+    def sums(self, places: NDArray[np.float64], watched: NDArray[np.float64] | None = None) -> None:
+        """Let impacts that follow each other ever faster be summed between some angles; see `Impacts.begin`."""
+        self._impacts.begin(places, watched, self._unit)
+
+    def land(self) -> bool:
+        """Go to the end of a chatter if one was summed; return whether it was."""
+        if self._impacts.rest is None:
+            return False
+        self._integrator.time = self._impacts.rest.theta
+        rest = self._impacts.land()
+        self._integrator.reset_cooldowns()
+        switch = self.equations.layout.structure.reactions[rest.reaction][1]
+        for theta, speed in zip(rest.angles.tolist(), rest.speeds.tolist(), strict=True):
+            self.log.append(ContactEvent(theta, switch, True, speed * self._unit))
+        self._changed[switch], self._speeds[switch] = rest.theta, 0.0
+        self._log_released(rest.theta)
+        return True
+
     def _go_on(self, theta: float) -> bool:
         """Return whether the integrator continues after an event."""
         if self.dry.sign_of:
@@ -494,7 +514,7 @@ class Switchboard(BreakpointGeometry):
         if self.listener is not None and (listener := self.listener()) is not None:
             listener(theta)
         self.event_limit -= 1
-        return self.event_limit > 0
+        return self.event_limit > 0 and self._impacts.rest is None
 
     def change_level(self, theta: float, number: int, rises: bool) -> None:
         """Change the level of a cycle at its angle."""

@@ -308,10 +308,12 @@ class _Integrator:
         if self._width:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
-    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None) -> Arc:
+    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None, *, sums=True) -> Arc:
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps, self._switchboard.dry.unseen = keeps, unseen
+            if keeps is None and sums:
+                self._switchboard.sums(np.array([stop]))
             steps = self._run(start, stop, longest_step)
             if keeps is not None or self._switchboard.is_right():
                 return self._arc(steps, np.array([start, stop]))
@@ -351,10 +353,19 @@ class _Integrator:
             whole = len(own) > 1 and own[0] == taylor.time and own[-1] == angle
             whole = whole and (len(own) == 2 or (own[1:] > own[:-1]).all())
             grid = own if whole else np.unique([taylor.time, *own, angle])
+            parts, left = [], grid
             try:
-                outcome, *_, found = taylor.propagate_grid(grid, max_steps=self._max_steps, max_delta_t=longest_step)
+                while True:
+                    outcome, *_, found = taylor.propagate_grid(
+                        left, max_steps=self._max_steps, max_delta_t=longest_step
+                    )
+                    parts.append(found[bool(parts) :])
+                    if not self._switchboard.land():
+                        break
+                    left = np.array([taylor.time, *grid[grid > taylor.time]])
             except ValueError:  # a formula overflows at once, and then the time of the integrator is not finite
                 self._refuse(hy.taylor_outcome.err_nf_state, start)
+            found = np.concatenate(parts) if len(parts) > 1 else found
             if outcome != hy.taylor_outcome.time_limit:
                 self._refuse(outcome, start)
             rows.append(found if whole else found[np.searchsorted(grid, own)])
@@ -373,6 +384,7 @@ class _Integrator:
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, None)
             self._switchboard.dry.unseen = unseen
+            self._switchboard.sums(np.asarray(thetas, dtype=float), self._turns.vectors)
             rows = self._sampled(np.asarray(thetas, dtype=float), longest_step)
             if self._switchboard.is_right():
                 states, units = rows[:, : self.size] * self._unit, np.array([[self._unit], [self._unit**2]])
@@ -389,7 +401,7 @@ class _Integrator:
         states, contacts, slips, holds, impacts = [np.asarray(state, dtype=float)], [], [], [], []
         transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
         for start, stop in pairwise(thetas):
-            arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
+            arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction, sums=False)
             states.append(arc.state)
             contacts += arc.contacts
             slips += arc.slips
@@ -435,10 +447,13 @@ class _Integrator:
         total, cycles = 0, self.equations.layout.cycles
         changes = self._switchboard.modes.jumps_between(start, stop) if cycles else []
         for angle, *change in [*changes, (stop,)]:
-            outcome, _, _, steps, *_ = self._taylor.propagate_until(
-                angle, max_steps=self._max_steps, max_delta_t=longest_step
-            )
-            total += steps
+            while True:
+                outcome, _, _, steps, *_ = self._taylor.propagate_until(
+                    angle, max_steps=self._max_steps, max_delta_t=longest_step
+                )
+                total += steps
+                if not self._switchboard.land():
+                    break
             if outcome != hy.taylor_outcome.time_limit:
                 self._refuse(outcome, start)
             if change:

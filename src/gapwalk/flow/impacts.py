@@ -9,19 +9,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.chatter import Chatter, Stop, sum_chatter
+from gapwalk.flow.dry_derivatives import depth_changes
 from gapwalk.flow.dry_switches import DrySwitches
 from gapwalk.flow.event_rule import pass_event
-from gapwalk.flow.forces import Angles
+from gapwalk.flow.forces import Angles, accelerations
 from gapwalk.flow.mode_switches import ModeSwitches
+from gapwalk.model.coefficients import ContactSlots
 
 _TAIL = 1e-6  # radians that further impacts may last together for the contact to be held at once
 _INTO = 1e-13  # share of the size of the velocities above which a stop that is held is struck too
 _AT_ONCE = 200  # the most impacts at one instant
+_LONG = 0.3  # radians that further impacts may last together for their sum to be tried
+_MANY = 10  # impacts to come from which on to sum them costs less than to follow them
+_CLEAR = 0.1  # share of its change in a chatter by which another deflection must stay beside its breakpoint
+_STEP = 1e-150  # of the complex step
+
+
+class Rest(NamedTuple):
+    """The end of a chatter: angle, state, changes of the state along its own end, of the angle, and the impacts."""
+
+    theta: float
+    reaction: int
+    state: NDArray[np.float64]
+    changes: NDArray[np.float64]
+    shifts: NDArray[np.float64]
+    integrals: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    speeds: NDArray[np.float64]
 
 
 class Impacts:
@@ -37,6 +57,13 @@ class Impacts:
 
     def __init__(self, dry: DrySwitches, modes: ModeSwitches) -> None:
         self._dry, self._layout, self._modes = dry, dry.layout, modes
+        self.rest: Rest | None = None
+        self.begin(np.zeros(0), None, 1.0)
+
+    def begin(self, places: NDArray[np.float64], watched: NDArray[np.float64] | None, unit: float) -> None:
+        """Begin a motion; between its `places` alone are impacts summed, and only where no `watched` rate turns."""
+        self._places, self._watched, self._unit = places, watched, unit
+        self._longest, self.rest = _LONG, None
 
     def strike(self, switch: int, theta: float) -> list[int]:
         """Reset the state at an impact on the stop of a switch, and transform its derivatives.
@@ -75,6 +102,8 @@ class Impacts:
             )
         dry.state[: dry.size] = after
         dry.kink(begin, theta)
+        if len(struck) == 1 and not ends and len(self._places):
+            self.rest = self._sum(first, theta)
         return [self._layout.structure.reactions[number][1] for number in dict.fromkeys(struck) if number != first]
 
     def _struck_too(self, struck: Sequence[int], theta: float) -> int | None:
@@ -100,6 +129,120 @@ class Impacts:
         if towards <= 0.0 or restitution >= 1.0:
             return False
         return 2.0 * max(left, 0.0) <= _TAIL * float(dry.base[0]) * towards * (1.0 - restitution)
+
+    def _sum(self, number: int, theta: float) -> Rest | None:
+        """Return where all impacts to come on a stop end; None if they do not, or something else happens meanwhile."""
+        dry, n, layout = self._dry, self._dry.n, self._layout
+        if dry.held or dry.slots or self._modes.mode_count or layout.cycles:
+            return None
+        contact, own = layout.structure.reactions[number]
+        slots, side, pace = layout.contacts[contact], dry.sign_of[number], float(dry.base[0])
+        now = dry.read(theta)
+        restitution = self._restitution(slots, dry.base, theta)
+        leaving, pull = -side * dry.gap(number, theta)[1], side * dry.acceleration(contact, now, theta)
+        if not (0.0 < restitution < 1.0 and leaving > 0.0 and pull > 0.0) or any(
+            name in slots.waves for name in slots.numbers
+        ):
+            return None
+        lasts = 2.0 * leaving / (pull * (1.0 - restitution) * pace)
+        if not _TAIL < lasts < self._longest or lasts * restitution**_MANY < _TAIL:
+            return None
+        self._longest = 0.5 * lasts
+        state, found = dry.state[: 2 * n], list[Chatter]()
+        still = np.zeros((1, 2 * n))
+        groups = [(dry.base, 0.0 * dry.base, still, np.zeros(1))]
+        if dry.columns:
+            flow = np.concatenate((now.velocities, now.accelerations)) * pace
+            shifts = depth_changes(dry, number, theta) * side / (leaving * pace)
+            begun, first = dry.rows() + np.outer(shifts, flow), dry.columns - len(dry.directions)
+            groups = [(dry.base, 0.0 * dry.base, begun[:first], shifts[:first])] * bool(first)
+            groups += [
+                (dry.base, each, begun[first + k : first + k + 1], shifts[first + k : first + k + 1])
+                for k, each in enumerate(dry.directions)
+            ]
+        for base, direction, rows, late in groups:
+            numbers = base + 1j * _STEP * direction if dry.columns else base
+            moved = state + 1j * _STEP * rows if dry.columns else state + rows
+            thetas = theta + 1j * _STEP * late if dry.columns else theta + late
+            chatter = sum_chatter(self._stop(slots, side, numbers), thetas, moved[:, :n], moved[:, n:])
+            if chatter is None:
+                return None
+            found.append(chatter)
+        one = found[0]
+        end, angles, positions, velocities = (
+            np.real(each) for each in (one.theta[0], one.angles[0], one.positions[0], one.velocities[0])
+        )
+        if ((self._places > theta) & (self._places <= end)).any() or not self._is_alone(own, angles, positions):
+            return None
+        if self._watched is not None and self._turns(slots, velocities):
+            return None
+        changes = np.concatenate([np.imag(each.state) for each in found]) / _STEP
+        delays = np.concatenate([np.imag(each.theta) for each in found]) / _STEP
+        first = one._replace(theta=end, curve=np.real(one.curve[0]))
+        thetas, speeds = first.impacts(restitution, _TAIL)
+        return Rest(
+            float(end), number, np.real(one.state[0]), changes, delays, np.real(one.integrals[0]), thetas, side * speeds
+        )
+
+    def _stop(self, slots: ContactSlots, side: int, numbers: NDArray) -> Stop:
+        layout, closed, vector = self._layout, self._dry.closed, numbers[slots.deflection]
+        push = numbers[slots.force]
+
+        def sway(theta: NDArray) -> tuple[Any, Any]:
+            if slots.sway is None:
+                return 0.0, 0.0
+            angles = Angles(layout, numbers, theta)
+            return angles.sway(slots, 0, 1), angles.sway(slots, 0, 2)
+
+        def turning(theta: NDArray, q: NDArray, v: NDArray) -> NDArray:
+            return accelerations(layout, numbers, theta, q, v, closed, unit=self._unit)
+
+        restitution = self._restitution(slots, numbers, 0.0)
+        return Stop(vector, push / (vector @ push), side, restitution, sway, turning, numbers[0])
+
+    def _restitution(self, slots: ContactSlots, numbers: NDArray, theta: float) -> Any:
+        return -slots.form.law.rebound(1.0, Angles(self._layout, numbers, theta).named(slots.numbers, slots.waves))
+
+    def _is_alone(self, own: int, angles: NDArray, positions: NDArray) -> bool:
+        """Return True if no other breakpoint is passed, nor nearly, in some flights."""
+        angle = Angles(self._layout, self._dry.base, angles)
+        for switch, (contact, place) in enumerate(self._dry.equations.switches):
+            slots = self._layout.contacts[contact]
+            stage = slots.stages[place]
+            values = angle.named(stage.numbers, stage.waves)
+            depth = positions @ self._dry.base[slots.deflection] + angle.sway(slots) - stage.sign * values["clearance"]
+            low, high = float(depth.min()), float(depth.max())
+            if switch != own and not (low > _CLEAR * (high - low) or high < -_CLEAR * (high - low)):
+                return False
+        return True
+
+    def _turns(self, slots: ContactSlots, velocities: NDArray) -> bool:
+        """Return True if a rate that is watched may vanish in some flights, but for the deflection of their stop."""
+        vector = self._dry.base[slots.deflection]
+        for each in self._watched if self._watched is not None else []:
+            if abs(each @ vector) >= (1.0 - 1e-15) * np.linalg.norm(each) * np.linalg.norm(vector):
+                continue
+            rates = velocities @ each
+            if rates.any() and rates.min() <= 0.0 <= rates.max():
+                return True
+        return False
+
+    def land(self) -> Rest:
+        """Set the state where a chatter has ended, and hold its stop; return what has passed."""
+        dry, rest, n = self._dry, self.rest, self._dry.n
+        assert rest is not None
+        self.rest = None
+        dry.state[: 2 * n] = rest.state
+        if dry.columns:
+            dry.rows()[:] = rest.changes
+        else:
+            dry.state[2 * n : 2 * n + 2 * n][: len(dry.state) - 2 * n] += rest.integrals[: len(dry.state) - 2 * n]
+        dry.after_impact(rest.theta, [rest.reaction])
+        now = dry.read(rest.theta)
+        if dry.columns:
+            flow = np.concatenate((now.velocities, now.accelerations)) * float(dry.base[0])
+            dry.rows()[:] -= np.outer(rest.shifts, flow)
+        return rest
 
     def _reset(
         self, struck: Sequence[int], ends: Sequence[int], state: NDArray, coefficients: NDArray, theta: Any

@@ -44,8 +44,8 @@ class TurningPoints:
         layout = equations.layout
         self._size, self._unit = layout.structure.size, 1.0
         self._slots = [(event, slots) for event, (slots, _) in enumerate(equations.turning) if slots is not None]
-        self._vectors = np.zeros((len(equations.turning), self._size))
-        self._vectors[: self._size] = np.eye(self._size)
+        self.vectors = np.zeros((len(equations.turning), self._size))
+        self.vectors[: self._size] = np.eye(self._size)
         self._swaying = [
             (event, contact)
             for event, slots in self._slots
@@ -61,8 +61,8 @@ class TurningPoints:
         if numbers != self._numbers:
             self._numbers, self._still = numbers, {}
             for event, slots in self._slots:
-                self._vectors[event] = coefficients[slots]
-            self._longest = float(np.abs(self._vectors).sum(axis=1).max())
+                self.vectors[event] = coefficients[slots]
+            self._longest = float(np.abs(self.vectors).sum(axis=1).max())
 
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of the integrator."""
@@ -77,7 +77,7 @@ class TurningPoints:
         if not dry.count or (dry.kinks and dry.kinks[-1].theta == theta):
             return
         if not self._swaying:
-            rates = self._vectors.dot(dry.state[n : 2 * n]).tolist()
+            rates = self.vectors.dot(dry.state[n : 2 * n]).tolist()
             if min(map(abs, rates)) > _TURNING * dry.speed():
                 return
         q, v = dry.state[:n].copy(), dry.state[n : 2 * n].copy()
@@ -89,7 +89,7 @@ class TurningPoints:
         dry = self._switches.dry
         known = self._still.get(dry.held)
         if known is None:
-            known = [event for event, vector in enumerate(self._vectors) if dry.keeps_still(vector)]
+            known = [event for event, vector in enumerate(self.vectors) if dry.keeps_still(vector)]
             self._still[dry.held] = known
         return known
 
@@ -107,10 +107,10 @@ class TurningPoints:
         shortest = COOLDOWN * float(coefficients[0])
         for (theta, positions, velocities, turning), still in [(kink, list[int]()) for kink in kinks] + self._stops:
             if not self._swaying and velocities[0] is velocities[1]:  # nearly always: nothing turns just there
-                slowest = min(map(abs, self._vectors.dot(velocities[0]).tolist()))
+                slowest = min(map(abs, self.vectors.dot(velocities[0]).tolist()))
                 if slowest > shortest * self._longest * max(largest(turning[0]), largest(turning[1])):
                     continue
-            before, after, *turned = (self._vectors @ np.array([*velocities, *turning]).T).T.tolist()
+            before, after, *turned = (self.vectors @ np.array([*velocities, *turning]).T).T.tolist()
             for event, contact in self._swaying:
                 angles = Angles(layout, coefficients, theta)
                 sways = [float(angles.sway(contact, 0, order)) for order in (1, 2)]

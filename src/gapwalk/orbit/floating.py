@@ -20,6 +20,7 @@ from gapwalk.orbit.orbit import Orbit
 _NOTHING = 1e-12  # share of the largest singular value of the stiffness below which one is zero up to rounding
 _FEW, _MANY = 16, 256  # samples of an orbit, per forcing period, at which formulas are evaluated
 _TOUCHES = 1e-8  # smallest depth, as a share of a clearance, at which a contact restrains anything
+_LOOSE = (0, 1)  # phases of `Orbit.held` of a stop on which the motion never rests
 
 
 def unheld(system: System) -> NDArray[np.float64]:
@@ -55,9 +56,15 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
         deflection = system.vector(f"{contact.name}.deflection")
         if np.abs(deflection @ ways).max() <= _NOTHING * np.abs(deflection).max():
             continue
-        own = [(each[2], turns.values) for each, turns in depths if each[0] == place]
+        own = [(switch, each[2], turns.values) for switch, (each, turns) in enumerate(depths) if each[0] == place]
         # what stays beyond a breakpoint is pressed there, however stiff the stage is
-        closed = any(not values or min(values) > 0.0 or max(values) > _TOUCHES * gap for gap, values in own)
+        closed = any(
+            orbit.held.get(switch, _LOOSE) != _LOOSE
+            or not values
+            or min(values) > 0.0
+            or max(values) > _TOUCHES * gap
+            for switch, gap, values in own
+        )
         (touching if closed else opened).append((contact.name, deflection @ ways))
     rows = np.vstack([*held, *(row for _, row in touching), np.zeros_like(ways[:0])])
     if np.linalg.matrix_rank(rows) == ways.shape[1]:

@@ -204,11 +204,27 @@ class Orbit(Shown):
             found[switch] = (lets_go, max(1, lets_go)) if own or not self._rests_on(switch) else (1, 0)
         return found
 
+    def rests(self, switch: int) -> bool:
+        """Return True if the stop of a switch is rigid, and held all the time.
+
+        Parameters
+        ----------
+        switch
+            The stage and its side: index into `System.breakpoints`.
+
+        Returns
+        -------
+        bool
+            False too if the stop is not rigid.
+        """
+        return self.held.get(switch) == (1, 0)
+
     def _rests_on(self, switch: int) -> bool:
         """Return True if the motion begins at a breakpoint."""
         contact, side, clearance = self.system.breakpoints[switch]
         deflection = side * float(self._deflections[contact])
-        return abs(deflection - clearance) <= _AT_STOP * max(abs(deflection), abs(clearance))
+        size = float(np.abs(self.state[: self.system.size]).max())  # a deflection of 0 is a difference of positions
+        return abs(deflection - clearance) <= _AT_STOP * max(size, abs(clearance))
 
     def closing_changes(self, other: Orbit) -> tuple[int, ...]:
         """Count how much more often each switch closes in another orbit, which is near this one.
@@ -241,8 +257,9 @@ class Orbit(Shown):
     def pattern(self) -> str:
         """Contact pattern: the numbers of impacts on each side in one full period, such as ``3+/1-``.
 
-        It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, and
-        ``closed`` for one without a gap. Dry friction has the number of times it sticks, as in ``lining 2 sticks``.
+        It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, ``held+``
+        or ``held-`` for a rigid stop on which the motion rests all the time, and ``closed`` for one without a gap. Dry
+        friction has the number of times it sticks, as in ``lining 2 sticks``.
         """
         texts, breakpoints = [], self.system.breakpoints
         contacts = [pair for pair in enumerate(self.system.structure.contacts) if pair[1].stages]
@@ -251,7 +268,10 @@ class Orbit(Shown):
             for switch, (own, side, _) in enumerate(breakpoints):
                 if own == place and not self.system.gapless[switch]:
                     innermost.setdefault(side, switch)
-            if not innermost:
+            resting = [side for side, switch in innermost.items() if self.rests(switch)]
+            if resting:
+                text = "/".join(f"held{_SIGNS[side]}" for side in resting)
+            elif not innermost:
                 text = "closed"
             elif any(self.closings[switch] for switch in innermost.values()):
                 text = "/".join(f"{self.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())

@@ -7,6 +7,9 @@ other side, infinitely many impacts graze one after the other as the point is ap
 arclengths that shrink geometrically. So no orbits are sought there that come ever closer, and the point is located from
 the side on which the stop is held.
 
+A motion that rests on a stop all the time lifts off where the least force of the stop vanishes. That force, as if the
+stop were held, is known on both sides, so its zero is the point.
+
 Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering,
 Nonlinear Dynamics 58, 85-106; Budd and Dux (1994), Chattering and related behaviour in impact oscillators, Phil. Trans.
 R. Soc. A 347, 365-389.
@@ -18,13 +21,21 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+from numpy.polynomial import Chebyshev
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.special_point import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations
 from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import Motion, sample
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
@@ -34,6 +45,7 @@ _SMALLEST = 1e-11  # arclength below which two changes count as one
 _EXACT = 1e-12  # arclength to which a change is located
 _BEYOND = 1.5  # longest distance along the tangents at which it is sought, in lengths of the step, which may be bent
 _RATE = 1e-7  # arclength from which on the rate is known at which a phase becomes shorter
+_FIT, _NODES = 8.0, 9  # radius, over the samples of a radian, and nodes of the fit about the least force
 _ASTRAY = 0.5  # distance of an orbit from its guess, as a share of the distance ahead, beyond which it is another one
 
 
@@ -62,8 +74,9 @@ class HeldStop(Kind):
         """Return how often each stop whose phases change is held in a period, before and after the point."""
         found = []
         for switch in held_changes(before, after):
-            held = before.orbit.held[switch][0], after.orbit.held[switch][0]
-            found.append(f"{describe_switch(before.orbit, switch)} held {held[0]} -> {held[1]} times")
+            held = " -> ".join(how_often(each.orbit, switch) for each in (before, after))
+            held += "" if held.endswith("time") else " times"
+            found.append(f"{describe_switch(before.orbit, switch)} held {held}")
         return ", ".join(found)
 
     def examined(
@@ -87,6 +100,11 @@ class HeldChange(NamedTuple):
     spread: float
 
 
+def how_often(orbit: Orbit, switch: int) -> str:
+    """Return how often a rigid stop is held in a period, or that it is all the time."""
+    return "all the time" if orbit.rests(switch) else f"{orbit.held[switch][0]}"
+
+
 def held_changes(first: BranchPoint, last: BranchPoint) -> list[int]:
     """Return the switches of rigid stops whose phases are not the same in two neighbouring orbits."""
     ours, theirs = first.orbit.held, last.orbit.held
@@ -107,7 +125,8 @@ def find_held_changes(interval: StepInterval, first: BranchPoint, last: BranchPo
     if length < _SMALLEST:
         return [HeldChange(last, switch, length) for switch in changed]
     if len(changed) == 1 and _difference(first, last, changed[0]) <= 1:
-        found = _locate(interval, first, last, changed[0])
+        rests = any(point.orbit.rests(changed[0]) for point in (first, last))
+        found = (_lift_off if rests else _locate)(interval, first, last, changed[0])
         if found is not None:
             return [found]
     middle = interval.middle(first, last)
@@ -147,6 +166,43 @@ def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switc
     left, shrunk = _shortest(point.orbit, switch), _shortest(before.orbit, switch) - _shortest(point.orbit, switch)
     rest = left * abs(point.arclength - before.arclength) / shrunk if shrunk > 0.0 else 0.0
     return HeldChange(point, switch, max(far - near, rest))
+
+
+def _lift_off(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> HeldChange | None:
+    """Locate where a stop that is held all the time at one of two points ceases to be; None if its force tells not."""
+
+    def force(arclength: float) -> float:
+        return _least_force(interval.at(arclength).orbit, switch)
+
+    if force(first.arclength) * force(last.arclength) >= 0.0:
+        return None
+    place, converged = zero_between(force, first.arclength, last.arclength)
+    return HeldChange(interval.at(place), switch, EXACT if converged else math.inf)
+
+
+def _least_force(orbit: Orbit, switch: int) -> float:
+    """Return the least force of a stop in a period, towards it, as if it were held all the time."""
+    motion, full = orbit.motion(), PERIOD * orbit.period
+    forces = _force(motion, switch)
+    least = int(np.argmin(forces))
+    nodes = _FIT / orbit.samples * np.cos(np.linspace(np.pi, 0.0, _NODES))
+    thetas = float(motion.theta[least]) + full * (motion.theta[least] < 0.5 * full) + nodes
+    beside = sample(orbit.system, orbit.state, np.concatenate(([0.0], thetas)))
+    fit = Chebyshev.fit(nodes, _force(beside, switch)[1:], _NODES - 1)
+    turns = [each.real for each in fit.deriv().roots().tolist() if abs(each) <= nodes[-1]]
+    found = float(min([forces[least], *fit(np.array(turns))]))
+    return found if orbit.rests(switch) else min(found, -np.finfo(float).tiny)  # short flights disturb the fit
+
+
+def _force(motion: Motion, switch: int) -> NDArray[np.float64]:
+    """Return the force of a stop at each sample of a motion, towards it, as if it were held."""
+    structure, modes = motion.system.structure, motion.modes
+    (place, contact), *_ = [(at, own) for at, (own, each) in enumerate(structure.reactions) if each == switch]
+    held = modes.held.copy()
+    held[:, place] = True
+    given = layout_of(structure), coefficients_of(motion.system), motion.theta, motion.q, motion.v, motion.z
+    forces = forces_and_accelerations(*given, DryModes(modes.slips, held))[0]
+    return structure.breakpoints[switch].side * forces[:, contact]
 
 
 def _shortest(orbit: Orbit, switch: int) -> float:

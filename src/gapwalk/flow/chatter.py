@@ -1,0 +1,200 @@
+"""Complete chatter: infinitely many impacts on a rigid stop that follow each other ever faster, summed at once.
+
+After an impact the motion leaves the stop at a rate u, falls back, and leaves it at about r u, with the restitution r.
+The states after all impacts still to come lie on a smooth curve S(m), of which the n-th is at ``m = r^n`` and the end,
+where the motion has come to rest on the stop, at ``m = 0``. Over one flight from any point of this curve the state
+changes by D(m), which the flights give, so the curve satisfies
+
+    S(r m) - S(m) = D(m),     with S(1) known
+
+for the angle, the positions, the rates along the stop, and ``u / m``. Term by term, with ``D = sum d_k m^k``, this is
+the sum of geometric series, ``S(1) - S(0) = - sum d_k / (1 - r^k)``. The curve and its flights are polynomials through
+Chebyshev nodes; the flights follow from the curve by integration, and the curve from the flights, in turn until
+nothing changes. All of it accepts complex numbers, so derivatives are taken by a complex step.
+
+Nordmark and Piiroinen (2009), Simulation and stability analysis of impacting systems with complete chattering,
+Nonlinear Dynamics 58, 85-106.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+_ALONG, _WITHIN = 12, 10  # nodes along the curve, and within a flight
+_FEWEST, _SWEEPS = 6, 30  # least and most repetitions; each adds more digits, the shorter the chatter is
+_SETTLED = 1e-13  # change in a repetition, as a share of the motion, after which one more makes the rest rounding
+_RESOLVED = 1e-12  # share of the last coefficients of accelerations; their errors enter times the length of the chatter
+
+Array = NDArray[Any]
+
+
+class Stop(NamedTuple):
+    """A stop, with the motion between two impacts on it.
+
+    Attributes
+    ----------
+    vector, push
+        Its deflection vector, and the accelerations by that force which accelerates the deflection by 1.
+    side
+        1 or -1.
+    restitution
+        Share of the rate of its deflection that is left after an impact.
+    sway
+        Function of the angle: the first and second derivative over time of what is added to its deflection.
+    turning
+        Function of angles, positions and velocities: the accelerations.
+    pace
+        Time of a radian.
+    """
+
+    vector: Array
+    push: Array
+    side: int
+    restitution: Any
+    sway: Callable[[Array], tuple[Any, Any]]
+    turning: Callable[[Array, Array, Array], Array]
+    pace: Any
+
+
+class Chatter(NamedTuple):
+    """The chatter after an impact, of one motion or of many (...).
+
+    Attributes
+    ----------
+    theta, state, integrals : shape (...), (..., 2n), (..., 2n)
+        Angle and state of the motion when it has come to rest on the stop. Integrals over the angle, since the impact,
+        of each position and of its square.
+    angles, positions, velocities : shape (..., along, within), (..., along, within, n)
+        The flights that begin at the nodes of the curve.
+    curve : shape (..., along, 2)
+        Angle, and rate away from the stop over m, at the nodes.
+    """
+
+    theta: Array
+    state: Array
+    integrals: Array
+    angles: Array
+    positions: Array
+    velocities: Array
+    curve: Array
+
+    def impacts(self, restitution: float, shortest: float) -> tuple[Array, Array]:
+        """Return angles of the impacts to come, and rates before them, until the rest of them takes a moment only."""
+        count = math.ceil(math.log(shortest / float(self.theta - self.curve[0, 0])) / math.log(restitution))
+        places = restitution ** np.arange(1.0, max(count, 1) + 1.0)
+        angles, rates = (chebyshev.chebvander(2.0 * places - 1.0, _ALONG - 1) @ _SPECTRUM_ALONG @ self.curve).T
+        return angles, places * rates / restitution
+
+
+def sum_chatter(stop: Stop, theta: Array, q: Array, v: Array) -> Chatter | None:
+    """Sum all impacts that follow one on a stop; None if they do not end, or not as smoothly as needed.
+
+    Parameters
+    ----------
+    stop
+        The stop.
+    theta, q, v : shape (...), (..., n), (..., n)
+        The state just after an impact, real or complex.
+    """
+    n, side = q.shape[-1], stop.side
+    sums, own = _sums(complex(stop.restitution)), slice(2 * n + 1, 2 * n + 2)
+    away = -side * (v @ stop.vector + stop.sway(theta)[0])[..., None]
+    parts = theta[..., None], q, v + side * away * stop.push, away, np.zeros((*q.shape[:-1], 2 * n))
+    start = np.concatenate(parts, axis=-1)[..., None, :]
+    curve = np.repeat(start, _ALONG, axis=-2)
+    turning = np.repeat(stop.turning(theta, q, v)[..., None, :], _ALONG, axis=-2)[..., None, :]
+    turning, flight = np.repeat(turning, _WITHIN, axis=-2), 0.0 * curve[..., :1]
+    last, angles, positions, velocities = math.inf, curve, curve, curve
+    for number in range(_SWEEPS):
+        angles = curve[..., :1] + flight / stop.pace * _WITHIN_NODES
+        pull = side * (turning @ stop.vector + stop.sway(angles)[1])
+        late, whole = (pull @ _LATE)[..., None], (pull @ _WHOLE)[..., None]
+        if not np.isfinite(late).all() or np.real(late).min() <= 0.0:
+            return None
+        rates = _ALONG_NODES[:, None] * curve[..., own]
+        flight = rates / late
+        begin = curve[..., n + 1 : 2 * n + 1] - side * rates * stop.push
+        velocities = begin[..., None, :] + flight[..., None] * (_RUNNING @ turning)
+        positions = curve[..., None, 1 : n + 1] + flight[..., None] * (_RUNNING @ velocities)
+        turn = flight / stop.pace
+        changes = (
+            turn,
+            flight * (_WHOLE @ velocities),
+            flight * (_WHOLE @ turning - side * whole * stop.push),
+            curve[..., own] * (whole / late - 2.0),
+            turn * (_WHOLE @ positions),
+            turn * (_WHOLE @ positions**2),
+        )
+        before, curve = curve, start + sums @ np.concatenate(changes, axis=-1)
+        angles = curve[..., :1] + turn * _WITHIN_NODES
+        turning = stop.turning(angles, positions, velocities)
+        if last <= _SETTLED:
+            break
+        if number >= _FEWEST:
+            last = _change(curve - before, curve, n)
+    if not last <= _SETTLED:
+        return None
+    by_node = np.real(turning)
+    for spectrum in (_SPECTRUM_WITHIN @ by_node, _SPECTRUM_ALONG @ np.swapaxes(by_node, -3, -2)):
+        if np.abs(spectrum[..., -2:, :]).max() > _RESOLVED * np.abs(spectrum).max():
+            return None
+    end = curve[..., -1, :]
+    found = np.concatenate((curve[..., :1], curve[..., own]), axis=-1)
+    return Chatter(end[..., 0], end[..., 1 : 2 * n + 1], end[..., 2 * n + 2 :], angles, positions, velocities, found)
+
+
+def _change(change: Array, curve: Array, n: int) -> float:
+    """Return the largest change of angle, positions or rates as a share of their sizes; the same of their changes."""
+    count, kinds = 2 * n + 2, (0, 1, n + 1)
+    both, moved = (each[..., :count].reshape(-1, count) for each in (curve, change))
+    whole, turns = np.maximum.reduceat(np.abs(np.real(both)).max(axis=0), kinds), abs(both[0, 0] - both[-1, 0])
+    sizes = np.maximum((whole[0], max(whole[1], whole[2] * turns), whole[2]), np.finfo(float).tiny)
+    found = 0.0
+    for own, part in ((np.real(moved), np.real(both)), (np.imag(moved), np.imag(both))):
+        most, all_of_it = (
+            float((np.maximum.reduceat(np.abs(each).max(axis=0), kinds) / sizes).max()) for each in (own, part)
+        )
+        found = max(found, most / all_of_it if most else 0.0)
+    return found if math.isfinite(found) else math.inf
+
+
+@lru_cache(maxsize=16)
+def _sums(restitution: complex) -> Array:
+    """Return the matrix by which ``S(m) - S(1)`` at the nodes follows from ``S(r m) - S(m)``."""
+    r = restitution if restitution.imag else restitution.real
+    nodes = 2.0 * r * _ALONG_NODES - 1.0
+    values = [np.ones_like(nodes), nodes]
+    while len(values) < _ALONG:
+        values.append(2.0 * nodes * values[-1] - values[-2])
+    equations = np.stack(values, axis=-1) @ _SPECTRUM_ALONG - np.eye(_ALONG)
+    equations[-1] = 0.0
+    equations[-1, 0] = 1.0  # at m = 0 nothing changes; S(1) is known instead
+    found = np.linalg.inv(equations)
+    found[:, -1] = 0.0
+    return found
+
+
+def _places(count: int) -> Array:
+    """Return Chebyshev nodes from 1 to 0."""
+    return 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
+
+
+def _spectrum(nodes: Array) -> Array:
+    """Return the matrix that takes values at nodes to coefficients of Chebyshev polynomials of 2 m - 1."""
+    return np.linalg.inv(chebyshev.chebvander(2.0 * nodes - 1.0, len(nodes) - 1))
+
+
+_ALONG_NODES, _WITHIN_NODES = _places(_ALONG), _places(_WITHIN)[::-1]
+_SPECTRUM_ALONG, _SPECTRUM_WITHIN = _spectrum(_ALONG_NODES), _spectrum(_WITHIN_NODES)
+# integrals within a flight: from its begin to each node, over all of it, and of the integral to each node over all
+_RISING = [chebyshev.chebint(row, lbnd=-1, scl=0.5) for row in _SPECTRUM_WITHIN.T]
+_RUNNING = np.array([chebyshev.chebval(2.0 * _WITHIN_NODES - 1.0, each) for each in _RISING]).T
+_WHOLE = _RUNNING[-1]
+_LATE = _WHOLE @ _RUNNING
