@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.free.undriven import amplitudes_of, check_constant
+from gapwalk.model.coefficients import coefficients_of, static_load
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import static_forces_of
 from gapwalk.model.system import System
@@ -51,12 +52,12 @@ def without_losses(system: System) -> System:
             "a system with dry friction or rigid stops has no free vibration without losses; leave them out, or "
             "replace a rigid stop by a stiff one"
         )
+    check_constant(system)
     plain = system.equations
     structure, names = plain.structure, plain.coordinates
     zero = [f"damping.{a}.{b}" for a in names for b in names]
     zero += [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
-    zero += [f"{form.name}.amplitude" for form in structure.harmonics]
-    free = plain.at({name: 0.0 for name in zero if name in structure.names})
+    free = plain.at({name: 0.0 for name in (*zero, *amplitudes_of(plain)) if name in structure.names})
     _check_reversible(free)
     return free
 
@@ -90,8 +91,7 @@ def potential_of(system: System, positions: NDArray[np.float64]) -> float:
     """
     if not shows_energy(system):
         return float("nan")
-    mean = np.array([system[f"mean.{name}"] for name in system.coordinates])
-    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(mean @ positions)
+    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(static_load(system) @ positions)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     for force, spring in zip(static_forces_of(system), springs_of(system), strict=True):
         along = force.deflections @ positions
