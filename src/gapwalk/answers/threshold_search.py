@@ -30,6 +30,7 @@ from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.bifurcation.kinds import Kind
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
+from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import FlowError, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.model.words import value_words
@@ -235,7 +236,7 @@ class ThresholdSearch:
         asked, options = self.request, self.request.options
         ends = [asked.at(value, other) for value in (values[0], values[-1]) for other in (others[0], others[-1])]
         box = np.max([state_box(end) for end in ends], axis=0)
-        some = [np.zeros(asked.system.state_size), *spread_starts(ends, box, starts - 1, options.seed, 0.0), *carried]
+        some = [state_at_rest(asked.system), *spread_starts(ends, box, starts - 1, options.seed, 0.0), *carried]
         grid = np.array(np.meshgrid(others, values, indexing="ij")).reshape(2, -1).T  # equal speeds side by side
         pairs, states = np.repeat(grid, len(some), axis=0), np.tile(some, (len(grid), 1))
         by_name = {asked.over: pairs[:, 0], asked.parameter: pairs[:, 1]}

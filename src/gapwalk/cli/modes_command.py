@@ -127,17 +127,23 @@ def train_lines(system: System) -> list[str]:
     gears = sum(link.geared for link in form.links)
     counts = {"inertia": len(form.inertias), "shaft": len(form.links) - gears, "gear": gears}
     parts = ", ".join(f"{count} {word}{'' if count == 1 else 's'}" for word, count in counts.items())
+    numbers, units = assembly.numbers(system.values), system.units
+    unbalanced = numbers.unbalanced if len(form.held) < 2 else 0.0
+    taken = np.flatnonzero(numbers.torques[0] == 0.0)
+    hint = f'reaction = "{form.inertias[taken[-1] if len(taken) else -1]}"'
     if not form.is_free:
-        return [f"  train: {parts}; connected to the ground"]
+        lines = [f"  train: {parts}; connected to the ground"]
+        if unbalanced:
+            size = f"{abs(unbalanced):.6g}{' N m' if units else ''}"
+            lines.append(f"  the ground takes the mean torques, {size} in terms of {form.inertias[0]}; {hint} would")
+        return lines
     lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
-    numbers = assembly.numbers(system.values)
-    acceleration = numbers.acceleration
-    if np.abs(numbers.torques[0]).max() > 0 and np.abs(acceleration).max() > 0:
-        first, units = form.inertias[0], system.units
-        size = f"{acceleration[0] * units.angle:.6g} rad/s^2" if units else f"{acceleration[0]:.6g}"
+    if unbalanced:
+        acceleration = unbalanced / float(np.sum(numbers.inertia * numbers.speeds**2))
+        size = f"{acceleration * units.angle:.6g} rad/s^2" if units else f"{acceleration:.6g}"
         lines.append(
-            f"  mean torques do not balance: it accelerates steadily, {first} at {size}; "
-            f'reaction = "{form.inertias[-1]}" would balance them'
+            f"  mean torques do not balance: it accelerates steadily, {form.inertias[0]} at {size}; {hint} would "
+            "balance them"
         )
     return lines
 

@@ -142,6 +142,28 @@ def closed_in(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.bool_]:
     return closed
 
 
+def state_at_rest(system: System) -> NDArray[np.float64]:
+    """Return the state at rest at theta = 0, shape (state_size,): zeros, or as near to them as rigid stops allow.
+
+    A prescribed displacement may carry the zero position beyond a stop. There the deflection is 0, which is within the
+    clearance of every stop.
+    """
+    state, layout = np.zeros(system.state_size), layout_of(system.structure)
+    if not any(slots.form.law.rebounds for slots in layout.contacts):
+        return state
+    coefficients = coefficients_of(system)
+    linear, held = Linear(layout, coefficients[None]), list[int]()
+    moved = _moves(linear, Angles(layout, linear.coefficients, 0.0), state[None])
+    for _ in layout.contacts:
+        beyond = [slots for slots, _, lanes in _beyond_stops(linear, state[None]) if len(lanes)]
+        held += [index for index, slots in enumerate(layout.contacts) if slots in beyond and index not in held]
+        if beyond:
+            vectors = coefficients[[layout.contacts[index].deflection for index in held]]
+            offsets = np.array([float(np.squeeze(moved[index][0][0])) for index in held])
+            state[: system.size] = np.linalg.lstsq(vectors, -offsets, rcond=None)[0]
+    return state
+
+
 def _beyond_stops(
     linear: Linear, states: NDArray[np.float64]
 ) -> Iterator[tuple[ContactSlots, NDArray[np.float64], NDArray[np.intp]]]:

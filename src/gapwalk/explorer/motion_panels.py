@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import strobe
 from gapwalk.attractors.spectrum import spectrum
+from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import GapwalkError
 from gapwalk.explorer.friction_panels import (
     axis_words,
@@ -228,7 +229,7 @@ def _warm(system: System) -> None:
 
     del signal
     with suppress(GapwalkError):
-        integrate(system, np.zeros(system.state_size))
+        integrate(system, state_at_rest(system))
 
 
 class Flows:

@@ -327,15 +327,16 @@ def _loads(system: System) -> AngleCurve | None:
     """Compute the loads on coordinates, or on the inertias of a train, that vary over the angle."""
     structure, assembly = system.structure, system.structure.assembly
     numbers = [number for number, load in enumerate(structure.harmonics) if not load.varies]
-    if not numbers:
-        return None
     plain = system.equations
     if isinstance(assembly, TrainAssembly):
-        names = assembly.form.inertias
+        names, loads = assembly.form.inertias, assembly.form.loads
+        numbers = [number for number in numbers if loads[number].link < 0]  # displacements are no torques
         mean, *shapes = assembly.numbers(system.values).torques
     else:
         names, mean = structure.coordinates, system.vector("mean")
         shapes = [system.vector(structure.harmonics[number].shape) for number in numbers]
+    if not numbers:
+        return None
     repeats, theta = _angles(system, numbers)
     values = np.zeros((len(names), len(theta)))
     for number, shape in zip(numbers, shapes, strict=True):

@@ -25,7 +25,7 @@ from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.drivetrain.displacement import Displacing
+from gapwalk.model.drivetrain.made_loads import Displacing
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.loads import Line
 from gapwalk.model.problems import did_you_mean
@@ -448,12 +448,11 @@ def train_histories(
     assert isinstance(assembly, TrainAssembly)
     form, train = assembly.form, assembly.numbers(system.values)
     rates, a = v + train.leaks * q, a + train.leaks * v  # of the angles, which include those of slipping links
-    whole, angle = [np.ones(np.shape(theta))], np.asarray(theta)
+    angle = np.asarray(theta)
+    whole = [_wave(lines, angle) for lines in train.sizes]
     displaced = np.zeros((*np.shape(theta), len(form.links)), dtype=train.values.dtype)
     for torque in form.torques:
         numbers = form.numbers(torque.harmonic.parameters, train.values)
-        if torque.acts_on:
-            whole.append(_wave(torque.harmonic.lines(train.values[0], numbers), angle))
         for link, factor in torque.displaces:  # k u + c u'
             kind: Any = Displacing(torque.harmonic.kind)
             spring = [*numbers, train.stiffness[link], train.damping[link]]

@@ -104,6 +104,8 @@ class Ramped:
             return none
         torque = np.zeros(len(form.inertias))
         torque[form.reaction] = np.sum(train.inertia * train.speeds**2) / train.speeds[form.reaction]
+        if not form.is_free:  # the coordinates of a free train do not turn with it
+            torque -= train.inertia * train.speeds
         bodies, flexed, _ = train.flexed
         return flexed @ (bodies.T @ torque) / (float(units.turns) * units.angle)
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.free.undriven import amplitudes_of, check_constant
+from gapwalk.model.coefficients import coefficients_of, static_load
 from gapwalk.model.gyroscopic import gyroscopic_part
 from gapwalk.model.spring import springs_of
 from gapwalk.model.static_force import static_forces_of
@@ -53,13 +54,14 @@ def without_losses(system: System) -> System:
             "a system with dry friction or rigid stops has no free vibration without losses; leave them out, or "
             "replace a rigid stop by a stiff one"
         )
+    check_constant(system)
     plain = system.equations
     structure, names = plain.structure, plain.coordinates
     zero = [f"{form.name}.{loss}" for form in structure.contacts for loss in _LOSSES]
-    zero += [f"{form.name}.amplitude" for form in structure.harmonics]
     kept = gyroscopic_part(plain, plain.matrix("stiffness"), plain.matrix("damping"))
     turning = damping_values(plain, np.zeros((len(names), len(names))) if kept is None else kept)
-    free = plain.at({**{name: 0.0 for name in zero if name in structure.names}, **turning})
+    none = {name: 0.0 for name in (*zero, *amplitudes_of(plain)) if name in structure.names}
+    free = plain.at({**none, **turning})
     _check_reversible(free)
     return free
 
@@ -103,8 +105,7 @@ def potential_of(system: System, positions: NDArray[np.float64]) -> float:
     """
     if not shows_energy(system):
         return float("nan")
-    mean = np.array([system[f"mean.{name}"] for name in system.coordinates])
-    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(mean @ positions)
+    total = 0.5 * float(positions @ system.matrix("stiffness") @ positions) - float(static_load(system) @ positions)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     for force, spring in zip(static_forces_of(system), springs_of(system), strict=True):
         along = force.deflections @ positions

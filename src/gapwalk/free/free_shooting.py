@@ -26,7 +26,7 @@ from gapwalk.bracketed_root import zero_between_signs
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.free.undriven import check_free
+from gapwalk.free.undriven import check_constant, check_free
 from gapwalk.model.coefficients import ParameterPlane, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
@@ -86,6 +86,7 @@ class FreeShooting(Method):
                 '"belt.speed"'
             )
         check_free(system)
+        check_constant(system)
         if self.coordinate and self.coordinate not in system.coordinates:
             raise ModelError(f"coordinate is {self.coordinate!r}; it must be one of {', '.join(system.coordinates)}")
         return FreeEquation(system, parameter, period, self)

@@ -10,6 +10,7 @@ from itertools import accumulate, pairwise
 from gapwalk.errors import ModelError
 from gapwalk.model.laws import HYSTERESIS, LAWS, Coulomb, Expression, Hysteretic, Jenkins, Law, law_of, law_with
 from gapwalk.model.parameter import Parameter
+from gapwalk.model.problems import WITHIN
 
 RIGID = "rigid"
 """The stiffness, in a model file or a drive train, of a stage that is a rigid stop."""
@@ -485,7 +486,7 @@ def _stage_problems(contact: Contact):
         if stage.stiffness == RIGID:
             yield f"the stiffness of a stage is {RIGID!r}; write the rigid stop as a contact of its own, by rigid_stop"
         if not stage.clearance >= 0:
-            yield f"clearance is {stage.clearance}; it must be a number >= 0"
+            yield f"clearance is {stage.clearance}; it must be a number >= 0: {WITHIN}"
     yield from (f"stages {each}" for each in order_problems((each.side, each.clearance) for each in contact.stages))
     for sign in (1, -1):
         own = [stage for stage in contact.stages if sign in stage.side.signs and stage.stiffness != RIGID]

@@ -35,7 +35,14 @@ IDEAS = (
     ),
     Idea(
         "stop|bumper|wall|barrier|obstacle",
-        'a stop on one side is a [[contact]] with side = "positive", a clearance and a stiffness',
+        'a stop on one side is a [[contact]] with side = "positive", a clearance and a stiffness; in a drive train a '
+        'stop on both sides is stage = [{ clearance = "5 deg", stiffness = "100 N m/deg" }] of a [[shaft]], and one on '
+        'one side a [[force]] with law = "k*max(x - g, 0)"',
+    ),
+    Idea(
+        "torque|moment|force|load",
+        'a constant load is mean = { engine = "10 N m" }, by inertia or coordinate, above all tables; one that repeats '
+        "is a [[harmonic]]",
     ),
     Idea("preload|pretension|prestress", 'a spring with a preload is a [[contact]] with law = "piecewise" and preload'),
     Idea(

@@ -130,6 +130,14 @@ def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str
     return f"{what} {', '.join(known[:_NAMED])}{more}"
 
 
+WITHIN = (
+    "a contact is open where its deflection is 0. For a gap from 0.15 to 0.35 write clearance = 0.1, half of its "
+    "width, count the coordinate from its middle 0.25, and take the stiffness matrix times this position from the mean "
+    "load"
+)
+"""The way to write a gap that does not contain the zero position."""
+
+
 def near_names(word: str, known: Sequence[str]) -> list[str]:
     """Find at most three names that may be meant: misspelt ones, beginnings, and names of which the word is a part.
 

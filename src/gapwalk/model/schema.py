@@ -29,7 +29,7 @@ from gapwalk.model.laws import Law, law_of
 from gapwalk.model.loads import check_order
 from gapwalk.model.model_source import Source
 from gapwalk.model.parameter import Parameter
-from gapwalk.model.problems import Path, Problem, did_you_mean, given
+from gapwalk.model.problems import WITHIN, Path, Problem, did_you_mean, given
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 from gapwalk.model.value_checks import mass_problems
 
@@ -382,6 +382,8 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path, explained:
     else:
         allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
         message = f"is {given(value)}; it must be {allowed}"
+        if kind == "greater_than_equal" and path[-1:] == ("clearance",):
+            message += f": {WITHIN}"
         is_quoted_number = kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value)
         if is_quoted_number or (kind == "bool_type" and value in ("true", "false")):
             message += ", without quotes"

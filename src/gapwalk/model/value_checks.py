@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.laws import HYSTERESIS, Elastic, Friction, Hysteretic, Law, Piecewise, Pushing
-from gapwalk.model.problems import did_you_mean
+from gapwalk.model.problems import WITHIN, did_you_mean
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.variations import Variation
 
@@ -73,7 +73,7 @@ def _number_problems(structure: Structure, values: NDArray[np.float64]) -> Itera
     for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
         clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
         if clearance < 0:
-            yield f"{structure.names[place]} is {clearance}; it must be >= 0"
+            yield f"{structure.names[place]} is {clearance}; it must be >= 0: {WITHIN}"
         elif clearance <= inside:
             yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
         if clearance == 0.0 == inner.get((index, -side)) and structure.contacts[index].law.rebounds:

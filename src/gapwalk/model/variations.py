@@ -56,6 +56,11 @@ def varied(contacts: Sequence[ContactForm], load: LoadForm, name: str) -> Iterat
     if index is None or not rest:
         known = [f"{each.name}.{number}" for each in contacts for number in _varying_numbers(each)]
         near = near_names(name, known) or known[:_SHOWN]
+        if first in ("stiffness", "damping", "mass"):
+            raise refuse(
+                "an entry of a matrix, which does not vary: leave it out of the matrix, and write it as a force with a "
+                'law such as "k*x" and k = 1.0, named spring say, and varies = "spring.k"'
+            )
         raise refuse(
             "which is not a number of a contact or a force; "
             + (f"write {' or '.join(map(repr, near))}" if near else "there are none")

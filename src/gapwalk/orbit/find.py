@@ -13,6 +13,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.ensemble.start import state_at_rest
 from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
@@ -122,9 +123,9 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
     if not isinstance(start, str):
         return check_state(system, start)
     if start == "rest":
-        return np.zeros(system.state_size)
+        return state_at_rest(system)
     if start == "settle":
-        return settle(system, np.zeros(system.state_size), period)
+        return settle(system, state_at_rest(system), period)
     raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {system.state_size} numbers')
 
 
@@ -152,7 +153,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
     system, period, settled = equation.system, equation.period, None
     doubts = dissipation_doubts(system)
     try:
-        settled = settle(system, np.zeros(system.state_size), period)
+        settled = settle(system, state_at_rest(system), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
         if settled is None and not doubts:  # if the transient diverges, other starts do not help
@@ -160,7 +161,7 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         first = error
 
     def settled_at(other: System) -> Orbit:
-        return _solved(ShootingEquation(other, None, period), settle(other, np.zeros(other.state_size), period), newton)
+        return _solved(ShootingEquation(other, None, period), settle(other, state_at_rest(other), period), newton)
 
     tried = ["a transient from rest"]
     for words, state in other_starts(system, period, settled, settled_at):
@@ -211,7 +212,7 @@ def other_starts(
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
             yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
             yield "their mean", lambda: states.mean(axis=0)
-    yield "rest", lambda: np.zeros(system.state_size)
+    yield "rest", lambda: state_at_rest(system)
     name = system.structure.names[0]
     for ratio in _RATIOS:
         other = system.at({name: ratio * system[name]})
@@ -221,7 +222,7 @@ def other_starts(
 
         def balanced() -> NDArray[np.float64]:
             equation = Balance(harmonics=10).pose(system, None, period)
-            unknowns, evaluation = solve(equation, equation.start(np.zeros(system.state_size)), 0.0)
+            unknowns, evaluation = solve(equation, equation.start(state_at_rest(system)), 0.0)
             return equation.orbit(unknowns, 0.0, evaluation).state
 
         yield "harmonic balance", balanced

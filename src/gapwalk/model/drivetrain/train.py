@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.drivetrain.train_checks import connection_problems, name_problems, number_problems, part_problems
+from gapwalk.model.drivetrain.train_checks import (
+    connection_problems,
+    name_problems,
+    number_problems,
+    part_problems,
+    slip_problems,
+)
 from gapwalk.model.drivetrain.train_form import LinkForm, TorqueForm, TrainForm, tree_of
 from gapwalk.model.drivetrain.train_orders import (
     LONGEST,
@@ -136,9 +142,13 @@ class Train:
         if self.speed is not None:
             self._count_orders()
         assembly, values = self._assembled()
-        problems = [*assembly.loop_problems(values)]
-        if not assembly.form.is_free and self.reaction is not None:
-            problems.append(f"reaction is {self.reaction!r}, but the ground takes the mean torques; leave it out")
+        problems = [*slip_problems(self, assembly.numbers(values)), *assembly.loop_problems(values)]
+        if self.reaction is not None and (apart := assembly.form.held[1:]):
+            problems.append(
+                f"reaction is {self.reaction!r}, but the ground alone joins {assembly.form.inertias[apart[0]]} to "
+                "another part of the train, so no torque of one part balances those of the other; leave it out, and "
+                "balance each part by mean = { ... }"
+            )
         if problems:
             raise ModelError("\n".join(problems))
         self.system()
@@ -301,7 +311,9 @@ class Train:
         counts = Counter([load.form.name for load in form.loads])
         counts.update(part.name for part in (*self.inertias, *self.links))
         for name in (name for name, count in counts.items() if count > 1):
-            raise ModelError(f"{name} is the name of a displacement, too; choose another one for the part")
+            raise ModelError(
+                f"{name} is a name that the train gives a load of its own; choose another one for the part"
+            )
         return TrainAssembly(form, self.units), np.array([*self._numbers(form)], dtype=float)
 
     def _torques(self, numbers: Mapping[str, int], links: Sequence[LinkForm]) -> Iterator[TorqueForm]:

@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.drivetrain.train_form import Step, TrainForm
+from gapwalk.model.loads import Line
 from gapwalk.model.structure import NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
@@ -44,7 +45,7 @@ from gapwalk.model.units import Units
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-_CONSISTENT = 1e-9  # relative error of the ratios around a loop
+CONSISTENT = 1e-9  # relative error of the ratios around a loop
 _LONG = 100  # links above which products of sparse matrices are cheaper: below, each costs more than all of its sums
 
 Matrix: TypeAlias = "csr_array | NDArray[Any]"
@@ -96,15 +97,15 @@ class TrainAssembly:
         )
         if form.slips:
             damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
-        mean = numbers.mean
-        parts = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ mean]
-        for load, number, link, factor in form.loads:
-            torque = form.torques[number]
-            parts.append(form.numbers(torque.harmonic.parameters, numbers.values))
+        mean, *torques = numbers.torques
+        parts, acting = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel()], iter(torques)
+        parts.append(turned.T @ mean)
+        for load, number, link, factor, _ in form.loads:
+            parts.append(form.numbers(form.torques[number].harmonic.parameters, numbers.values))
             if link >= 0:
                 parts += [numbers.stiffness[[link]], numbers.damping[[link]], -factor * deflections[link]]
             elif not load.varies:
-                parts.append(turned.T @ form.shape(numbers.values, torque))
+                parts.append(turned.T @ next(acting))
         for number, contact in form.contacts:
             parts += [deflections[number], form.numbers(contact.parameters, numbers.values)]
         return np.concatenate(parts)
@@ -126,7 +127,7 @@ class TrainAssembly:
         contacts = by_links[:, [number for number, _ in self.form.contacts]]
         torques = flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))
         columns, driving = [torques[:, 0]], iter(torques.T[1:])
-        for load, _, link, factor in self.form.loads:
+        for load, _, link, factor, _ in self.form.loads:
             if link >= 0:
                 columns.append(-factor * by_links[:, link])
             elif not load.varies:
@@ -162,23 +163,10 @@ class TrainAssembly:
             link, (first, second) = form.links[number], form.links[number].ends
             if number not in form.tree.looped:
                 continue
+            slips = link.drag or link.loose
             wanted = speeds[first] / speeds[second]
-            if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
+            if abs(ratios[number] / wanted - 1.0) > CONSISTENT and not slips:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
-                if any(each.law.is_dry for each in link.parts[:1]):
-                    yield (
-                        f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
-                        f"slips all the time as the train turns; write ratio = {wanted:.10g}, or join two inertias "
-                        "that turn at one speed"
-                    )
-                    continue
-                if link.drag or link.loose:
-                    yield (
-                        f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
-                        "slips as the train turns, with a torque that grows with the speed, which is no part of the "
-                        "equations; join two inertias that turn at one speed"
-                    )
-                    continue
                 yield (
                     f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
                     "is locked; correct one of the ratios on the loop"
@@ -186,8 +174,8 @@ class TrainAssembly:
             elif link.loose and numbers.deflections[number][list(form.slips)].any():
                 across = next(form.links[form.springs[place]].name for place in form.slips)
                 yield (
-                    f"{link.name} acts across {across}, which slips: its rate is no rate of a coordinate; write a "
-                    f"stiffness for {across}, or join two inertias on one side of it"
+                    f"{link.name} acts across {across}, which slips: the equations have no such friction or formula "
+                    "yet. A linear drag may act there: write it as a [[shaft]] with damping = ... alone"
                 )
             elif not link.rigid and body[first] == body[second]:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
@@ -245,7 +233,10 @@ class TrainNumbers:
 
     @cached_property
     def speeds(self) -> NDArray[Any]:
-        """The speeds at which the inertias turn together, the first at 1, shape (inertias,)."""
+        """The speeds at which the inertias turn together, the first at 1, shape (inertias,).
+
+        Of a train that is connected to the ground, those at which it would turn without that connection.
+        """
         found = np.ones(len(self.form.inertias) + 1, dtype=self.ratios.dtype)
         for step, factor in self._steps:
             if step.parent != self.form.ground:
@@ -347,24 +338,28 @@ class TrainNumbers:
 
     @cached_property
     def torques(self) -> list[NDArray[Any]]:
-        """The mean torques, and each term of the excitation that is a torque at the size 1, each shape (inertias,)."""
-        acting = (torque for torque in self.form.torques if torque.acts_on)
-        return [self.mean, *(self.form.shape(self.values, torque) for torque in acting)]
-
-    @cached_property
-    def mean(self) -> NDArray[Any]:
-        """The mean torques with the reaction, shape (inertias,)."""
+        """The mean torques, and each load that acts on inertias at the size 1, each shape (inertias,)."""
         form, mean = self.form, np.zeros(len(self.form.inertias), dtype=self.values.dtype)
         mean[list(form.loaded)] = self.values[1 + len(form.inertias) :][: len(form.loaded)]
         if form.reaction is not None:
-            mean[form.reaction] = -(self.speeds @ mean) / self.speeds[form.reaction]
-        return mean
+            mean += self._reaction(mean)
+        found = [mean]
+        for part in form.acting:
+            shape = form.shape(self.values, form.torques[part.torque])
+            found.append(self._reaction(shape) if part.reacts else shape)
+        return found
+
+    def _reaction(self, torques: NDArray[Any]) -> NDArray[Any]:
+        """Return the torque of the reaction that balances some torques, shape (inertias,)."""
+        place, found = self.form.reaction, np.zeros_like(torques)
+        found[place] = -(self.speeds @ torques) / self.speeds[place]
+        return found
 
     @cached_property
     def turning(self) -> NDArray[Any]:
         """The accelerations of the inertias by their torques as a free train turns as a whole.
 
-        Shape (inertias, 1 + terms of the excitation): by the mean torques, then by each term at the size 1. Together
+        Shape (inertias, 1 + loads on inertias): by the mean torques, then by each load at the size 1. Together
         with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
         ``r^T J r psi'' = r^T (torques)``. Zeros if the train is connected to the ground.
         """
@@ -374,10 +369,21 @@ class TrainNumbers:
         return np.outer(self.speeds, moved) / np.sum(self.inertia * self.speeds * self.speeds)
 
     @property
-    def acceleration(self) -> NDArray[np.float64]:
-        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
-        # a reaction leaves rounding errors at most
-        return self.turning[:, 0] if self.form.reaction is None else np.zeros(len(self.form.inertias))
+    def sizes(self) -> list[tuple[Line, ...]]:
+        """The lines of each of the `torques`, of which the first, the mean, is constant."""
+        form, values = self.form, self.values
+        return [(Line(0, 1.0, 0.0),)] + [
+            part.form.lines(values[0], form.numbers(form.torques[part.torque].harmonic.parameters, values))
+            for part in form.acting
+        ]
+
+    @property
+    def unbalanced(self) -> float:
+        """The constant torque that nothing balances, in terms of the first inertia; 0 with a reaction."""
+        if self.form.reaction is not None:  # it leaves rounding errors at most
+            return 0.0
+        sizes = [sum(line.cosine for line in lines if not line.order) for lines in self.sizes]
+        return float(self.speeds @ np.stack(self.torques, axis=1) @ sizes / self.speeds[0])
 
 
 def _filled(matrix: Matrix) -> NDArray[Any]:

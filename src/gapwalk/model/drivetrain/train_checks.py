@@ -9,13 +9,19 @@ from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gapwalk.model.contact import RIGID
 from gapwalk.model.contact_parts import OF_FRICTION, friction_name, stop_name
-from gapwalk.model.drivetrain.train_form import tree_of
+from gapwalk.model.drivetrain.train_assembly import CONSISTENT, TrainNumbers
+from gapwalk.model.drivetrain.train_form import LinkForm, tree_of
 from gapwalk.model.drivetrain.train_orders import plain_load
 from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Link
 from gapwalk.model.drivetrain.train_torques import Friction
+from gapwalk.model.laws.formula import NUMPY_FUNCTIONS
 from gapwalk.model.problems import did_you_mean
+from gapwalk.model.units import QuantityKind
 
 if TYPE_CHECKING:
     from gapwalk.model.drivetrain.train import Train
@@ -121,22 +127,6 @@ def connection_problems(train: Train) -> Iterator[str]:
         to = "the ground" if tree.root == numbers[GROUND] else train.inertias[0].name
         yield f"{apart[0]} is not connected to {to}{more}; write a shaft or a gear between them"
         return
-    held = any(GROUND in link.between and not link.is_drag for link in train.links)
-    for link in train.links:
-        if GROUND in link.between and link.is_drag and not held:
-            if isinstance(link, Friction):
-                yield (
-                    f"{link.name} is friction against the ground, and nothing holds the train to the ground: its slip "
-                    "is the speed at which the train turns as a whole, which is no part of the equations, and it never "
-                    f"sticks; give {link.between[0]} its torque as a mean torque instead, or hold the train by a shaft"
-                )
-                continue
-            drag = "a torque that depends on the rate alone" if link.only_follows else "damping, but no stiffness"
-            yield (
-                f"{link.name} has {drag}, and nothing else holds the train to the ground: its drag "
-                "depends on the speed at which the train turns as a whole, which is no part of the equations; give "
-                f"{link.between[0]} a mean torque instead, or {link.name} a stiffness"
-            )
     drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
     for link in drags:
         held_by = [end for end in link.between if end != GROUND and numbers[end] == numbers[GROUND]]
@@ -150,3 +140,71 @@ def connection_problems(train: Train) -> Iterator[str]:
     if not drags and all(link.rigid or link.drag or link.loose for link in links):
         link = next(link for link in train.links if link.is_rigid or link.is_drag)
         yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
+
+
+def slip_problems(train: Train, numbers: TrainNumbers) -> Iterator[str]:
+    """List the drags between parts that turn at different speeds, with the loads that come nearest to them."""
+    form, names = numbers.form, numbers.form.inertias
+    scale = numbers.speeds[names.index(train.reference)] if train.reference in names else 1.0
+    speeds = np.append(numbers.speeds / scale, 0.0)
+    for place, (link, part) in enumerate(zip(train.links, form.links, strict=True)):
+        (first, second), ratio = part.ends, numbers.ratios[place]
+        slip = speeds[first] - ratio * speeds[second]
+        held = not form.is_free and place not in form.tree.looped
+        if held or not (part.drag or part.loose) or abs(slip) <= CONSISTENT * abs(speeds[first]):
+            continue
+        acts = [f"{names[first]} = -1.0"] + [f"{names[each]} = {ratio:.10g}" for each in (second,) if each < len(names)]
+        lines = [f'name = "{link.name}"', f"amplitude = {_torque_in_slip(train, numbers, place, slip)}"]
+        lines.append(f"acts_on = {{ {', '.join(acts)} }}")
+        if part.drag and train.units and train.units.turns:
+            lines += ["growth = 1", f'at = "{train.frequency:.10g} {train.units.parameter(train.units.pace)}"']
+        where = "the ground" if second == form.ground else f"{names[second]}, which turns at another speed,"
+        yield (
+            f"{link.name} slips against {where} all the time as the train turns, and the equations have no such drag "
+            f"yet: leave it out, and write its constant torque as a table [[steady]] with {', '.join(lines)}; "
+            f"{_neglected(link, part, speeds)}"
+        )
+
+
+def _neglected(link: Link, part: LinkForm, speeds: NDArray[np.float64]) -> str:
+    """Say what a constant torque in place of a drag neglects."""
+    if isinstance(link, Friction):
+        first, second = part.ends
+        mesh = (
+            "" if not speeds[second] else f". If it is in a mesh, write ratio = {speeds[first] / speeds[second]:.10g}"
+        )
+        return f"that is exact as long as the slip keeps its direction{mesh}"
+    at = "that leaves" if part.drag else "that is its torque at this speed, and leaves"
+    spring = (
+        ""
+        if part.ends[1] < len(speeds) - 1
+        else (". A spring to the ground cannot stand for it: the mean torques of the train would flow through it")
+    )
+    return f"{at} out the damping of vibrations by {link.name}{spring}"
+
+
+def _torque_in_slip(train: Train, numbers: TrainNumbers, place: int, slip: float) -> str:
+    """Return the torque of a drag at the mean rate of its slip, as it is written; ``...`` if that is not known."""
+    link, part, units = train.links[place], numbers.form.links[place], train.units
+    if isinstance(link, Friction):
+        limit = link.numbers.get("limit")
+        torque = None if limit is None else math.copysign(limit, slip)
+        return _written(torque, units.of(QuantityKind.TORQUE).text if units else "")
+    if units is None or units.turns is None:  # then the speed of the train is no number of the model
+        return "..."
+    rate = slip * numbers.values[0] / float(units.turns) / units.angle
+    contact = part.contact
+    if contact is None:
+        return _written(numbers.damping[place] * rate, "N m")
+    formula: Any = contact.law
+    names = [each.name for each in formula.parameters]
+    given = dict(zip(names, numbers.form.numbers(contact.parameters, numbers.values), strict=True))
+    moved = given | {"x": 0.0, "x'": rate, "v": rate}
+    modes = formula.formula.modes_at(moved, NUMPY_FUNCTIONS)
+    return _written(formula.formula.value(moved, NUMPY_FUNCTIONS, modes), "N m")
+
+
+def _written(torque: float | None, unit: str) -> str:
+    if torque is None:
+        return "..."
+    return f'"{torque:.10g} {unit}"' if unit else f"{torque:.6g}"

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.drivetrain.displacement import Displacing
+from gapwalk.model.drivetrain.made_loads import Displacing, MeanOf
 from gapwalk.model.laws import Expression
 from gapwalk.model.loads import LoadForm
 from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames
@@ -119,12 +119,15 @@ class LoadPart(NamedTuple):
         The link that it displaces; -1 for none.
     factor
         The factor of that displacement.
+    reacts
+        True for the reaction to the mean of that term.
     """
 
     form: LoadForm
     torque: int
     link: int = -1
     factor: float = 0.0
+    reacts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,8 +239,7 @@ class TrainForm:
     torques
         The excitation.
     reaction
-        Index of the inertia on which the torque acts that balances the other mean torques; None if there is
-        none.
+        Index of the inertia on which the torque acts that balances the constant torques; None if there is none.
     """
 
     inertias: tuple[str, ...]
@@ -271,6 +273,11 @@ class TrainForm:
         """True if the train can rotate as a whole."""
         return self.tree.root != self.ground
 
+    @property
+    def held(self) -> list[int]:
+        """The inertia of each connected part of the train at which it is joined to the ground; empty if it is free."""
+        return [step.child for step in self.tree.steps if step.parent == self.ground]
+
     @cached_property
     def ends(self) -> NDArray[np.intp]:
         """The inertias at the first end of each link, then those at the second, shape (2 links,)."""
@@ -300,18 +307,27 @@ class TrainForm:
 
     @cached_property
     def loads(self) -> tuple[LoadPart, ...]:
-        """The loads of the equations of motion: terms of the excitation, and displacements of linear links."""
+        """The loads of the equations: terms of the excitation, reactions to them, and displacements of linear links."""
         found = []
         for number, torque in enumerate(self.torques):
             load = torque.harmonic
             if torque.acts_on or load.varies:
                 found.append(LoadPart(load, number))
+            if self.reaction is not None and torque.acts_on and 0 in load.orders:
+                mean: Any = MeanOf(load.kind)
+                form = LoadForm(f"{load.name}_reaction", load.order, mean, load.constants)
+                found.append(LoadPart(form, number, reacts=True))
             alone = not load.varies and len(torque.displaces) == 1
             for link, factor in torque.displaces:
                 name = load.name if alone else f"{load.name}_{self.links[link].name}"
                 kind: Any = Displacing(load.kind)
                 found.append(LoadPart(LoadForm(name, load.order, kind, load.constants), number, link, factor))
         return tuple(found)
+
+    @property
+    def acting(self) -> tuple[LoadPart, ...]:
+        """Those of the loads that act on inertias."""
+        return tuple(part for part in self.loads if part.link < 0 and not part.form.varies)
 
     @cached_property
     def loaded(self) -> tuple[int, ...]:

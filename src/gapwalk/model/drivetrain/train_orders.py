@@ -56,6 +56,13 @@ class Counted:
     order: float | None = None
 
     def __post_init__(self) -> None:
+        for key in ("mesh", "turns_of"):
+            if not isinstance(name := getattr(self, key), str):
+                what = "a gear" if key == "mesh" else "an inertia"
+                raise ModelError(
+                    f"{self.name} has {key} = {name!r}, which is no name of {what}; a fraction is written "
+                    "Counted(load, order=0.5)"
+                )
         if self.mesh and self.turns_of:
             raise ModelError(f"{self.name} has both mesh and turns_of; leave one of the two out")
         given = self.load.order if self.order is None else self.order
@@ -162,9 +169,14 @@ def multiples_of(train: Train, turns: Fraction) -> list[int]:
         multiple = order / turns
         if multiple.denominator != 1:
             counted = "per turn of the reference shaft" if turns != 1 else "in multiples of the frequency"
+            way = (
+                'write speed = "1000 rpm" in place of the frequency: the period is then the common one of all loads'
+                if train.units
+                else f"multiply the orders of all loads by {multiple.denominator}, and write the frequency "
+                f"{train.frequency / multiple.denominator:.10g}"
+            )
             raise ModelError(
-                f"{load.name} has the order {order} {counted}, which is no whole multiple of {turns}; write "
-                'speed = "1000 rpm" in place of the frequency: the period is then the common one of all loads'
+                f"{load.name} has the order {order} {counted}, which is no whole multiple of {turns}; {way}"
             )
         found.append(int(multiple))
     return found

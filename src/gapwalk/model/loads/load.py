@@ -438,7 +438,8 @@ def check_order(order: float) -> None:
         raise ModelError(
             f"order is {order}; it must be an integer >= 1: with a non-integer order the excitation is not "
             "periodic in 2 pi/W, so no periodic motion exists. If the orders are commensurate (1 and 1.5, "
-            "say), make the largest common divisor the fundamental (orders 2 and 3)"
+            "say), make the largest common divisor the fundamental (orders 2 and 3). In a drive train with a speed, "
+            f"write gw.train.Counted(load, order={order}) with a load of order 1"
         )
     if order < 1:
         raise ModelError(f"order is {order}; it must be an integer >= 1 (a constant load belongs in `mean`)")

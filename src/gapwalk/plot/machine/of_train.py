@@ -23,11 +23,14 @@ def machine_of_train(system: System, assembly: TrainAssembly) -> Machine:
     rows = np.real(numbers.angles) / speeds[:, None]
     loads: list[list[Push]] = [[] for _ in form.inertias]
     # a displacement is the angle divided by the speed: the torque of an inertia that turns backwards pushes back
-    acting = [torque.harmonic.name for torque in form.torques if torque.acts_on]
-    for name, sizes in zip(acting, numbers.torques[1:], strict=True):
+    constant, *others = numbers.torques
+    for part, sizes, lines in zip(form.acting, others, numbers.sizes[1:], strict=True):
+        if part.reacts:
+            constant = constant + sizes * sum(line.cosine for line in lines)
+            continue
         for number in np.flatnonzero(sizes):
-            loads[number].append(Push.of(name, float(np.real(sizes[number])) * speeds[number]))
-    for number, mean in enumerate(np.real(numbers.mean).tolist()):
+            loads[number].append(Push.of(part.form.name, float(np.real(sizes[number])) * speeds[number]))
+    for number, mean in enumerate(np.real(constant).tolist()):
         if mean:
             name = "reaction" if number == form.reaction else "mean"
             loads[number].append(Push.of(name, mean * speeds[number]))
