@@ -154,7 +154,13 @@ class Regimes(Shown):
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
     def tables(self) -> Tables:
-        """Return the table of the cells."""
+        """Return the table of the cells.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
         return {"cells": TableRows(self._cell_rows, 2, units={"peak.force.": ".force"})}
 
     def _cell_rows(self) -> Rows:

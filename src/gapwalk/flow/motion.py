@@ -170,7 +170,18 @@ class Motion:
         return contact_deflections(layout_of(self.system.structure), self._coefficients, self.theta, self.q)
 
     def deflection_rate(self, contact: int) -> NDArray[np.float64]:
-        """Return the rate of the deflection of a contact, by its index, shape (samples,)."""
+        """Return the rate of the deflection of a contact.
+
+        Parameters
+        ----------
+        contact
+            The index of the contact.
+
+        Returns
+        -------
+        array, shape (samples,)
+            The rate over time, in consistent units.
+        """
         slots = layout_of(self.system.structure).contacts[contact]
         sway = Angles(layout_of(self.system.structure), self._coefficients, self.theta).sway(slots, 0, 1)
         return self.v @ self._coefficients[slots.deflection] + sway

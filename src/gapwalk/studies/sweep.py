@@ -389,7 +389,13 @@ class Sweep(Shown):
         return names.index(name)
 
     def tables(self) -> Tables:
-        """Return the tables of section points and of the regime of each motion."""
+        """Return the tables of section points and of the regime of each motion.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
         return {"points": self._point_rows, "regimes": self._regime_rows}
 
     def _point_rows(self) -> Rows:
