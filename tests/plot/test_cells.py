@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+import gapwalk as gw
 from gapwalk.attractors import classify
 from gapwalk.attractors.basins import BasinCheck, Basins
 from gapwalk.attractors.box import Window
@@ -144,3 +145,21 @@ def test_loci_are_drawn_over_the_regimes(chart):
 def test_records_draw_themselves(basins, chart):
     assert basins.plot("Title").get_title("left") == "Title"
     assert len(chart.plot(panels=()).axes) == 1
+
+
+def test_a_rigid_stop_has_impacts_and_no_panel_of_zero_force(chart):
+    wall = gw.rigid_stop("wall", {"x": 1.0}, clearance=1.0, restitution=0.8)
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[gw.Harmonic(0.5, {"x": 1.0})])
+    rigid = replace(chart, system=system, peak_force=np.full(chart.peak_force.shape, np.nan))
+    figure = picture_of(rigid)
+    assert np.array_equal(image_of(figure.axes[1]).get_array(), rigid.impacts[..., 0])
+    assert figure.axes[2].get_ylabel() == "impacts of wall per forcing period"
+    with pytest.raises(ModelError, match="wall is a rigid stop, and its impacts have no finite force"):
+        picture_of(rigid, panels=["peak force"], contact="wall")
+
+
+def test_records_of_cells_have_tables_of_their_cells(basins, chart):
+    for record, name, values in ((chart, "period", chart.periods), (basins, "leads.to", None)):
+        found = record.to_xarray()["cells"][name]
+        assert found.shape == record.resolution[::-1]
+        assert values is None or np.array_equal(found, values)

@@ -46,8 +46,10 @@ def test_what_is_drawn_is_explained(figure) -> None:
         "stable",
         "unstable, beyond −1",
         "unstable, beyond +1",
+        "unstable, complex pair",
         "fold (LP)",
         "flip (PD)",
+        "Neimark–Sacker (NS)",
         "grazing",
     ]
     assert legend_of(lower) == [

@@ -164,3 +164,15 @@ def test_a_settled_motion_draws_itself(three):
         figure = three.plot("q1'")
     assert len(figure.axes) == 4
     plt.close(figure)
+
+
+def test_the_force_of_a_rigid_stop_is_drawn_as_its_impulses(ax):
+    wall = gw.rigid_stop("wall", {"x": 1.0}, clearance=1.0, restitution=0.8)
+    load = gw.Harmonic(0.5, {"x": 1.0})
+    system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[wall], harmonics=[load], frequency=0.8)
+    motion = gw.integrate(system, np.array([0.0, 1.0]), 4)
+    draw(motion, ax=ax, signal="wall.force")
+    jumps = [before[0] - after[0] for before, after in (impact.velocities for impact in motion.impacts)]
+    heights = [path[1, 1] for path in ax.collections[0].get_segments()]
+    assert len(jumps) > 1
+    assert heights == pytest.approx(jumps, rel=1e-9)  # the impulse on a mass of 1

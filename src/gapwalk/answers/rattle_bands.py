@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.gap_spans import BandEnd, GapSpan, RattleBand, bands_of_spans, spans_of, state_of
-from gapwalk.answers.gap_states import GapState, contact_place, gap_state, judge_gaps
+from gapwalk.answers.gap_states import GapState, gap_state, judge_gaps
 from gapwalk.answers.settled_sweep import Sample, SettledSweep
+from gapwalk.answers.shown_measure import moved_by
 from gapwalk.answers.tolerance import chance_of
 from gapwalk.attractors.many_motions import enough, has_kernel, motions_of
 from gapwalk.attractors.rattle import Rattle, rattle
@@ -28,7 +29,6 @@ from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import FlowError
-from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
@@ -479,13 +479,6 @@ def severity_of(
         signal.kurtosis,
         level,
     )
-
-
-def moved_by(system: System, gap: str) -> list[str]:
-    """Return the coordinates that deflect a gap, those that deflect it most first."""
-    slots = layout_of(system.structure).contacts[contact_place(system, gap)]
-    vector = np.abs(coefficients_of(system)[slots.deflection])
-    return [system.coordinates[k] for k in np.argsort(-vector, kind="stable").tolist() if vector[k]]
 
 
 def worst_of(

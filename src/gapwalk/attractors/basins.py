@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,10 @@ from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLV
 from gapwalk.attractors.box import Box, Window
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
+from gapwalk.summary import Rows, TableRows, Tables, rows_of
 
 _ORDER = tuple(AttractorKind)
+_WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 
@@ -181,6 +183,29 @@ class Basins(Shown):
         """Number of cells that lead to no attractor, by the reason in words."""
         return {"diverges": self.runaway, "unresolved": self.unresolved, "beyond a rigid stop": self.impossible}
 
+    def tables(self) -> Tables:
+        """Return the tables of the cells, each with its attractor, and of the attractors.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
+        return {"cells": TableRows(self._cell_rows, 2), "attractors": self._attractor_rows}
+
+    def _cell_rows(self) -> Rows:
+        across, up = (axis.tolist() for axis in self.axes)
+        names = dict(enumerate(self.names)) | _WORDS
+        yield [self.window.across, self.window.up, "leads.to"]
+        for y, row in zip(up, self.labels.tolist(), strict=True):
+            for x, label in zip(across, row, strict=True):
+                yield [x, y, names[label]]
+
+    def _attractor_rows(self) -> Rows:
+        yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in self.system.state_names)]
+        for name, attractor in zip(self.names, self.attractors, strict=True):
+            yield [name, attractor.kind.value, attractor.period, self.cells[name], *attractor.state.tolist()]
+
     def plot(self, title: str = "", **options: Any):
         """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes.
 
@@ -277,9 +302,24 @@ class BasinShares:
     def shares(self) -> tuple[Share, ...]:
         """The share of each attractor, then of diverging motions and of unresolved ones if there are any."""
         names = dict(enumerate(attractor_names(self.attractors)))
-        others = {RUNAWAY: "diverges", UNRESOLVED: "unresolved"}
-        names |= {label: name for label, name in others.items() if np.any(self.labels == label)}
+        names |= {label: name for label, name in _WORDS.items() if np.any(self.labels == label)}
         return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
+
+    def tables(self) -> Tables:
+        """Return the tables of the shares, and of the starts, each with its attractor.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
+        return {"shares": lambda: rows_of(map(asdict, self.shares)), "starts": self._start_rows}
+
+    def _start_rows(self) -> Rows:
+        names = dict(enumerate(attractor_names(self.attractors))) | _WORDS
+        yield [*(f"{q}(0)" for q in self.system.state_names), "leads.to"]
+        for start, label in zip(self.starts.tolist(), self.labels.tolist(), strict=True):
+            yield [*start, names[label]]
 
     def _share(self, name: str, count: int) -> Share:
         from scipy.stats import binomtest  # imported late: it takes long

@@ -19,6 +19,8 @@ from gapwalk.attractors.box import centres
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
+from gapwalk.orbit.measures import parameter_headings
+from gapwalk.summary import Rows, TableRows, Tables
 
 _SHORT = 8  # longest period that a short summary lists separately
 
@@ -63,8 +65,8 @@ class Regimes(Shown):
     exponents : shape (rows, columns)
         Largest Lyapunov exponent per forcing period of motions that were not found to be periodic at once; else nan.
     peak_force, impacts : shape (rows, columns, contacts)
-        Largest magnitude of each contact force, and impacts per forcing period; shape (rows, columns, 0) if not
-        requested.
+        Largest magnitude of each contact force (nan of a rigid stop, whose impacts have no finite force), and impacts
+        per forcing period; shape (rows, columns, 0) if not requested.
     states : shape (rows, columns, state_size)
         A state of the motion at theta = 0.
     check
@@ -150,6 +152,33 @@ class Regimes(Shown):
             place.append(min(int((value - low) / (high - low) * count), count - 1))
         column, row = place
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
+
+    def tables(self) -> Tables:
+        """Return the table of the cells.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
+        return {"cells": TableRows(self._cell_rows, 2, units={"peak.force.": ".force"})}
+
+    def _cell_rows(self) -> Rows:
+        contacts = [contact.name for contact in self.system.structure.contacts][: self.impacts.shape[2]]
+        headings = [f"{what}.{contact}" for what in ("peak.force", "impacts") for contact in contacts]
+        names = parameter_headings([self.first, self.second], self.system.coordinates)
+        yield [*names, "regime", "period", "exponent", *headings]
+        (across, up), (rows, columns) = self.axes, self.regimes.shape
+        for row, column in np.ndindex(rows, columns):
+            regime, period = int(self.regimes[row, column]), int(self.periods[row, column])
+            forces, impacts = self.peak_force[row, column], self.impacts[row, column]
+            yield [
+                float(across[column]),
+                float(up[row]),
+                regime_word(regime, period),
+                period,
+                *("" if np.isnan(each) else float(each) for each in (self.exponents[row, column], *forces, *impacts)),
+            ]
 
     def plot(self, title: str = "", **options: Any):
         """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure.

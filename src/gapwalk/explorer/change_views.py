@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gapwalk.answers.design import ChangedParameter, Design
 from gapwalk.answers.run_ups import RunUps
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
@@ -43,8 +44,8 @@ class DesignView(AnswerView):
 
     @property
     def axes(self) -> tuple[str, str]:
-        """The walked parameter, and the amplitude of the first coordinate."""
-        return self.record.parameter, f"half.{self.record.system.coordinates[0]}"
+        """The walked parameter, and the measure of what is asked for."""
+        return self.record.parameter, shown_measure(self.record.system, self.record)
 
     def drawn(self) -> Json:
         """Return the bands of the goals, and the change of each parameter within its limits."""
@@ -87,8 +88,8 @@ class ToleranceView(AnswerView):
 
     @property
     def axes(self) -> tuple[str, str]:
-        """The parameter of the branch, and the amplitude of the first coordinate."""
-        return self.record.parameter, f"half.{self.system.coordinates[0]}"
+        """The parameter of the branch, and the measure of what varies."""
+        return self.record.parameter, shown_measure(self.system, self.record)
 
     @property
     def system(self) -> System:

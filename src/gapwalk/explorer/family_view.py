@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.explorer.answer_view import AnswerView, Json, shown
-from gapwalk.model.words import full_measure, parameter_symbol, parameter_words
+from gapwalk.model.words import parameter_symbol, parameter_words
 from gapwalk.studies.family import Family
 from gapwalk.studies.special_point_path import SpecialPointPath
 
@@ -30,8 +31,7 @@ class FamilyView(AnswerView):
     def axes(self) -> tuple[str, str]:
         """The parameter, and the measure of the study."""
         found = self.record
-        measure = getattr(getattr(self.finding, "options", None), "measure", "") or "half"
-        return found.parameter, full_measure(measure, found.system.coordinates)
+        return found.parameter, shown_measure(found.system, getattr(self.finding, "options", None))
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -11,10 +11,8 @@ from gapwalk.attractors.attractor import Settled
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.flow.dry_motion import is_dry
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.forces import Angles
 from gapwalk.flow.motion import Motion, sample
 from gapwalk.flow.stick_slip import MODES, StickSlip, stick_slip
-from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.model.words import signal_words
@@ -91,12 +89,7 @@ def element_curve(sampled: Motion, index: int) -> dict[str, NDArray[np.float64]]
     memories = system.structure.memories
     if index in memories:
         return {"slider": sampled.deflections[:, index] - sampled.z[:, memories.index(index)]}
-    if not form.law.rebounds:
-        return {}
-    layout, numbers = layout_of(system.structure), coefficients_of(system)
-    slots = layout.contacts[index]
-    sway = Angles(layout, numbers, sampled.theta).sway(slots, 0, 1)
-    return {"rate": sampled.v @ numbers[slots.deflection] + sway}
+    return {"rate": sampled.deflection_rate(index)} if form.law.rebounds else {}
 
 
 def energy_table(motion: Orbit | Settled) -> dict[str, Any]:

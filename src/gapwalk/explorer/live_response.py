@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation import directions, start_branch
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -26,7 +27,7 @@ from gapwalk.explorer.progress_stream import SECONDS
 from gapwalk.model.equilibria import find_equilibria
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.model.words import measure_words, parameter_words
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.method import Method
@@ -81,7 +82,7 @@ def response(asked: Asked) -> Iterator[dict[str, Any]]:
     options = study.options
     assert isinstance(options, RangeStudy)
     system = options.first_system(study.system)
-    given = full_measure(getattr(options, "measure", None) or "half", system.coordinates)
+    given = shown_measure(system, options)
     titles = {"across": parameter_words(options.parameter, system.units), "up": measure_words(given, system.units)}
     yield {**titles, "range": [options.begin, options.end]}
     period = options.period if isinstance(options, BranchOptions) else 1

@@ -145,9 +145,14 @@ def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]
         return {}
     found = {}
     for name in names:
-        theta, sizes = sampled.impulses(f"{name}''")
-        found[name] = [_rounded(theta / PERIOD), _rounded(sizes / sampled.system.frequency)]
+        found[name] = _impulses(sampled, f"{name}''")
     return found
+
+
+def _impulses(sampled: Motion, signal: str) -> list[list[float]]:
+    """Return where a signal has impulses, in forcing periods, and their integrals over time."""
+    theta, sizes = sampled.impulses(signal)
+    return [_rounded(theta / PERIOD), _rounded(sizes / sampled.system.frequency)]
 
 
 def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
@@ -172,6 +177,7 @@ def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
                 "force": _rounded(sampled.forces[:, place]),
                 "stops": stops,
                 "is": "friction" if form.law.is_dry else "stop" if form.law.rebounds else "spring",
+                **({"struck": _impulses(sampled, force_of(form))} if form.law.rebounds else {}),
                 **{name: _rounded(values) for name, values in element_curve(sampled, place).items()},
             }
         )

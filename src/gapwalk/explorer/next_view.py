@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.explorer.exploration import Exploration, Line
-from gapwalk.explorer.plan import Place, is_same_system, measure_of
+from gapwalk.explorer.plan import Place, is_same_system
 from gapwalk.explorer.what_next import Stretch, at_point, at_special, step
 from gapwalk.model.system import System
 
@@ -30,7 +31,7 @@ def next_of(exploration: Exploration, place: Place) -> dict[str, Any]:
     line = lines[0] if lines and entry.settled() is None else None
     if line is not None and line.kind is None and place.special is not None:
         _, special = exploration.special(place)
-        measure = measure_of(exploration.origin(place), special.orbit.system)
+        measure = shown_measure(special.orbit.system, exploration.origin(place).options)
         near = stretches(known_lines(exploration), special, special.orbit.system)
         found = at_special(special, measure, near, neighbours(line, special))
     elif line is not None and line.kind is None and place.point is not None:

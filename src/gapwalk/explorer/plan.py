@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.attractors.sound import second_of
 from gapwalk.continuation.walk_scales import check_range
 from gapwalk.errors import ModelError
@@ -280,7 +281,7 @@ def _search(action: Search, shown: Exploration) -> tuple[str, Task]:
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
     """Return the options of a search: those of the diagram from which it starts, if it starts from one."""
-    own, measure = origin.options, measure_of(origin, system)
+    own, measure = origin.options, shown_measure(system, origin.options)
     where = (action.parameter, action.low, action.high)
     if isinstance(own, DiagramStudyOptions):
         limits = replace(own.limits, search_values=action.count)
@@ -391,7 +392,7 @@ def _from_orbit(
 ) -> BranchOptions:
     """Return the options of a kind of study that starts from an orbit, along a parameter between two values."""
     start = {"period": orbit.period, "start": tuple(orbit.state.tolist()), "method": method_of(orbit, origin)}
-    return kind(*where, measure_of(origin, orbit.system), **(start | options))
+    return kind(*where, shown_measure(orbit.system, origin.options), **(start | options))
 
 
 def method_of(orbit: Orbit, origin: Study) -> Method:
@@ -399,13 +400,6 @@ def method_of(orbit: Orbit, origin: Study) -> Method:
     options = origin.options
     found = options.method if isinstance(options, BranchOptions) else None
     return found if found is not None and found.name == orbit.found_by else orbit.method()
-
-
-def measure_of(origin: Study, system: System) -> str:
-    """Return the measure of a study, or the amplitude of the first coordinate."""
-    options = origin.options
-    measure = options.measure if isinstance(options, BranchOptions) else ""
-    return measure or f"half.{system.coordinates[0]}"
 
 
 def _study_of(system: System, options, title: str, origin: Study) -> Study:

@@ -10,9 +10,10 @@ import numpy as np
 
 from gapwalk.answers.gap_spans import BandEnd
 from gapwalk.answers.gap_states import GapState
-from gapwalk.answers.rattle_bands import RattleBands, Severity, moved_by
+from gapwalk.answers.rattle_bands import RattleBands, Severity
 from gapwalk.answers.rattle_map import RattleMap, cell_word
 from gapwalk.answers.settled_sweep import Direction
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.threshold import Threshold
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.loci import Locus
@@ -44,7 +45,7 @@ class RattleView(AnswerView):
     @property
     def axes(self) -> tuple[str, str]:
         """The parameter, and the amplitude of the coordinate that deflects the first gap most."""
-        return self.record.parameter, f"half.{moved_by(self.record.system, self.record.gaps[0])[0]}"
+        return self.record.parameter, shown_measure(self.record.system, self.record)
 
     @property
     def contacts(self) -> Sequence[str]:

@@ -17,6 +17,7 @@ from gapwalk.answers.rattle_bands import RattleBands
 from gapwalk.answers.rattle_map import RattleMap
 from gapwalk.answers.run_up import RunUp
 from gapwalk.answers.run_ups import RunUps
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.threshold import Threshold
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.attractors.attractor import Settled
@@ -54,7 +55,6 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.export import write_whole
 from gapwalk.studies.family import Family
 from gapwalk.studies.map import Map
-from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.result import Result
 from gapwalk.studies.settle_study import SettleFinding
 from gapwalk.studies.sweep import Sweep
@@ -384,10 +384,9 @@ def save_html(
         raise ModelError(f"motions is {motions}; it must be at least 1, as in motions=400")
     if gradients < 0:
         raise ModelError(f"gradients is {gradients}; it must be at least 0, as in gradients=20")
-    lines = lines_of(found)
+    lines, asked = lines_of(found), found
     if isinstance(found, Result):
-        title = found.title if title is None else title
-        measure = measure or (found.options.measure if isinstance(found.options, BranchOptions) else None)
-    blob = Blob()
-    shown = content_of(lines, measure or "half", title or "A result", motions, blob, gradients)
+        asked, title = found.options, found.title if title is None else title
+    blob, measure = Blob(), measure or shown_measure(lines.system, asked)
+    shown = content_of(lines, measure, title or "A result", motions, blob, gradients)
     write_whole(path, html_file(shown["title"], shown, blob.content))

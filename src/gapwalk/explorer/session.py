@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.errors import ModelError
 from gapwalk.explorer.axis_quantities import contact_quantities, measure_name, quantity_words
 from gapwalk.explorer.curve_data import locus_lines
@@ -21,8 +22,8 @@ from gapwalk.explorer.result_list import change_look, deleted, listed, remove_de
 from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, signal_words
-from gapwalk.studies.options import BranchOptions, RangeStudy
+from gapwalk.model.words import signal_words
+from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.study_file import Study
 
 _MOST_OPEN = 20  # files open at the same time
@@ -136,13 +137,11 @@ class Session:
         assert study is not None  # without it the file could not have been opened
         system, options = study.system, study.options
         self.flows.warm(system)
-        walked = isinstance(options, BranchOptions)
-        asked = full_measure(options.measure, system.coordinates) if walked and options.measure else ""
-        own = asked.partition(".")[2] if asked else getattr(options, "signal", "").rstrip("'")
+        shown = shown_measure(system, options)
+        own = shown.partition(".")[2]
         first = [own] if own in system.coordinates else []  # what the study asks for stands before all others
         coordinates = list(dict.fromkeys((*first, *system.coordinates[:50])))
         measures = [f"{kind}.{q}" for q in coordinates for kind in ("half", "max", "min", "mean", "rms")]
-        shown = asked or measures[0]
         if shown not in measures:
             measures.insert(0, shown)
 

@@ -19,6 +19,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.answer_view import AnswerView
 from gapwalk.explorer.axis_quantities import MEASURE, quantity
@@ -279,7 +280,7 @@ class _Api:
         measure = (
             measure
             if "." in measure and measure not in orbit.system.parameters
-            else f"half.{orbit.system.coordinates[0]}"
+            else shown_measure(orbit.system, study.options)
         )
         text = model_file(
             study.text, str(exploration.file), str(exploration.workspace.root), orbit, parameter, to, measure

@@ -170,6 +170,23 @@ class Motion:
         """Contact deflections ``e_k^T q``, shape (samples, contacts)."""
         return contact_deflections(layout_of(self.system.structure), self._coefficients, self.theta, self.q)
 
+    def deflection_rate(self, contact: int) -> NDArray[np.float64]:
+        """Return the rate of the deflection of a contact.
+
+        Parameters
+        ----------
+        contact
+            The index of the contact.
+
+        Returns
+        -------
+        array, shape (samples,)
+            The rate over time, in consistent units.
+        """
+        slots = layout_of(self.system.structure).contacts[contact]
+        sway = Angles(layout_of(self.system.structure), self._coefficients, self.theta).sway(slots, 0, 1)
+        return self.v @ self._coefficients[slots.deflection] + sway
+
     @cached_property
     def contacts(self) -> tuple[ContactRecord, ...]:
         """The contact log: which stage closed or opened, when, on which side, and how fast."""

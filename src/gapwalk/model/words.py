@@ -38,6 +38,11 @@ def measure_words(name: str, units: Units | None = None) -> str:
     return _with(words, units and units.signal(signal)[1])
 
 
+def measure_symbol(name: str, units: Units | None = None) -> str:
+    """Return the short form of a measure, for tables: ``max x [deg]``."""
+    return _with(name.replace(".", " ", 1), units and units.signal(name.partition(".")[2])[1])
+
+
 def state_words(coordinate: str, units: Units | None = None) -> str:
     """Return the label of an axis for a coordinate at each forcing period."""
     return _with(f"{coordinate}(0), once every forcing period", units and units.state(coordinate))

@@ -59,10 +59,7 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
         own = [(switch, each[2], turns.values) for switch, (each, turns) in enumerate(depths) if each[0] == place]
         # what stays beyond a breakpoint is pressed there, however stiff the stage is
         closed = any(
-            orbit.held.get(switch, _LOOSE) != _LOOSE
-            or not values
-            or min(values) > 0.0
-            or max(values) > _TOUCHES * gap
+            orbit.held.get(switch, _LOOSE) != _LOOSE or not values or min(values) > 0.0 or max(values) > _TOUCHES * gap
             for switch, gap, values in own
         )
         (touching if closed else opened).append((contact.name, deflection @ ways))

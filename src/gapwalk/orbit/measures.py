@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -29,6 +30,17 @@ _TURNS = 1e-9  # rate of a deflection, over the size of a state, that is only ro
 _SAMPLES = 96  # per forcing period: those of a motion with friction
 
 MEASURES = ("max", "min", "half", "mean", "rms")
+
+
+def measure_names(coordinates: Sequence[str]) -> list[str]:
+    """Return the headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
+    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
+
+
+def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
+    """Return headings of parameters: their names, but ``parameter mean.q1`` if a measure is called ``mean.q1``."""
+    taken = measure_names(coordinates)
+    return [f"parameter {name}" if name in taken else name for name in parameters]
 
 
 class Turns(NamedTuple):

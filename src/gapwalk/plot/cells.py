@@ -159,7 +159,7 @@ def draw_regimes(
         The map and the figure.
     panels
         Panels below the regimes: ``"peak force"``, ``"impacts"``, both or neither; by default the first, if there are
-        contacts.
+        contacts, or the second, if all are rigid stops, whose impacts have no finite force.
     loci
         Bifurcation loci in the same plane, drawn over the regimes.
     contact
@@ -184,7 +184,14 @@ def _shown(found: Regimes, panels: Sequence[str] | None) -> Sequence[str]:
     for which in panels or ():
         if which not in ("peak force", "impacts"):
             raise ModelError(f'there is no figure {which!r} of a contact; write "peak force" or "impacts"')
-    return (["peak force"] if contacts else []) if panels is None else panels
+    if panels is None:
+        panels = ["impacts" if _rigid(found).all() else "peak force"] if contacts else []
+    return panels
+
+
+def _rigid(found: Regimes) -> NDArray[np.bool_]:
+    """Return which contacts with figures are rigid stops."""
+    return np.array([form.law.rebounds for form in found.system.structure.contacts][: found.peak_force.shape[2]])
 
 
 def _axes_words(found: Regimes) -> tuple[str, str]:
@@ -193,7 +200,7 @@ def _axes_words(found: Regimes) -> tuple[str, str]:
 
 def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes) -> None:
     """Draw the peak force or the impacts per period of one contact in the plane, with a colour scale."""
-    place = _contact_index(found, contact)
+    place = _contact_index(found, which, contact)
     name = found.system.structure.contacts[place].name
     cells = (found.peak_force if which == "peak force" else found.impacts)[..., place]
     top = float(np.nanquantile(cells, 0.998)) if np.isfinite(cells).any() else 1.0
@@ -204,15 +211,19 @@ def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes
     ax.figure.colorbar(image, ax=ax, label=text, pad=0.015, fraction=0.05, extend="max")
 
 
-def _contact_index(found: Regimes, contact: int | str | None) -> int:
-    names = [form.name for form in found.system.structure.contacts][: found.peak_force.shape[2]]
+def _contact_index(found: Regimes, which: str, contact: int | str | None) -> int:
+    names, rigid = [form.name for form in found.system.structure.contacts][: found.peak_force.shape[2]], _rigid(found)
     if contact is None:
-        forces = np.nan_to_num(found.peak_force).reshape(-1, len(names)).max(axis=0)
-        return contact_to_show(found.system, "", forces)
-    if isinstance(contact, str) and contact in names:
-        return names.index(contact)
-    if isinstance(contact, int) and 0 <= contact < len(names):
-        return contact
+        figures = found.peak_force if which == "peak force" and not rigid.all() else found.impacts
+        largest = np.nan_to_num(figures).reshape(-1, len(names)).max(axis=0)
+        contact = contact_to_show(found.system, "", np.where(rigid & (figures is found.peak_force), -1.0, largest))
+    place = names.index(contact) if contact in names else contact
+    if isinstance(place, int) and 0 <= place < len(names):
+        if which == "peak force" and rigid[place]:
+            raise ModelError(
+                f"{names[place]} is a rigid stop, and its impacts have no finite force; write panels=['impacts']"
+            )
+        return place
     raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gapwalk.answers.design import Design
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.plot.branches import name_axes, pieces_of
@@ -30,7 +31,7 @@ def draw_design(found: Design, figure: AnyFigure, measure: str = "", *, title: s
     found, figure
         The design and the figure.
     measure
-        Measure of the responses; by default half the peak to peak of the first coordinate.
+        Measure of the responses; by default that of the gap or signal of the first goal.
     title
         Title above the picture.
     """
@@ -46,7 +47,7 @@ def draw_design(found: Design, figure: AnyFigure, measure: str = "", *, title: s
 @draws(Design)
 def draw_responses(found: Design, ax: Axes, measure: str = "") -> None:
     """Draw the responses before and after in one panel."""
-    measure = full_measure(measure or "half", found.system.coordinates)
+    measure = full_measure(measure or shown_measure(found.system, found), found.system.coordinates)
     for low, high in _bands(found):
         ax.axvspan(low, high, color=_BAND, linewidth=0, zorder=0)
         for value in (low, high):

@@ -1,4 +1,4 @@
-"""Pictures of diagrams: a measure of the motions of shortest period, and stroboscopic states of all motions.
+"""Pictures of diagrams: a measure of all motions, and their stroboscopic states.
 
 In the stroboscopic picture a motion of period m gives m curves, its states one forcing period apart.
 """
@@ -89,8 +89,8 @@ def draw_diagram(
 ) -> Finish:
     """Draw a diagram in two panels over its parameter, and a third one for a close-up.
 
-    The first panel shows a measure of the motions of the shortest period; the second one shows the states of all
-    motions once per forcing period, so that a motion of period m gives m curves.
+    The first panel shows a measure of all motions; the second one shows their states once per forcing period, so that
+    a motion of period m gives m curves.
 
     Parameters
     ----------
@@ -111,8 +111,6 @@ def draw_diagram(
     if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    shortest = min(member.period for member in diagram.members)
-    first = [member.branch for member in diagram.members if member.period == shortest]
     crowd = _closeup(diagram, closeup)
     strobes = Strobes(diagram, measure.partition(".")[2])
     panels = figure.subplots(3 if crowd else 2, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
@@ -133,7 +131,7 @@ def draw_diagram(
     if legend:
         strobes.write_legend(panels[1])
     above = "above" if legend else False
-    finish = draw_branches(first, panels[0], measure, labels=labels, legend=above, closeup=True)
+    finish = draw_branches(diagram.branches, panels[0], measure, labels=labels, legend=above, closeup=True)
     return partial(_finish, finish, strobes, panels[1:] if labels else [], crowd)
 
 

@@ -73,7 +73,8 @@ def draw_history(
 ) -> None:
     """Draw a signal of a motion over time with the breakpoints of contacts; or the force-deflection loop of a contact.
 
-    Phases in which friction sticks, or a rigid stop is held, are shaded.
+    Phases in which friction sticks, or a rigid stop is held, are shaded. Where a rigid stop strikes, its force and
+    accelerations have no finite value; their impulses are bars.
 
     Parameters
     ----------
@@ -83,7 +84,8 @@ def draw_history(
         As in `Motion.signal`; by default the first coordinate.
     contact
         Name of a contact whose force is drawn over its deflection instead: the area of the loop is the dissipated
-        energy. The motion should last a whole period if it has one.
+        energy. The motion should last a whole period if it has one. The force of a rigid stop is no curve: the rate of
+        its deflection is drawn instead.
     """
     if isinstance(motion, Attractor):
         motion = _as_settled(motion)
@@ -108,6 +110,31 @@ def draw_history(
     ax.set_ylim(low - pad, high + pad)
     ax.set_xlabel("forcing periods")
     ax.set_ylabel(signal_words(signal, motion.system.units))
+    _draw_impulses(motion, signal, ax, alone=not values.any())
+
+
+def _draw_impulses(motion: Motion, signal: str, ax: Axes, *, alone: bool) -> None:
+    """Draw the impulses of a signal where rigid stops strike, as bars over a scale of their own with the same zero."""
+    theta, sizes = motion.impulses(signal)
+    if not len(theta):
+        return
+    sizes = sizes / motion.system.frequency
+    low, high = ax.get_ylim()
+    most = max(abs(low), abs(high))
+    low, high = min(low, -most if sizes.min() < 0.0 else low), max(high, most if sizes.max() > 0.0 else high)
+    ax.set_ylim(low, high)
+    if alone:  # the curve would be a line at 0
+        ax.lines[0].remove()
+        ax.set_ylabel("")
+        ax.axhline(0.0, **AXIS.options(zorder=1))
+    bars = ax if alone else ax.twinx()
+    bars.vlines(theta / PERIOD, 0.0, sizes, color=VERMILLION, linewidth=1.6, zorder=4)
+    scale = 1.1 * float(np.abs(sizes).max()) / most
+    bars.set_ylim(low * scale, high * scale)
+    bars.grid(visible=False)
+    units = motion.system.units
+    unit = {"N m": " [N m s]", "rad/s^2": " [rad/s]"}[units.signal(signal)[1]] if units else ""
+    bars.set_ylabel(f"impulse of {signal}{unit}", color=VERMILLION)
 
 
 def _shade_rest(motion: Motion, ax: Axes) -> None:
@@ -123,14 +150,17 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
     if contact not in names:
         raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(names) or 'none at all'}")
     index = names.index(contact)
-    ax.plot(motion.deflections[:, index], motion.forces[:, index], **stroke(BLACK, 0.9, solid_joinstyle="round"))
+    rebounds = system.structure.contacts[index].law.rebounds
+    values = motion.deflection_rate(index) if rebounds else motion.forces[:, index]
+    ax.plot(motion.deflections[:, index], values, **stroke(BLACK, 0.9, solid_joinstyle="round"))
     for level in _levels(system, index):
         ax.axvline(level, **GUIDE.options(zorder=1))
     arguments = system.structure.contacts[index].law.arguments
     first = f"deflection {arguments[0]} of" if arguments[1:] else "deflection of"
     words = f"{first} {signal_words(contact, system.units)}"
     ax.set_xlabel(words.replace(f" of {contact}", "") if is_narrow(ax.figure) else words)
-    ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
+    rate = "rate of the deflection" + (f" [{system.units.state(chr(39))}]" if system.units else "")
+    ax.set_ylabel(rate if rebounds else f"force of {contact}" + " [N m]" * (system.units is not None))
 
 
 def breakpoints(motion: Motion, signal: str) -> list[NDArray[np.float64]]:

@@ -11,9 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gapwalk.answers.gap_states import GapState
-from gapwalk.answers.rattle_bands import RattleBands, Severity, moved_by
+from gapwalk.answers.rattle_bands import RattleBands, Severity
 from gapwalk.answers.rattle_map import RattleMap, cell_word
 from gapwalk.answers.settled_sweep import Direction, Stretch
+from gapwalk.answers.shown_measure import moved_by
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import parameter_words

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.answers.tolerance import Tolerance
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.model.words import parameter_symbol, parameter_words
@@ -25,12 +26,12 @@ _NARROW = 0.05  # share of the range below which the widest distribution is a ne
 _SHOWN = 0.003, 0.997  # quantiles between which a distribution is drawn at least
 
 
-def _size(found: Tolerance, measure: str = "half", **_: object) -> tuple[float, float]:
+def _size(found: Tolerance, measure: str = "", **_: object) -> tuple[float, float]:
     return 8.0, 5.4 + 0.5 * len(found.points)
 
 
 @draws(Tolerance, panels=True, size=_size)
-def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *, title: str | None = None) -> Finish:
+def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "", *, title: str | None = None) -> Finish:
     """Draw the nominal response, below it the distribution of each special point, and bars of Sobol indices.
 
     Parameters
@@ -38,7 +39,7 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *
     found, figure
         The tolerances and the figure.
     measure
-        The quantity of the response, as in `draw_branches`.
+        The quantity of the response, as in `draw_branches`; by default that of the first gap whose numbers vary.
     title
         Title above the picture; below it stands the number of samples.
     """
@@ -47,6 +48,7 @@ def draw_tolerance(found: Tolerance, figure: AnyFigure, measure: str = "half", *
     top, bottom = halves
     ax = top.subplots()
     low, high = _reach(found)
+    measure = measure or shown_measure(found.branch.system, found)
     finish = draw_branches(found.branch, ax, measure, legend="above", within=(low, high))
     left, right = bottom.subplots(1, 2, sharey=True, width_ratios=[2.2, 1.0])
     is_narrow = _is_narrow(found, high - low)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, ValidationInfo
 
-from gapwalk.attractors.attractor_catalogue import IMPOSSIBLE, RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins, in_order
 from gapwalk.attractors.box import Window, beside_cells
 from gapwalk.model.system import System, check_system
@@ -21,11 +20,9 @@ from gapwalk.studies.basin_work import BasinOptions, BasinWork
 from gapwalk.studies.cell_work import CellFinding
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Rows, StudyKind, values_of
+from gapwalk.studies.study_kind import StudyKind, values_of
 from gapwalk.studies.tables import Resolution, Surroundings, check_resolution
-from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
-
-_WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "diverges", IMPOSSIBLE: "beyond a rigid stop"}
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 
 class BasinFinding(CellFinding):
@@ -77,27 +74,6 @@ class BasinFinding(CellFinding):
         if points:
             document["labels"] = found.labels.tolist()
         return document
-
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the tables of the cells, each with its attractor, and of the attractors."""
-        if (found := self.map) is None:
-            return {}
-        return {"cells": TableRows(lambda: _cell_rows(found), 2), "attractors": lambda: _attractor_rows(found)}
-
-
-def _cell_rows(found: Basins) -> Iterator[list[object]]:
-    across, up = (axis.tolist() for axis in found.axes)
-    names = dict(enumerate(found.names)) | _WORDS
-    yield [found.window.across, found.window.up, "leads.to"]
-    for y, row in zip(up, found.labels.tolist(), strict=True):
-        for x, label in zip(across, row, strict=True):
-            yield [x, y, names[label]]
-
-
-def _attractor_rows(found: Basins) -> Iterator[list[object]]:
-    yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in found.system.state_names)]
-    for name, attractor in zip(found.names, found.attractors, strict=True):
-        yield [name, attractor.kind.value, attractor.period, found.cells[name], *attractor.state.tolist()]
 
 
 _PLANE = 'write two axes, each with its range, as in plane = { q1 = [-4.0, 4.0], "q1\'" = [-4.0, 4.0] }'

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.study_kind import Finding, Found, Work
+from gapwalk.summary import Tables
 
 _COSTLY = 8  # share of a sample, inverse, that costly cells of one kind may have
 
@@ -125,6 +126,10 @@ class CellFinding(Finding):
     def record(self) -> Any:
         """The map; None if the work was stopped before there was one."""
         return self.map
+
+    def tables(self) -> Tables:
+        """Return the tables of the map."""
+        return {} if self.map is None else self.map.tables()
 
     @property
     def stored(self) -> str:

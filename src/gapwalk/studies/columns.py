@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from gapwalk.bifurcation.branch import Branch
@@ -12,15 +12,10 @@ from gapwalk.bifurcation.loci import LocusPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.model.system import System
-from gapwalk.orbit.measures import MEASURES
+from gapwalk.orbit.measures import measure_names, parameter_headings
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.options import BranchOptions
 from gapwalk.summary import Rows, row_of, rows_of
-
-
-def measure_names(coordinates: Sequence[str]) -> list[str]:
-    """Return the headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
-    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
 
 
 def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
@@ -69,12 +64,6 @@ def table_rows(rows: Iterable[Mapping[str, Any]], *parameters: str, system: Syst
 
 
 _EMPTY = ("branch", "name", "period", "kind")  # headings of a table without any special point
-
-
-def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
-    """Return headings of parameters: their names, but ``parameter mean.q1`` if a measure is called ``mean.q1``."""
-    taken = measure_names(coordinates)
-    return [f"parameter {name}" if name in taken else name for name in parameters]
 
 
 COVERAGE = ("value", "starts", "settled", "not_periodic", "ran_away", "newton_starts", "orbits", "new", "unseen_share")

@@ -20,11 +20,12 @@ from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
+from gapwalk.orbit.measures import parameter_headings
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.studies.columns import parameter_headings, point_row, table_rows
+from gapwalk.studies.columns import point_row, table_rows
 from gapwalk.studies.document import branch_document
 from gapwalk.studies.family import Family
 from gapwalk.studies.family_joining import FamilyOptions, FamilyWork

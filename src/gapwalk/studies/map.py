@@ -19,7 +19,8 @@ from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.studies.columns import measure_names, measure_values, method_document, method_values, parameter_headings
+from gapwalk.orbit.measures import measure_names, parameter_headings
+from gapwalk.studies.columns import measure_values, method_document, method_values
 from gapwalk.studies.study_registry import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.summary import SummaryParts, Table, remarks, summarizes
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -34,14 +34,13 @@ from gapwalk.parallel.stages import do_in_stages
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork, check_until_right
-from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import ParameterRange, RangeStudy, Second
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Rows, plain_numbers, values_of
+from gapwalk.studies.study_kind import plain_numbers, values_of
 from gapwalk.studies.study_registry import INLINE, Counted, check_integers
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
-from gapwalk.summary import SummaryParts, Table, TableRows, summarizes
+from gapwalk.summary import SummaryParts, Table, summarizes
 
 
 class Carry(StrEnum):
@@ -236,30 +235,6 @@ class RegimeFinding(CellFinding):
             document |= {name: plain_numbers(getattr(found, name).tolist()) for name in _ARRAYS}
         return document
 
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
-        """Return the table of the cells."""
-        return {"cells": TableRows(lambda: _cell_rows(self.map), 2, units={"peak.force.": ".force"})}
-
-
-def _cell_rows(found: Regimes) -> Iterator[list[object]]:
-    contacts = [contact.name for contact in found.system.structure.contacts][: found.impacts.shape[2]]
-    headings = [f"{what}.{contact}" for what in ("peak.force", "impacts") for contact in contacts]
-    names = parameter_headings([found.first, found.second], found.system.coordinates)
-    yield [*names, "regime", "period", "exponent", *headings]
-    (across, up), (rows, columns) = found.axes, found.regimes.shape
-    for row, column in np.ndindex(rows, columns):
-        regime, period = int(found.regimes[row, column]), int(found.periods[row, column])
-        exponent = float(found.exponents[row, column])
-        yield [
-            float(across[column]),
-            float(up[row]),
-            regime_word(regime, period),
-            period,
-            "" if np.isnan(exponent) else exponent,
-            *found.peak_force[row, column].tolist(),
-            *found.impacts[row, column].tolist(),
-        ]
-
 
 class RegimeWork(CellWork):
     """Computation of the regimes of all cells of a map."""
@@ -361,7 +336,10 @@ class RegimeWork(CellWork):
         elif undecided:
             notes = (f"{undecided} of {cells} cells are undecided: locked to long periods, or weakly chaotic",)
         how = (self._checked, self.error, complete, notes)
-        return Regimes(self.system, *self.asked.names, self.within, *self.verdicts, *how)
+        # impacts on a rigid stop have no finite force
+        rigid = [form.law.rebounds for form in self.system.structure.contacts][: self.verdicts.peaks.shape[2]]
+        verdicts = self.verdicts._replace(peaks=np.where(rigid, np.nan, self.verdicts.peaks))
+        return Regimes(self.system, *self.asked.names, self.within, *verdicts, *how)
 
     def _places(self) -> list[Places]:
         """Return the cells in chunks: in any order where each starts from the same state, or line by line."""

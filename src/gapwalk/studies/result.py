@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
-from gapwalk.model.words import full_measure, parameter_symbol, signal_words
+from gapwalk.model.words import measure_symbol, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, point_row, special_rows, table_rows
 from gapwalk.studies.map import Map, codim2_rows, locus_rows
@@ -226,10 +227,8 @@ class Result(Shown):
         Table
             One row for each special point; printed, it is what the terminal shows.
         """
-        coordinates, units, diagram = self.system.coordinates, self.system.units, self.diagram
-        named = full_measure(self.walked.measure, coordinates).partition(".")[2]
-        coordinate = named if named in coordinates else coordinates[0]
-        numbers = (parameter_symbol(self.walked.parameter, units), "±", signal_words(f"half {coordinate}", units))
+        units, diagram, measure = self.system.units, self.diagram, shown_measure(self.system, self.walked)
+        numbers = (parameter_symbol(self.walked.parameter, units), "±", measure_symbol(measure, units))
         headings = ["kind", *(f">{each}" for each in (*numbers, "multiplier"))]
         headings += ["unstable" if diagram else "stability", "criticality or contact"]
         rows, groups = [], []
@@ -240,7 +239,7 @@ class Result(Shown):
                     dict.fromkeys(str(side.total) for side in (special.before, special.after)),
                 )
                 row = [
-                    *(words["kind"], words["at"], words["±"], f"{special.point.measure(f'half.{coordinate}'):#.8g}"),
+                    *(words["kind"], words["at"], words["±"], f"{special.point.measure(measure):#.8g}"),
                     words["multiplier"],
                     " → ".join(counts) if diagram else words["stability"],  # that of a diagram is wide enough as it is
                     words["criticality"].removesuffix(" values") or words["contact"],

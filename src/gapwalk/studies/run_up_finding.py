@@ -15,7 +15,7 @@ from gapwalk.answers.run_ups import LEVELS, RunUps
 from gapwalk.attractors.spectrum import order_heading
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.model.system import System
-from gapwalk.studies.columns import parameter_headings
+from gapwalk.orbit.measures import parameter_headings
 from gapwalk.studies.study_kind import Finding, Rows, plain_numbers
 from gapwalk.summary import SummaryParts, TableRows, summarizes
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import groupby
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
+from gapwalk.orbit.measures import parameter_headings
 from gapwalk.studies.study_registry import INLINE, Counted, check_integers
+from gapwalk.summary import Rows, Tables
 
 _MOST = 100_000_000  # states that are kept
 
@@ -385,6 +387,35 @@ class Sweep(Shown):
         if name not in names:
             raise ModelError(f"there is no coordinate {name!r}; there are {', '.join(names)}")
         return names.index(name)
+
+    def tables(self) -> Tables:
+        """Return the tables of section points and of the regime of each motion.
+
+        Returns
+        -------
+        mapping of str to callable
+            Functions that return the rows of the tables, the headings first.
+        """
+        return {"points": self._point_rows, "regimes": self._regime_rows}
+
+    def _point_rows(self) -> Rows:
+        headings = parameter_headings([self.parameter], self.system.coordinates)
+        yield ["way", "start", *headings, "point", *self.system.state_names]
+        sections = self.sections.reshape(-1, *self.sections.shape[2:])
+        for head, section in zip(self._heads(), sections, strict=True):
+            for number, state in enumerate(section[~np.isnan(section[:, 0])].tolist(), start=1):
+                yield [*head, number, *state]
+
+    def _regime_rows(self) -> Rows:
+        names = self.system.coordinates
+        yield ["way", "start", *parameter_headings([self.parameter], names), "regime", "transient", "settled"]
+        flat = (self.regimes.ravel(), self.transients.ravel(), self.settled.ravel())
+        for head, regime, transient, settled in zip(self._heads(), *(part.tolist() for part in flat), strict=True):
+            yield [*head, regime, transient, settled]
+
+    def _heads(self) -> Iterator[tuple[object, ...]]:
+        values = self.values.tolist()
+        return ((lane.way.value, lane.start, value) for lane in self.lanes for value in values)
 
     def plot(self, coordinate: str | None = None, **options: Any) -> Any:
         """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`.

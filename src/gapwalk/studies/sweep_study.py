@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
@@ -20,16 +20,15 @@ from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.derived_schema import key_type
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.study_kind import Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.study_kind import Finding, Found, Work, plain_numbers, values_of
 from gapwalk.studies.study_registry import OPEN
 from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
 from gapwalk.studies.sweep_segment import Task, sweep_stretch
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
-from gapwalk.summary import SummaryParts, summarizes
+from gapwalk.summary import SummaryParts, Tables, summarizes
 
 if TYPE_CHECKING:
     from typing import Self
@@ -101,9 +100,9 @@ class SweepFinding(Finding):
                 lane["sections"] = plain_numbers(sweep.sections[number].tolist())
         return document
 
-    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+    def tables(self) -> Tables:
         """Return the tables of section points and of the regime of each motion."""
-        return {"points": self._point_rows, "regimes": self._regime_rows}
+        return self.sweep.tables()
 
     def _lane_document(self, number: int) -> dict[str, Any]:
         sweep, lane = self.sweep, self.sweep.lanes[number]
@@ -119,26 +118,6 @@ class SweepFinding(Finding):
             "settled": sweep.settled[number].tolist(),
             "regimes": sweep.regimes[number].tolist(),
         }
-
-    def _point_rows(self) -> Iterator[list[object]]:
-        system = self.sweep.system
-        headings = parameter_headings([self.sweep.parameter], system.coordinates)
-        yield ["way", "start", *headings, "point", *system.state_names]
-        sections = self.sweep.sections.reshape(-1, *self.sweep.sections.shape[2:])
-        for head, section in zip(self._heads(), sections, strict=True):
-            for number, state in enumerate(section[~np.isnan(section[:, 0])].tolist(), start=1):
-                yield [*head, number, *state]
-
-    def _regime_rows(self) -> Iterator[list[object]]:
-        names = self.sweep.system.coordinates
-        yield ["way", "start", *parameter_headings([self.sweep.parameter], names), "regime", "transient", "settled"]
-        flat = (self.sweep.regimes.ravel(), self.sweep.transients.ravel(), self.sweep.settled.ravel())
-        for head, regime, transient, settled in zip(self._heads(), *(part.tolist() for part in flat), strict=True):
-            yield [*head, regime, transient, settled]
-
-    def _heads(self) -> Iterator[tuple[object, ...]]:
-        values = self.sweep.values.tolist()
-        return ((lane.way.value, lane.start, value) for lane in self.sweep.lanes for value in values)
 
 
 STRETCH = Part("segment", SweepSegment, numbered=True)

@@ -164,10 +164,12 @@ export class MotionView {
     $("phase").parentElement.classList.toggle("alone", alone);
     const wanted = motion.contacts.find((c) => c.name === this.wanted);
     const shown = [wanted, contact, motion.contacts.find((c) => own && c.name === name), motion.contacts[motion.shown], springs[0]].find((c) => c?.is === "spring");
+    const struck = contact?.struck ?? (own && dashes === 2 && motion.struck?.[name]) ?? null; // impulses, of no finite value
+    const [bars, words] = struck?.[0]?.length ? [struck, `${signalWords(signal)}; bars: its impulses`] : [null, signalWords(signal || name)];
     const behind = this.pinned.behind(motion, { name, dashes: own ? dashes : -1, contact, shown });
     measure(["history", "phase", "loop", "element-loop", "multipliers"].map($));
     this.marks = {
-      history: chart($("history"), { behind: behind.history, curves: [[motion.theta, this.values]], across: near, shades: rests(motion), below: strip(motion), x: periods(motion), y: signalWords(signal || name), height: 150 }),
+      history: chart($("history"), { behind: behind.history, curves: [[motion.theta, this.values]], bars, across: near, shades: rests(motion), below: strip(motion), x: periods(motion), y: words, height: 150 }),
       phase: chart($("phase"), { behind: behind.phase, curves: [[motion.q[name], motion.v[name]]], x: signalWords(name), y: signalWords(`${name}'`), padded: true }),
     };
     $("modes").replaceChildren(...legend(motion));
