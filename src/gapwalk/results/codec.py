@@ -454,7 +454,7 @@ def column_of(kind: Any) -> Column:
 
 
 def _meant(kind: Any) -> Any:
-    """Return what an alias of the `type` statement stands for: that is what `NDArray` of NumPy 2.5 is on Python 3.12."""
+    """Return what an alias of the `type` statement stands for: so is `NDArray` of NumPy 2.5 on Python 3.12."""
     alias = get_origin(kind) or kind
     if not hasattr(alias, "__value__"):  # typing.TypeAliasType, which Python 3.11 lacks
         return kind
