@@ -49,6 +49,7 @@ _SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orb
 _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located to the square of that, and better
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
+_LARGE = 1e3  # multiplier that is stated where a walk gets stuck
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -439,6 +440,10 @@ class BranchTracer(Iterator[Step]):
         end = self.walk.end
         if self._ends_at_parent(before, last) or end is None:
             return
+        largest = abs(complex(last.orbit.multipliers[0]))
+        if largest > _LARGE:
+            end = End(end.reason, end.value, f"{end.detail}; the largest multiplier is {largest:.3g}")
+            self.walk.finish(last, end)
         full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
         at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < AT_START)
         if any(each.switch in rigid for each in at_start):

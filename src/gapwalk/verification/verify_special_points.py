@@ -302,7 +302,7 @@ class Examination:
         """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
         special, track = self.special, self.track
         segments = track.segments + 1
-        orbit, size = replace(special.orbit, period=2 * special.orbit.period), special.orbit.system.state_size
+        orbit, size = special.orbit.repeated(2), special.orbit.system.state_size
         equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
         known = track.corrector(len(special.point.x)).scales
         scales = np.append(np.tile(known[:size], segments), known[-1])
