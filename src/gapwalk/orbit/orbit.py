@@ -105,10 +105,10 @@ class Orbit(Shown):
         structure = self.system.structure
         size, switches = structure.state_size, len(structure.breakpoints)
         shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
-        restarts = (len(self.restarts), size if len(self.restarts) else 0)
-        shapes = (*shapes, self.restarts.shape)
-        if shapes != ((size,), (size,), (structure.size, 4), restarts) or self.period < 1 or self.steps < 0:
+        if shapes != ((size,), (size,), (structure.size, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
+        if self.restarts.ndim != 2 or (len(self.restarts) and self.restarts.shape[1] != size):
+            raise ValueError("the later segments of an orbit begin in states of another size")
         if not all(0 <= event.switch < switches for event in self.events):
             raise ValueError("a contact event has the number of a switch that the system does not have")
         if not all(0 <= each < len(structure.contacts) for each in (*self.stuck, *(e.contact for e in self.slips))):

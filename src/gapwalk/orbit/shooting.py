@@ -162,7 +162,9 @@ class ShootingEquation(OrbitEquation):
     def inaccuracy(self, orbit: Orbit) -> str:
         """Return that more segments are needed if small changes grow too much in one, with the multiplier."""
         largest = abs(complex(orbit.multipliers[0]))
-        count = self.options.segments
+        count, structure = self.options.segments, self.system.structure
+        if structure.reactions or structure.friction:
+            return ""  # beside a graze the multiplier grows in one instant, without a bound: segments do not help
         if largest <= _GROWTH**count:
             return ""
         return (
