@@ -2,13 +2,18 @@
 
 import pickle
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.bifurcation.orbit_on_branch import Curve
 from gapwalk.continuation import EndReason
-from gapwalk.errors import ModelError
+from gapwalk.continuation.walk import End
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.orbit.sensitivity import sensitivity
+from tests.computed import once
 
 
 def system() -> gw.System:
@@ -101,3 +106,64 @@ def test_an_isolated_branch_ends_where_its_first_motion_comes_back_with_another_
     values = sorted(each.value for each in branch.special_points)
     assert np.diff(values).min() > 1e-9  # each was met once
     assert gw.verify(branch).breaches == ()
+
+
+@once
+def unstable_branch() -> gw.Branch:
+    """Motions of HarmonicBalance.jl issue 451, whose largest multiplier grows without a bound towards W = .3."""
+    mass = gw.System(
+        ["x"],
+        [[1.0]],
+        [[0.05]],
+        contacts=[gw.force("nl", {"x": 1.0}, "a*x**10", a=0.05)],
+        harmonics=[gw.Harmonic(0.2, {"x": 1.0})],
+        frequency=0.5,
+    )
+    return gw.follow(gw.find_orbit(mass, frequency=0.3), "frequency", to=2.0)
+
+
+def test_strongly_unstable_motions_are_followed_in_segments():
+    branch = unstable_branch()
+    assert branch.ends[1].reason is EndReason.TURNED_BACK
+    assert not branch.unexplained
+    assert abs(branch.points[-1].orbit.multipliers[0]) > 1e18
+    # by multiple shooting with DOP853 in 30 segments: state and largest multiplier
+    for value, state, largest in (
+        (0.5, (0.71314187, 1.25901763), 97195433.6),
+        (0.45, (0.4375006, 1.3686577), 5.69986262e9),
+    ):
+        (orbit,) = [each for each in Curve(branch).orbits_at(value) if not each.stable]
+        assert orbit.state == pytest.approx(state, abs=1e-7)
+        assert orbit.multipliers[0].real == pytest.approx(largest, rel=1e-8)
+        assert np.prod(orbit.multipliers).real == pytest.approx(np.exp(-0.05 * 2.0 * np.pi / value), rel=1e-6)
+        assert Curve(branch).holds(orbit)
+
+
+def test_measures_of_a_strongly_unstable_motion_follow_it_to_the_end_of_its_period():
+    orbit = unstable_branch().points[-1].orbit
+    motion = orbit.motion(256)
+    assert np.abs(motion.q[-1] - motion.q[0]).max() < 1e-9
+    # the work of the load is lost in the damping: a motion from the state at theta = 0 alone would leave the orbit
+    velocity = motion.signal("x'")[:-1]
+    assert 0.2 * (np.cos(motion.theta[:-1]) * velocity).mean() == pytest.approx(0.05 * (velocity**2).mean(), rel=1e-10)
+    assert gw.analysis.energy(orbit).imbalance < 1e-9
+
+
+def test_verify_accepts_strongly_unstable_motions_and_finds_a_false_state():
+    branch = unstable_branch()
+    points = branch.points[-12:]
+    ends = End(EndReason.START, points[0].value), End(EndReason.STOPPED, points[-1].value)
+    part = replace(branch, points=points, special_points=(), ends=ends)
+    assert gw.verify(part).ok
+    false = replace(points[5].orbit, restarts=points[5].orbit.restarts * (1.0 + 1e-7))
+    spoiled = (*points[:5], replace(points[5], orbit=false), *points[6:])
+    assert not gw.verify(replace(part, points=spoiled)).ok
+
+
+def test_a_walk_that_ends_in_unstable_motions_says_the_multiplier():
+    orbit = unstable_branch().points[-1].orbit
+    text = gw.Shooting(4).pose(orbit.system).inaccuracy(replace(orbit, multipliers=1e4 * orbit.multipliers))
+    assert "grow by 3.18e+22 in a period" in text
+    assert "gw.Shooting(segments = 16)" in text
+    with pytest.raises(NumericalError, match="grow by"):
+        sensitivity(orbit, ["frequency"])

@@ -186,6 +186,12 @@ def switch(
         If no other branch begins at a special point of this kind, or the range does not contain it.
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
+    if special.multiplicity > 1:
+        raise ConvergenceError(
+            f"{special.multiplicity} multipliers become critical at once at the {special.kind_words} at "
+            f"{special.value:.10g}, so that the directions of the other branches are not determined; make the parts a "
+            "little unequal, or start on a motion of such a branch: gw.find_orbit with another start, or gw.search"
+        )
     within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
     return special.kind.beginnings(special, parameter, within, chosen(method))
 

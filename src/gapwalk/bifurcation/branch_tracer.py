@@ -50,6 +50,7 @@ _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
+_LARGE = 1e3  # multiplier that is stated where a walk gets stuck
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -469,6 +470,10 @@ class BranchTracer(Iterator[Step]):
         end = self.walk.end
         if self._ends_at_parent(before, last) or end is None:
             return
+        largest = abs(complex(last.orbit.multipliers[0]))
+        if largest > _LARGE:
+            end = End(end.reason, end.value, f"{end.detail}; the largest multiplier is {largest:.3g}")
+            self.walk.finish(last, end)
         full, rigid = PERIOD * last.orbit.period, {switch for _, switch in last.orbit.system.structure.reactions}
         at_start = (each for each in last.orbit.events if min(each.theta, full - each.theta) < AT_START)
         if any(each.switch in rigid for each in at_start):

@@ -92,8 +92,8 @@ class Detector:
             except NumericalError:
                 error = math.inf
             counts = _instabilities(zero.kind, *sides)
-            made = SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature, parameter=parameter)
-            special.append(made)
+            more = {"parameter": parameter, "multiplicity": zero.multiplicity}
+            special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature, **more))
         return special
 
     @cached_property
@@ -159,7 +159,7 @@ def unexplained(
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
         signs = [0.0 if point in joining and _is_vertex(point, kind) else _sign(kind, point) for point in (a, b)]
-        found = sum(each.kind is kind or _passes(kind, each, a, b, special) for each in special) if special else 0
+        found = sum(each.multiplicity if each.kind is kind else _passes(kind, each, a, b, special) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"

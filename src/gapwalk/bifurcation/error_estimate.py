@@ -10,7 +10,7 @@ Method: docs/numerics/special-points.md
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -123,23 +123,23 @@ class ErrorEstimator:
         aside = self._own.exact_point(farthest, point.tangent, point.arclength)
         return _Blur(float(np.abs(moved[:, -1]).max()), aside, rounding)
 
-    def crossing(self, point: BranchPoint, reach: float) -> float:
+    def crossing(self, point: BranchPoint, reach: float, function: Callable[[BranchPoint], float]) -> float:
         """Return the parameter at which the second computation has a crossing, near a branch point.
 
         Close to the crossing no orbit can be corrected, but the branch and its determinant are smooth. Polynomials
-        through points on both sides, up to `reach` away, give the zero of the determinant.
+        through points on both sides, up to `reach` away, give the zero of the determinant or another function.
 
         Raises
         ------
         NumericalError
-            If there are no such points, or the determinant does not change its sign.
+            If there are no such points, or the function does not change its sign.
         """
         points = [self.at(point, float(share) * reach) for share in _NODES]
 
         def polynomial(values: list[float]) -> Polynomial:
             return Polynomial.fit(_NODES, values, len(_NODES) - 1, domain=[-1.0, 1.0])
 
-        roots = polynomial([each.determinant for each in points]).roots()
+        roots = polynomial([function(each) for each in points]).roots()
         places = roots[np.abs(roots.imag) < _REAL].real
         places = places[np.abs(places) <= 1.0]
         if not len(places):

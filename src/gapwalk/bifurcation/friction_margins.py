@@ -128,7 +128,8 @@ def instant_of(orbit: Orbit, theta: float) -> _Instant:
     # the modes before the start of the period are those at its end
     full = PERIOD * orbit.period
     angle = theta % full if theta % full > _AT_START else theta % full + full
-    found = flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, np.array([0.0, angle]))
+    angles, flow = np.array([0.0, angle]), flow_of(orbit.system)
+    found = flow.sample(coefficients_of(orbit.system), orbit.state, angles, orbit.known_states)
     modes = modes_along(orbit.system.structure, np.array([angle]), found.slips, found.holds, before=True)
     return _Instant(angle, found.states[1], modes.at(0))
 

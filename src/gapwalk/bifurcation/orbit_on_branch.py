@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import singledispatch
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.branch_start import BranchStart, start_branch
+from gapwalk.bifurcation.branch_start import BranchStart, lift, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
@@ -228,12 +227,14 @@ class StateSpace:
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self.size, self._period = branch.system.state_size, branch.period
-        segments = (len(points[0].x) - 1) // self.size
+        count = max(len(point.x) for point in points) - 1
+        segments = count // self.size
+        points = [point for point in points if len(point.x) == count + 1]
         physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
         scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
         scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
         self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
-        method = points[0].orbit.posed_in(len(points[0].x) - 1)
+        method = points[0].orbit.posed_in(count)
         self.corrector = Corrector(method.pose(branch.system, branch.parameter, branch.period), self.scales)
 
     def smooth_between(self, first: BranchPoint, last: BranchPoint) -> tuple[StateSpace, BranchPoint, BranchPoint]:
@@ -246,8 +247,17 @@ class StateSpace:
         return space, first, last
 
     def knot(self, point: BranchPoint) -> Knot:
-        """Return the knot of a point of the branch."""
-        return point.x, point.tangent, point.arclength
+        """Return the knot of a point of the branch, which may have been computed with fewer segments.
+
+        Raises
+        ------
+        NumericalError
+            If no orbit is found with as many segments.
+        """
+        lifted = point if len(point.x) == len(self.scales) else lift(point, self.corrector)
+        if lifted is None:
+            raise NumericalError(f"the orbit at {point.value:.12g} is not found in more segments")
+        return lifted.x, lifted.tangent, lifted.arclength
 
     def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
         """Return the unscaled coordinates of a motion for each phase at which it may begin; shape (size,) each."""
@@ -257,7 +267,7 @@ class StateSpace:
         """Return all variables of an orbit at a place on the branch."""
         if len(self.scales) == self.size + 1 and not self._is_elsewhere:
             return np.append(place / self.scales[:-1], value)
-        unknowns = self.corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
+        unknowns = self.corrector.equation.unknowns(orbit.begun_in(place).repeated(self._period // orbit.period))
         return np.append(unknowns / self.scales[:-1], value)
 
     def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 REACH = 0.01
 """Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
+_TIMES = {1: "", 2: "double ", 3: "triple "}
 _WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
 VERTEX = 1e-3
 """Parameter component of the tangent below which the branch counts as turning back."""
@@ -55,6 +56,9 @@ class SpecialPoint(Shown):
         the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     parameter
         Name of the parameter along which its branch was followed.
+    multiplicity
+        Number of multipliers, or of pairs, that become critical at once: 2 at a double flip, where the parts of a
+        machine are equal.
 
     Examples
     --------
@@ -74,6 +78,7 @@ class SpecialPoint(Shown):
         "unstable.after": "after.total",
         "multiplier": "multiplier",
         "stability": "change",
+        "multiplicity": "multiplicity",
         "nature": "nature",
         "judged": "judged",
         "contact": "contact",
@@ -89,6 +94,7 @@ class SpecialPoint(Shown):
     nature: str = ""
     judged: float = 0.0
     parameter: str = ""
+    multiplicity: int = 1
 
     @property
     def value(self) -> float:
@@ -139,6 +145,11 @@ class SpecialPoint(Shown):
         if self.kind is not Kind.GRAZING:
             return self.kind.is_corner
         return self.contact in {describe_switch(self.orbit, switch) for switch in jumping_switches(self.orbit.system)}
+
+    @property
+    def kind_words(self) -> str:
+        """Name of the kind, with the number of multipliers if several become critical at once: ``double flip``."""
+        return f"{_TIMES.get(self.multiplicity, f'{self.multiplicity}-fold ')}{self.kind}"
 
     @property
     def nature_words(self) -> str:
@@ -198,7 +209,7 @@ class SpecialPoint(Shown):
     def words(self) -> dict[str, str]:
         """Row of the point in a table for readers: rounded, empty where there is nothing to say."""
         return {
-            "kind": self.kind.value,
+            "kind": self.kind_words,
             "at": f"{self.value:#.10g}",
             "±": f"{self.uncertainty:.0e}" if np.isfinite(self.uncertainty) else "",
             "multiplier": self.multiplier_words,
@@ -214,7 +225,7 @@ class SpecialPoint(Shown):
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
     def __repr__(self) -> str:
-        place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
+        place = f"{self.kind_words} at {self.value:.10g} +- {self.uncertainty:.0e}"
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -221,6 +222,61 @@ class Kind(str):
             known = point.memo[self] = self.function(point)
         return known
 
+    def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the signed distances of multipliers from criticality, positive beyond it; by default there are none.
+
+        In a machine with equal parts several become critical at once. Their mean is then smooth and changes its sign,
+        while the test function may not: see `Search.zeros`.
+
+        Parameters
+        ----------
+        multipliers : shape (state_size,)
+            Floquet multipliers.
+
+        Returns
+        -------
+        array
+            One for each multiplier, or each pair, that may become critical.
+        """
+        return np.zeros(0)
+
+    def beyond(self, point: BranchPoint) -> int:
+        """Return the number of multipliers, or of pairs, beyond criticality at a point; it is computed once.
+
+        Parameters
+        ----------
+        point
+            A point of a branch.
+
+        Returns
+        -------
+        int
+            Number of positive offsets.
+        """
+        known = point.memo.get(("beyond", self))
+        if known is None:
+            offsets = self.offsets(point.orbit.free_multipliers)
+            known = point.memo["beyond", self] = int(np.count_nonzero(offsets > 0.0))
+        return known
+
+    def mean_offset(self, point: BranchPoint, ranks: tuple[int, int]) -> float:
+        """Return the mean of the offsets of some ranks at a point, the largest first; nan if there are fewer.
+
+        Parameters
+        ----------
+        point
+            A point of a branch.
+        ranks
+            The first rank, and the one after the last: the numbers beyond criticality on both sides.
+
+        Returns
+        -------
+        float
+            Zero, with a change of sign, where so many become critical at once.
+        """
+        offsets, (first, last) = self.offsets(point.orbit.free_multipliers), ranks
+        return float(np.sort(offsets)[::-1][first:last].mean()) if len(offsets) >= last else math.nan
+
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
         """Return True if a zero of the function is a point of this kind; `near` is the tolerance of a multiplier.
 
@@ -284,6 +340,25 @@ class Kind(str):
         """
         return None
 
+    def locate_several(self, search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
+        """Locate the point between two others at which several multipliers become critical; None if there is none.
+
+        Parameters
+        ----------
+        search
+            The step in which points are sought.
+        a, b
+            The points between which so many do.
+        ranks
+            As in `mean_offset`.
+
+        Returns
+        -------
+        zero or None
+            The located zero of their mean offset.
+        """
+        return search.bracketed_mean(self, a, b, ranks)
+
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
 
@@ -342,9 +417,11 @@ class Kind(str):
         function
             The function of points nearby that is zero there, to locate it again; None if there is none.
         """
-        if self.at(before) * self.at(after) > 0.0:
+        first, last = sorted((self.beyond(before), self.beyond(after)))
+        function = self.at if special.multiplicity == 1 else partial(self.mean_offset, ranks=(first, last))
+        if function(before) * function(after) > 0.0:
             return [f"the test function of a {self} does not change its sign"], None
-        return [], self.at
+        return [], function
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
         """Complete the special point with information from other branches, such as the criticality of a flip.

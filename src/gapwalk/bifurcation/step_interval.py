@@ -11,8 +11,11 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from gapwalk.bifurcation.bracketed_zero import EXACT, zero_between
 from gapwalk.continuation.corrector import TRUST, Corrector, hermite, length_of
@@ -36,6 +39,7 @@ _DOUBT = 1.0  # share of its bend by which a test function may dip between the e
 # between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
 _CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
 _BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
+_SPLIT = 1e-5  # distance from criticality within which several multipliers are so at once
 _NOISE = 1e-10  # absolute value of a test function that is only rounding
 _AT_CORNER = 1e-10  # arclength within which a change of sign is at a corner
 
@@ -58,6 +62,8 @@ class Zero:
         For a grazing point: contact, stage and side that grazes; otherwise empty.
     noise
         Absolute value of the function that is only rounding.
+    multiplicity
+        Number of multipliers, or of pairs, that become critical at once.
     """
 
     kind: Kind
@@ -66,6 +72,7 @@ class Zero:
     function: Callable[[BranchPoint], float]
     contact: str = ""
     noise: float = 0.0
+    multiplicity: int = 1
 
 
 class StepInterval:
@@ -113,7 +120,9 @@ class StepInterval:
     def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
         for crossing in self.crossings:
             if arclength in crossing:
-                return self.corrector.crossed(crossing.x(arclength), crossing.tangent(arclength), arclength)
+                return self.corrector.crossed(
+                    crossing.x(arclength), crossing.tangent(arclength), arclength, crossing.count
+                )
         chord = b.x - a.x
         length = length_of(chord)
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
@@ -182,7 +191,7 @@ class Search:
             If an orbit between the two points cannot be found.
         """
         known = self.recent(kind)
-        zeros: list[Zero] = []
+        zeros = [*self.several(kind)]
         for a, b in pairwise(_apart(self.interval.points)):
             rate, length = self._rates.get(kind), b.arclength - a.arclength
             ends = _deflated(kind, a, known), _deflated(kind, b, known)
@@ -194,6 +203,48 @@ class Search:
         if not zeros:
             return zeros
         return [each for each in self._resolved(kind, zeros) if not self._jumps(each)]
+
+    def several(self, kind: Kind) -> list[Zero]:
+        """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
+
+        The test function then touches zero, or changes its sign as a higher power. The zeros are divided out as often.
+        """
+        found = self.memo.get(("several", kind))
+        if found is None:
+            found = self.memo["several", kind] = []
+            for a, b in pairwise(_apart(self.interval.points)):
+                first, last = sorted((kind.beyond(a), kind.beyond(b)))
+                zero = kind.locate_several(self, a, b, (first, last)) if last - first > 1 else None
+                if zero is not None:
+                    found.append(zero)
+                    self.recent(kind).extend([zero.point.arclength] * (last - first))
+        return found
+
+    def bracketed_mean(self, kind: Kind, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
+        """Return the zero of the mean offset of several multipliers between two points; None if they do not coincide.
+
+        Raises
+        ------
+        NumericalError
+            If an orbit between the two points cannot be found.
+        """
+
+        def function(arclength: float) -> float:
+            return kind.mean_offset(self.interval.at(arclength), ranks)
+
+        if not function(a.arclength) * function(b.arclength) < 0.0:
+            return None
+        root, converged = zero_between(function, a.arclength, b.arclength)
+        return self.several_at(kind, self.interval.at(root), EXACT if converged else math.inf, ranks)
+
+    def several_at(self, kind: Kind, point: BranchPoint, spread: float, ranks: tuple[int, int]) -> Zero | None:
+        """Return a zero at which several multipliers become critical; None if they are apart there."""
+        offsets, (first, last) = np.sort(kind.offsets(point.orbit.free_multipliers))[::-1], ranks
+        split = float(np.abs(offsets[first:last]).max())
+        if not split < _SPLIT:
+            return None
+        function = partial(kind.mean_offset, ranks=ranks)
+        return Zero(kind, point, spread, function, noise=split, multiplicity=last - first)
 
     def _jumps(self, zero: Zero) -> bool:
         """Return True if a test function is not zero, but changes its sign by a jump at a corner."""

@@ -194,16 +194,18 @@ class Corrector:
         """Return the branch point at `x` without correction, for places where Newton's method is ill-posed."""
         return self.evaluated(x, self.evaluate(x), tangent, arclength)
 
-    def crossed(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """Return the branch point near `x` where another branch crosses.
+    def crossed(
+        self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float, count: int = 1
+    ) -> BranchPoint:
+        """Return the branch point near `x` where others cross, in the plane of `count` directions.
 
-        The point is corrected in all directions except that of the other branch. In that direction the bordered
-        Jacobian is singular, and `x` is known more accurately than Newton's method could determine it.
+        The point is corrected in all directions except those of the other branches. In them the bordered Jacobian is
+        singular, and `x` is known more accurately than Newton's method could determine it.
         """
         evaluation = self.evaluate(x)
         left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
         off = left.T @ np.append(-evaluation.residual, 0.0)
-        return self.uncorrected(x + ways[:-1].T @ (off[:-1] / sizes[:-1]), tangent, arclength)
+        return self.uncorrected(x + ways[:-count].T @ (off[:-count] / sizes[:-count]), tangent, arclength)
 
     def evaluated(
         self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float

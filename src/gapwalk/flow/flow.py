@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import pairwise
+from operator import itemgetter
 from threading import Lock
 from typing import NamedTuple, NoReturn, TypeVar
 from weakref import WeakMethod
@@ -56,6 +57,10 @@ if hasattr(hy, "set_logger_level_critical"):
 hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
 _compiling = Lock()
 _NONE = np.zeros((0, 0, 0))  # derivatives of a motion that was sampled without them
+
+
+Restarts = Sequence[tuple[float, NDArray[np.float64]]]
+"""Angles at which a motion that is strongly unstable continues from known states, in their order."""
 
 
 class Arc(NamedTuple):
@@ -217,13 +222,18 @@ class Flow:
         return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps))
 
     def sample(
-        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        thetas: NDArray[np.float64],
+        restarts: Restarts = (),
     ) -> Variations:
         """Return the states at each of the increasing `thetas`, and the events, without derivatives.
 
-        The state given is that at ``thetas[0]``. Errors as in `integrate`.
+        The state given is that at ``thetas[0]``. At the angles of `restarts` the motion continues from their states.
+        Errors as in `integrate`.
         """
-        return self._lend(lambda each: each.sample(coefficients, state, thetas))
+        return self._lend(lambda each: each.sample(coefficients, state, thetas, restarts))
 
     def vary(
         self,
@@ -239,14 +249,18 @@ class Flow:
         return self._lend(lambda each: each.vary(coefficients, state, thetas, direction))
 
     def survey(
-        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        thetas: NDArray[np.float64],
+        restarts: Restarts = (),
     ) -> tuple[NDArray[np.float64], list[Turn], Variations]:
         """Return the integrals of positions and squared positions, shape (2, n), all turns, and the sampled motion.
 
         For a flow compiled for a survey. It is sampled at the increasing `thetas`, of which the first is the start, and
-        surveyed up to the last. Errors as in `integrate`.
+        surveyed up to the last. Errors as in `integrate`, restarts as in `sample`.
         """
-        return self._lend(lambda each: each.survey(coefficients, state, thetas))
+        return self._lend(lambda each: each.survey(coefficients, state, thetas, restarts))
 
     def kinks(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float) -> list[float]:
         """Return the angles from 0 to `stop` at which a law has a kink, or a load jumps, in their order.
@@ -319,12 +333,12 @@ class _Integrator:
                 return self._arc(steps, np.array([start, stop]))
         self._refuse_missed(state, start, stop)
 
-    def sample(self, coefficients, state, thetas):
-        return self.vary(coefficients, state, thetas, None)
+    def sample(self, coefficients, state, thetas, restarts):
+        return self.vary(coefficients, state, thetas, None, restarts)
 
-    def vary(self, coefficients, state, thetas, direction) -> Variations:
+    def vary(self, coefficients, state, thetas, direction, restarts=()) -> Variations:
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        rows = self._sampled(np.asarray(thetas, dtype=float))
+        rows = self._sampled(np.asarray(thetas, dtype=float), restarts)
         if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
         size, count, unit, width = self.size, len(rows), self._unit, self._width
@@ -343,10 +357,13 @@ class _Integrator:
             return [], [], []
         return dry.log, dry.hold_log, [kink.scaled(self._unit) for kink in dry.kinks if kink.is_impact]
 
-    def _sampled(self, thetas: NDArray[np.float64], longest_step: float = math.inf) -> NDArray[np.float64]:
+    def _sampled(
+        self, thetas: NDArray[np.float64], restarts: Restarts = (), longest_step: float = math.inf
+    ) -> NDArray[np.float64]:
         """Integrate from the first of the increasing angles to the last, and return the state at each, in rows."""
         start, stop, done, rows, taylor = float(thetas[0]), float(thetas[-1]), 0, [], self._taylor
         changes = self._switchboard.modes.jumps_between(start, stop) if self.equations.layout.cycles else []
+        changes = sorted([*changes, *(each for each in restarts if start < each[0] < stop)], key=itemgetter(0))
         for angle, *change in [*changes, (stop,)]:
             end = int(np.searchsorted(thetas, angle, side="right")) if change else len(thetas)
             own, done = thetas[done:end], end
@@ -369,7 +386,9 @@ class _Integrator:
             if outcome != hy.taylor_outcome.time_limit:
                 self._refuse(outcome, start)
             rows.append(found if whole else found[np.searchsorted(grid, own)])
-            if change:
+            if len(change) == 1:
+                self._own[:] = change[0] / self._unit
+            elif change:
                 self._switchboard.change_level(angle, *change)
         return np.concatenate(rows) if len(rows) > 1 else rows[0]
 
@@ -379,13 +398,13 @@ class _Integrator:
         jumps = [angle for angle, *_ in modes.jumps_between(0.0, stop)] if modes.cycle_count else []
         return sorted([*jumps, *(theta for theta, _ in modes.kinks)])
 
-    def survey(self, coefficients, state, thetas):
+    def survey(self, coefficients, state, thetas, restarts):
         start, stop = float(thetas[0]), float(thetas[-1])
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, None)
             self._switchboard.dry.unseen = unseen
             self._switchboard.sums(np.asarray(thetas, dtype=float), self._turns.vectors)
-            rows = self._sampled(np.asarray(thetas, dtype=float), longest_step)
+            rows = self._sampled(np.asarray(thetas, dtype=float), restarts, longest_step)
             if self._switchboard.is_right():
                 states, units = rows[:, : self.size] * self._unit, np.array([[self._unit], [self._unit**2]])
                 found = Variations(states, _NONE, _NONE, self._switchboard.log, *self._dry_logs)

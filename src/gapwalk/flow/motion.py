@@ -22,7 +22,7 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_motion import DryModes, forces_and_accelerations, is_dry, modes_along, modes_at
 from gapwalk.flow.dry_state import Hold, Kink, SlipEvent
-from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.flow import PERIOD, Restarts, flow_of
 from gapwalk.flow.forces import Angles, contact_deflections
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.drivetrain.made_loads import Displacing
@@ -359,10 +359,10 @@ def integrate(
     return sample(system, start, phase + PERIOD * periods * np.arange(count + 1) / count)
 
 
-def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
-    """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
+def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64], restarts: Restarts = ()) -> Motion:
+    """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`; see `Flow.sample`."""
     initial = check_state(system, state)
-    found = flow_of(system).sample(coefficients_of(system), initial, theta)
+    found = flow_of(system).sample(coefficients_of(system), initial, theta, restarts)
     return Motion.of(system, theta, found.states, *found.logs)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig, lapack
+from scipy.linalg import lapack, qr
 
 from gapwalk.errors import NumericalError
 
@@ -60,22 +60,23 @@ class Instability(NamedTuple):
 def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
     """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first.
 
-    For one segment they are those of the monodromy matrix itself; for more segments, those of the pencil
-
-        [ P_1  -I             ]         [ 0          ]
-        [       P_2  -I       ]  -  mu  [    0       ]
-        [ 0             P_S   ]         [ I        0 ]
-
-    so that no product is formed, in which large multipliers would spoil the accuracy of the others.
+    Large multipliers would spoil the accuracy of the others if the product were formed. So it is kept as ``U D V`` with
+    a graded diagonal D between well-conditioned matrices, by a pivoted QR decomposition for each factor, and the
+    eigenvalues are those of the graded matrix ``D (V U)`` (Bai, Lee, Li and Xu 2011, Linear Algebra and its
+    Applications 435, on long chains of products).
     """
-    size = transitions[0].shape[0]
-    if len(transitions) == 1:
-        real, imaginary, _, _, info = lapack.dgeev(transitions[0], compute_vl=0, compute_vr=0)
-        if info:
-            raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
-        values = map(complex, real.tolist(), imaginary.tolist())
-    else:
-        values = _pencil_eigenvalues(transitions, size).tolist()
+    matrix = transitions[0]
+    if len(transitions) > 1:
+        left, sizes, right = np.eye(len(matrix)), np.ones(len(matrix)), np.eye(len(matrix))
+        for transition in transitions:
+            left, upper, order = qr(transition @ left * sizes, pivoting=True)
+            sizes = np.abs(upper.diagonal())
+            right = (upper / np.where(sizes > 0.0, sizes, 1.0)[:, None]) @ right[order]
+        matrix = sizes[:, None] * (right @ left)
+    real, imaginary, _, _, info = lapack.dgeev(matrix, compute_vl=0, compute_vr=0)
+    if info:
+        raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
+    values = map(complex, real.tolist(), imaginary.tolist())
     return np.array(sorted(values, key=abs, reverse=True))
 
 
@@ -85,19 +86,6 @@ def classify(values: NDArray[np.complex128]) -> Instability:
     real = [mu.real for mu in outside if abs(mu.imag) <= REAL * abs(mu)]
     above = sum(mu > 0 for mu in real)
     return Instability(above, len(real) - above, (len(outside) - len(real)) // 2)
-
-
-def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -> NDArray[np.complex128]:
-    count = len(transitions)
-    a, b = np.zeros((count * size, count * size)), np.zeros((count * size, count * size))
-    for k, transition in enumerate(transitions):
-        a[k * size : (k + 1) * size, k * size : (k + 1) * size] = transition
-        if k + 1 < count:
-            a[k * size : (k + 1) * size, (k + 1) * size : (k + 2) * size] = -np.eye(size)
-    b[(count - 1) * size :, :size] = np.eye(size)
-    alpha, beta = eig(a, b, right=False, homogeneous_eigvals=True)
-    finite = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta)))[:size]
-    return (alpha[finite] / beta[finite]).astype(complex)
 
 
 def is_on_border(values: NDArray[np.complex128]) -> bool:

@@ -171,7 +171,7 @@ def survey(orbit: Orbit) -> Survey:
         thetas = np.sort(np.concatenate((_even(orbit.period), starts)))
         if (same := thetas[1:] == thetas[:-1]).any():
             thetas = np.delete(thetas, np.flatnonzero(same))
-    integrals, turns, found = flow.survey(coefficients, orbit.state, thetas)
+    integrals, turns, found = flow.survey(coefficients, orbit.state, thetas, orbit.known_states)
     contacts = []
     for contact in flow.equations.layout.contacts:
         factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]

@@ -7,7 +7,7 @@ several times.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
-from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.flow import PERIOD, Restarts, flow_of
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import Motion, sample
@@ -37,6 +37,7 @@ SAME = 1e-6
 """Distance of two states, relative to their size, within which they count as equal."""
 
 
+_NO_STATES = np.zeros((0, 0))
 _SETTLES = (1e-5, 1e-2)  # angles between which the impacts of a chatter are distinguished from its end
 
 
@@ -64,6 +65,9 @@ class Orbit(Shown):
         Beginnings of slip and stick of friction in one full period; the modes at its start come first.
     stuck
         Numbers of the contacts whose friction never slips: the orbit is one of a continuum, in which they keep it.
+    restarts : shape (segments - 1, state_size)
+        States at the starts of the later of several equal segments: of a strongly unstable orbit, the state at theta =
+        0 alone does not determine the rest to working accuracy.
     found_by
         Name of the method that finds such orbits.
     is_exact
@@ -92,6 +96,7 @@ class Orbit(Shown):
     steps: int
     slips: tuple[SlipEvent, ...] = field(default=(), kw_only=True)
     stuck: tuple[int, ...] = field(default=(), kw_only=True)
+    restarts: NDArray[np.float64] = field(default_factory=lambda: _NO_STATES, kw_only=True)
 
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 
@@ -102,6 +107,8 @@ class Orbit(Shown):
         shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
         if shapes != ((size,), (size,), (structure.size, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
+        if self.restarts.ndim != 2 or (len(self.restarts) and self.restarts.shape[1] != size):
+            raise ValueError("the later segments of an orbit begin in states of another size")
         if not all(0 <= event.switch < switches for event in self.events):
             raise ValueError("a contact event has the number of a switch that the system does not have")
         if not all(0 <= each < len(structure.contacts) for each in (*self.stuck, *(e.contact for e in self.slips))):
@@ -323,7 +330,45 @@ class Orbit(Shown):
             Its first sample is at theta = 0, its last one at the end of the period.
         """
         count = (samples or self.samples) * self.period
-        return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
+        angles = PERIOD * self.period * np.arange(count + 1) / count
+        return sample(self.system, self.state, angles, self.known_states)
+
+    def begun_in(self, state: NDArray[np.float64]) -> Orbit:
+        """Return the orbit with another state at theta = 0, such as that of another phase.
+
+        Parameters
+        ----------
+        state : shape (state_size,)
+            The state.
+
+        Returns
+        -------
+        Orbit
+            The orbit, with no other known states if it is another state.
+        """
+        return self if np.array_equal(state, self.state) else replace(self, state=state, restarts=_NO_STATES)
+
+    def repeated(self, times: int) -> Orbit:
+        """Return the same motion as an orbit of a multiple of its period.
+
+        Parameters
+        ----------
+        times
+            The multiple.
+
+        Returns
+        -------
+        Orbit
+            The orbit; its other fields are those of one period.
+        """
+        restarts = [*self.restarts, *[self.state, *self.restarts] * (times - 1)] if len(self.restarts) else _NO_STATES
+        return replace(self, period=times * self.period, restarts=np.array(restarts))
+
+    @property
+    def known_states(self) -> Restarts:
+        """Angles within the period at which its state is known, with the states; see `restarts`."""
+        count = len(self.restarts) + 1
+        return [(PERIOD * self.period * j / count, state) for j, state in enumerate(self.restarts, start=1)]
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
         """Return the first `count` states at intervals of `apart` radians of theta, shape (count, state_size).
@@ -341,6 +386,8 @@ class Orbit(Shown):
             The first one is at theta = 0.
         """
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
+        if len(self.restarts):
+            return flow.sample(coefficients, self.state, apart * np.arange(float(count)), self.known_states).states
         for number in range(count - 1):
             start = number * apart % PERIOD
             states.append(flow.integrate(coefficients, states[-1], start, start + apart).state)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -243,7 +243,7 @@ class OrbitEquation:
         list of array, shape (N,) each
             For an orbit of period m, m - 1 of them, or more if the excitation repeats within a forcing period.
         """
-        return [self.unknowns(replace(orbit, state=state)) for state in phases(orbit)[1:]]
+        return [self.unknowns(orbit.begun_in(state)) for state in phases(orbit)[1:]]
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).

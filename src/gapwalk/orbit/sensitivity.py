@@ -117,13 +117,18 @@ def sensitivity(orbit: Orbit, names: Sequence[str]) -> Sensitivity:
         orbit.system.structure.place(name)
     if orbit.own_method is not None:
         raise ModelError("this motion has no excitation, and its frequency is an unknown: it has no gradients here")
+    if len(orbit.restarts):
+        raise NumericalError(
+            f"small changes of this motion grow by {abs(complex(orbit.multipliers[0])):.3g} in a period, too much for "
+            "its gradients: take them of a motion that is less unstable"
+        )
     return Sensitivity(orbit, tuple(names))
 
 
 def signal_along(orbit: Orbit, signal: Signal, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the values of a signal of an orbit at any angles, exact at each; shape (samples,)."""
     grid, back = _grid(orbit, theta)
-    return signal.of(sample(orbit.system, orbit.state, grid))[back]
+    return signal.of(sample(orbit.system, orbit.state, grid, orbit.known_states))[back]
 
 
 def _grid(orbit: Orbit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:

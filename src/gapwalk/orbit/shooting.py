@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
 
 
+_SEGMENTS = 1000  # largest number of segments
+_GROWTH = 1e5  # of a small change of the state in a segment: beyond, residuals of 1e-10 are hardly reached
+
+
 @dataclass(frozen=True, slots=True)
 class Shooting(Method):
     """Options of shooting.
@@ -57,8 +61,8 @@ class Shooting(Method):
     tolerance: Annotated[float, Gt(0)] = 1e-10
 
     def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:
-            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to 1000")
+        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= _SEGMENTS:
+            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to {_SEGMENTS}")
         if not 1e-14 <= self.tolerance <= 1e-3:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
@@ -147,7 +151,31 @@ class ShootingEquation(OrbitEquation):
             sum(arc.steps for arc in arcs),
             slips=closure.slips,
             stuck=closure.stuck,
+            restarts=self._restarts(unknowns),
         )
+
+    def _restarts(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at the starts of the later segments, if these are equal and begin at theta = 0."""
+        states = unknowns.reshape(len(self.knots) - 1, -1)
+        return states[1:].copy() if not (self.begin or self.marks) else states[:0]
+
+    def inaccuracy(self, orbit: Orbit) -> str:
+        """Return that more segments are needed if small changes grow too much in one, with the multiplier."""
+        largest = abs(complex(orbit.multipliers[0]))
+        count, structure = self.options.segments, self.system.structure
+        if structure.reactions or structure.friction:
+            return ""  # beside a graze the multiplier grows in one instant, without a bound: segments do not help
+        if largest <= _GROWTH**count:
+            return ""
+        return (
+            f"small changes of the motion grow by {largest:.3g} in a period (its largest multiplier), too much for "
+            f"{count} segment{'s' if count > 1 else ''} of shooting; write method = gw.Shooting(segments = {4 * count})"
+        )
+
+    def finer(self) -> ShootingEquation | None:
+        """Return the equation with four times as many segments."""
+        count = 4 * self.options.segments
+        return replace(self, options=replace(self.options, segments=count)) if count <= _SEGMENTS else None
 
     def _from_zero(self, coefficients: NDArray[np.float64], arcs: list[Arc], states: NDArray[np.float64]) -> list[Arc]:
         """Return the arcs of the motion from theta = 0 on; the one that passes the end of the period is cut there."""
@@ -206,7 +234,13 @@ class ShootingEquation(OrbitEquation):
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the states of an orbit at the start of each segment."""
-        return self._spread(orbit.state, orbit.system)
+        if not len(orbit.restarts):
+            return self._spread(orbit.state, orbit.system)
+        flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+        full, known = PERIOD * self.period, orbit.known_states
+        known = [*known, (full, orbit.state), *((full + angle, state) for angle, state in known)]
+        found = flow.sample(coefficients, orbit.state, np.array([0.0, *self.knots]), known)
+        return found.states[1:-1].ravel()
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""

@@ -456,4 +456,4 @@ def _impulse(
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:
     """Return the states of an orbit at increasing angles."""
     grid = np.array([0.0, *thetas])
-    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid).states[1:]
+    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid, orbit.known_states).states[1:]

@@ -33,7 +33,7 @@ from gapwalk.results.faults import explained, undamaged
 APPLICATION = 0x67617077
 """Mark of a SQLite file that is a result of gapwalk: the letters gapw."""
 
-SCHEMA = 8
+SCHEMA = 9
 """Version of the format and of the records in it; a file of another version is refused."""
 
 TABLE = """CREATE TABLE part (

@@ -2,7 +2,8 @@
 
 All orbits of a branch are integrated together, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
 II.10) and the coefficients of `scipy.integrate.DOP853`. The contact events are those stored with an orbit; it is
-checked that the motion passes its breakpoints there, and nowhere else. The events belong to an orbit about 1e-7 away,
+checked that the motion passes its breakpoints there, and nowhere else. A strongly unstable orbit continues from each of
+its known states, where the motion must arrive. The events belong to an orbit about 1e-7 away,
 which costs digits of the closure. If that matters, they are located again on the motion itself.
 
 Steps also end where a load jumps, and where a law has a kink (`gapwalk.model.laws.Law.guards`): across a kink a step
@@ -53,7 +54,8 @@ class Round:
     Attributes
     ----------
     closure
-        Largest component of the difference between end and start, relative to the largest position or velocity.
+        Largest component of the difference between end and start, or between a known state and the motion from the one
+        before, relative to the largest position or velocity.
     astray
         Largest depth of a deflection on one side of a breakpoint while the stored orbit is on its other side, relative
         to the largest position.
@@ -181,12 +183,15 @@ def _around(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks]) -> li
     theta, length = (np.zeros((counts[0], len(orbits))) for _ in range(2))
     closed, levels = (np.zeros((counts[0], len(orbits), width)) for width in (inside.shape[1], everyone.jump_count))
     crossings: dict[int, list[tuple[int, int]]] = {}
+    restarts: dict[int, list[tuple[int, Array]]] = {}
     for lane, index in enumerate(order):
         plan, count = plans[index], counts[lane]
         theta[:count, lane], length[:count, lane] = plan.thetas, plan.lengths
         closed[:count, lane], levels[:count, lane] = plan.closed, plan.levels
         for step, switch in plan.crossings:
             crossings.setdefault(step, []).append((lane, switch))
+        for step, state in plan.restarts:
+            restarts.setdefault(step, []).append((lane, state))
     equations = Equations([orbits[index].system for index in order])
     motions = _Motions(equations, states[order])
     motions.cross(crossings.get(-1, ()), theta[0])
@@ -194,6 +199,8 @@ def _around(orbits: Sequence[Orbit], finer: float, kinks: Sequence[Kinks]) -> li
         active = int(np.searchsorted(-counts, -k))  # those with more than k steps come first
         motions.advance(slice(0, active), theta[k, :active], length[k, :active], closed[k, :active], levels[k, :active])
         motions.cross(crossings.get(k, ()), theta[k] + length[k])
+        for lane, state in restarts.get(k, ()):
+            motions.restart(lane, state)
     motions.locate_kinks()
     return [motions.round(lane) for lane in np.argsort(order).tolist()]
 
@@ -202,6 +209,7 @@ class _Plan(NamedTuple):
     """The steps of one orbit: start and length of each, the stages that act in it, and the levels of loads that jump.
 
     `crossings` has the contact events in their order: the number of the step after which each is, and its switch.
+    `restarts` has the known states in the same way.
     """
 
     thetas: Array
@@ -209,6 +217,7 @@ class _Plan(NamedTuple):
     closed: Array
     levels: Array
     crossings: list[tuple[int, int]]
+    restarts: list[tuple[int, Array]]
 
 
 def _plan(
@@ -221,10 +230,12 @@ def _plan(
     for event in reversed(orbit.events):
         closed[event.switch] = not event.enters  # before its first event a stage is in the opposite state
     knots: list[tuple[float, ContactEvent | None, bool]] = [(event.theta, event, False) for event in orbit.events]
+    known, restarts = dict(orbit.known_states), []
+    knots += [(angle, None, False) for angle in known]
     for angles in equations.jumps(lane):
         knots += [(float(angle) + _PERIOD * k, None, False) for k in range(orbit.period) for angle in angles]
     for angle, guard in kinks:  # the two guards of a fractional power vanish at one place
-        if all(abs(angle - known) > _ONE_PLACE for known, event, _ in knots if event is None):
+        if all(abs(angle - other) > _ONE_PLACE for other, event, _ in knots if event is None):
             knots.append((angle, None, bool(equations.graded[guard])))
     knots.sort(key=lambda knot: knot[0])  # stable: events at one angle stay in their order
     thetas, lengths, stages, crossings = [np.zeros(0)], [np.zeros(0)], [np.zeros((0, len(closed)))], []
@@ -245,9 +256,11 @@ def _plan(
         if event is not None:
             closed[event.switch] = event.enters
             crossings.append((total - 1, event.switch))
+        elif theta in known:
+            restarts.append((total - 1, known.pop(theta)))
     found, spans = np.concatenate(thetas), np.concatenate(lengths)
     levels = equations.levels(found + 0.5 * spans, np.full(len(found), lane))
-    return _Plan(found, spans, np.concatenate(stages), levels, crossings)
+    return _Plan(found, spans, np.concatenate(stages), levels, crossings, restarts)
 
 
 def _graded(nodes: Array, first: bool, last: bool) -> Array:
@@ -267,6 +280,7 @@ class _Motions:
     def __init__(self, equations: Equations, states: Array) -> None:
         self.equations, n = equations, equations.size
         self._start, self._state = states, np.column_stack((states, np.zeros(len(states))))
+        self._gaps = np.zeros(states.shape)  # at the known states
         self._errors, self._astray = np.zeros(states.shape), np.zeros(len(states))
         self._largest, self._smallest = states[:, :n].copy(), states[:, :n].copy()
         self._fastest = np.abs(states[:, n:]).max(axis=1)
@@ -292,6 +306,12 @@ class _Motions:
             if self.equations.guard_count:
                 self._watch_guards(lanes, theta, state, new, rates, length, closed, levels)
         self._state[lanes] = new
+
+    def restart(self, lane: int, state: Array) -> None:
+        """Continue one orbit from a known state, and record the difference from it."""
+        own = self._state[lane, :-1]
+        self._gaps[lane] = np.maximum(self._gaps[lane], np.abs(own - state))
+        own[:] = state
 
     def cross(self, crossings: Sequence[tuple[int, int]], theta: Array) -> None:
         """Record the delay with which each of some lanes passes the breakpoint of a switch, at the present angles."""
@@ -395,7 +415,7 @@ class _Motions:
         length = max(float(np.abs([self._largest[lane], self._smallest[lane]]).max()), np.finfo(float).tiny)
         speed = max(float(self._fastest[lane]), np.finfo(float).tiny)
         units = np.repeat([length, speed], n)
-        gap = np.abs(self._state[lane, : 2 * n] - self._start[lane]) / units
+        gap = np.maximum(self._gaps[lane], np.abs(self._state[lane, : 2 * n] - self._start[lane])) / units
         error = float((self._errors[lane] / units).max())
         extremes = np.column_stack((self._largest[lane], self._smallest[lane]))
         closure = float(gap.max())

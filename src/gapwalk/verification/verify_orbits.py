@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +46,8 @@ class Reshot(NamedTuple):
     contraction
         Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
     growth
-        Largest factor by which a small change of the state grows over the period; at least 1.
+        Largest factor by which a small change of the state grows over the period, or from one known state of a strongly
+        unstable orbit to the next; at least 1.
     lost
         Error of the contraction by rounding: a segment with a soft touch of a force that jumps is almost singular.
     """
@@ -134,7 +134,7 @@ def _verify_orbit(
 def _beside(track: Track, point: BranchPoint, around: Round) -> list[NDArray[np.complex128]]:
     """Return the multipliers of some motions beside a point, on all sides of it, as far as they can be followed."""
     orbit = point.orbit
-    near = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
+    near = [orbit.begun_in(orbit.state + aside) for aside in track.asides(point)]
     arounds = carry(near) if isinstance(around, DryRound) else [around] * len(near)
     found = []
     for each, its in zip(near, arounds, strict=True):
@@ -172,19 +172,22 @@ def _carried(orbit: Orbit, around: DryRound) -> Reshot:
 
 def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
-    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
+    largest = math.log(max(1.0, abs(complex(orbit.multipliers[0]))))
+    count = min(_MOST, max(segments + 1, math.ceil((abs(contraction) + largest) / _CONTRACTION)))
     equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
     logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
     total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
     units = orbit.system.state_scales()
-    around = np.eye(len(units))
-    for arc in arcs:
-        around = arc.transition @ around
-    growth = float(np.linalg.norm(around * units / units[:, None], 2))
+    parts, growth = len(orbit.restarts) + 1, 1.0
+    for part in range(parts):  # those of the segments in which the orbit is known
+        around = np.eye(len(units))
+        for arc in arcs[part * count // parts : (part + 1) * count // parts]:
+            around = arc.transition @ around
+        growth = max(growth, float(np.linalg.norm(around * units / units[:, None], 2)))
     found = without_kept(multipliers([arc.transition for arc in arcs]), orbit.kept)
     lost = _EPS * sum(float(np.linalg.cond(arc.transition * units / units[:, None])) for arc in arcs)
-    return Reshot(found, total, max(1.0, growth), lost)
+    return Reshot(found, total, growth, lost)
 
 
 def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:

@@ -176,7 +176,7 @@ class Examination:
         if function is None:
             return Sides((*faults, *found), None)
         on_branch = special.kind is not Kind.BRANCH_POINT
-        value = self._zero(reach, function) if on_branch else self._crossing(reach)
+        value = self._zero(reach, function) if on_branch else self._crossing(reach, function)
         smooth = special.kind.has_function
         return Sides((*faults, *found), value, a if smooth else None, b if smooth else None)
 
@@ -255,7 +255,7 @@ class Examination:
         # on one side a point of the walk, farther away, may stand for one that is not found
         return min(sides, key=lambda each: abs(each.arclength - self.special.point.arclength)).value
 
-    def _crossing(self, reach: float) -> float | None:
+    def _crossing(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
         """Return the parameter where the branch crosses another, with the other discretisation.
 
         A contact may graze just beyond the reach, so that polynomials through points up to there would be less
@@ -263,7 +263,7 @@ class Examination:
         """
         for share in (_SHARE, 1.0):
             with suppress(NumericalError):
-                return self.second.crossing(self.special.point, share * reach)
+                return self.second.crossing(self.special.point, share * reach, function)
         return None
 
     def criticality(self, before: BranchPoint, after: BranchPoint) -> str:
@@ -302,7 +302,7 @@ class Examination:
         """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
         special, track = self.special, self.track
         segments = track.segments + 1
-        orbit, size = replace(special.orbit, period=2 * special.orbit.period), special.orbit.system.state_size
+        orbit, size = special.orbit.repeated(2), special.orbit.system.state_size
         equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
         known = track.corrector(len(special.point.x)).scales
         scales = np.append(np.tile(known[:size], segments), known[-1])

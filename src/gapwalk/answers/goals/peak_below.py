@@ -116,7 +116,10 @@ def peak_signal(system: System, name: str) -> str:
 
 def peaks(orbit: Orbit, signal: str) -> tuple[float, float]:
     """Return the largest value of a signal in an orbit, and the largest of its negative, in the unit of the signal."""
-    name, along = peak_signal(orbit.system, signal), quadrature(orbit.system, orbit.state, orbit.period)
+    name, along = (
+        peak_signal(orbit.system, signal),
+        quadrature(orbit.system, orbit.state, orbit.period, orbit.known_states),
+    )
     nodes = np.arange(len(along.motion.theta))
     highest, lowest = (
         largest(along, nodes, lambda motion, sign=sign: sign * motion.signal(name)) for sign in (1.0, -1.0)

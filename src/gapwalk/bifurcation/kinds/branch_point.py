@@ -6,9 +6,10 @@ They are located by interpolation, since Newton's method is ill-conditioned wher
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
+from gapwalk.bifurcation.kinds.defining_functions import offsets_from
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
@@ -52,8 +54,13 @@ class BranchPointKind(Kind):
         """Return the determinant of the bordered Jacobian, scaled."""
         return point.determinant
 
+    def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the distances of the multipliers from +1, positive above."""
+        return offsets_from(1.0, multipliers)
+
     def prepare(self, search: Search) -> None:
         """Locate the crossing first, so that the search for other kinds steps over it."""
+        search.several(self)
         if search.first.determinant * search.last.determinant < 0.0:
             _crossing(search, search.first, search.last)
 
@@ -61,6 +68,14 @@ class BranchPointKind(Kind):
         """Locate the crossing by interpolation: Newton's method is ill-conditioned where branches cross."""
         crossing = _crossing(search, a, b)
         return crossing and Zero(self, search.interval.at(crossing.arclength), crossing.spread, self.at)
+
+    def locate_several(self, search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
+        """Locate the crossing with several branches by interpolation."""
+        crossing = _crossing(search, a, b, ranks)
+        if crossing is None:
+            return None
+        point = search.interval.at(crossing.arclength)
+        return search.several_at(self, point, crossing.spread, ranks)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from the bracket, and from the shift of the crossing in a second computation."""
@@ -73,7 +88,7 @@ class BranchPointKind(Kind):
             if off < (_SHARP * scale if number < len(_REACHES) else math.inf):
                 break
             with suppress(NumericalError):  # the branch is not smooth within that reach
-                off = min(off, abs(second.crossing(point, reach) - point.value))
+                off = min(off, abs(second.crossing(point, reach, zero.function) - point.value))
         if off == math.inf:
             return math.inf
         bracket = abs(float(point.tangent[-1])) * scale * zero.spread
@@ -101,8 +116,8 @@ class BranchPointKind(Kind):
         )
 
 
-def _crossing(search: Search, a: BranchPoint, b: BranchPoint) -> Crossing | None:
-    """Return the crossing with another branch between two points; None if the branch is not smooth enough.
+def _crossing(search: Search, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int] = (0, 1)) -> Crossing | None:
+    """Return the crossing with other branches between two points; None if the branch is not smooth enough.
 
     Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
     """
@@ -111,7 +126,7 @@ def _crossing(search: Search, a: BranchPoint, b: BranchPoint) -> Crossing | None
         if a.arclength < crossing.arclength < b.arclength:
             return crossing
     try:
-        crossings.append(locate_crossing(search.interval, a, b))
+        crossings.append(locate_crossing(search.interval, a, b, ranks))
     except NumericalError:
         return None
     return crossings[-1]
@@ -142,12 +157,15 @@ class Crossing:
         Uncertainty of the arclength.
     curve
         One polynomial for each scaled variable.
+    count
+        Number of multipliers that pass +1 there.
     """
 
     arclength: float
     radius: float
     spread: float
     curve: tuple[Polynomial, ...]
+    count: int = 1
 
     def __contains__(self, arclength: object) -> bool:
         return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius
@@ -166,8 +184,12 @@ class Crossing:
         return tuple(component.deriv() for component in self.curve)
 
 
-def locate_crossing(interval: StepInterval, a: BranchPoint, b: BranchPoint) -> Crossing:
+def locate_crossing(
+    interval: StepInterval, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int] = (0, 1)
+) -> Crossing:
     """Locate the zero of the determinant of the bordered Jacobian between `a` and `b`.
+
+    Where several multipliers pass +1 at once, their mean takes its place, which changes its sign in any case.
 
     Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
     square root or worse. The branch itself is smooth. Newton's method is accurate at points some distance away on both
@@ -179,26 +201,39 @@ def locate_crossing(interval: StepInterval, a: BranchPoint, b: BranchPoint) -> C
         If the branch is not smooth there (a contact grazes nearby), or too few points can be found.
     """
     window = b.arclength - a.arclength
-    guess = a.arclength + window * abs(a.determinant) / (abs(a.determinant) + abs(b.determinant))
-    crossing = _fit_window(interval, a, b, guess, window)
+    count = ranks[1] - ranks[0]
+    function = _determinant if count == 1 else partial(Kind.BRANCH_POINT.mean_offset, ranks=ranks)
+    ends = abs(function(a)), abs(function(b))
+    crossing = _fit_window(interval, a, b, a.arclength + window * ends[0] / sum(ends), window, function)
     for _ in range(_WINDOWS):
         window *= _NARROW
-        crossing = _fit_window(interval, a, b, crossing.arclength, window)
+        crossing = _fit_window(interval, a, b, crossing.arclength, window, function)
         if crossing.spread < _SURE * window:
-            return crossing
+            return replace(crossing, count=count)
     raise NumericalError(_ROUGH_BRANCH)
 
 
-def _fit_window(interval: StepInterval, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
+def _determinant(point: BranchPoint) -> float:
+    return point.determinant
+
+
+def _fit_window(
+    interval: StepInterval,
+    a: BranchPoint,
+    b: BranchPoint,
+    middle: float,
+    window: float,
+    function: Callable[[BranchPoint], float],
+) -> Crossing:
     low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
     nodes = _nodes(interval, low, window, middle)
     # abscissa of the points along the chord: the branch is smooth in it, but not in the arclength labels
     chord = (b.x - a.x) / (b.arclength - a.arclength)
     along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
     places = (a.arclength + along - middle) / window
-    determinants = [node.determinant for node in nodes]
-    zero = _zero(places, determinants)
-    spread = abs(_zero(places[1:-1], determinants[1:-1]) - zero)
+    values = [function(node) for node in nodes]
+    zero = _zero(places, values)
+    spread = abs(_zero(places[1:-1], values[1:-1]) - zero)
     if not spread < _ROUGH:
         raise NumericalError(_ROUGH_BRANCH)
     away = (places - zero) * window

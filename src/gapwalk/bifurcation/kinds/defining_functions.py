@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from gapwalk.orbit.floquet import REAL, multipliers
 
 _REAL = 1e-9  # relative imaginary part below which a sum or product of two multipliers counts as real
+COMPLEX = 1e-6
+"""Relative imaginary part up to which a pair may be two real multipliers that rounding has split."""
 _MANY = 8  # number of multipliers above which a product over all of them, or over all pairs, becomes too small
 _FEW = 4
 
@@ -71,6 +73,15 @@ def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
     distances[(np.abs(sums.imag) > _REAL * sizes) | (np.abs(products.imag) > _REAL * sizes)] = np.inf
     nearest = int(np.argmin(distances))
     return int(first[nearest]), int(second[nearest])
+
+
+def offsets_from(target: float, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the distances of multipliers from +1 or -1: positive beyond it, negative of complex ones.
+
+    A pair that rounding has split from a double multiplier counts as real.
+    """
+    is_real = np.abs(multipliers.imag) <= COMPLEX * np.abs(multipliers)
+    return np.where(is_real, target * multipliers.real - 1.0, -np.abs(multipliers - target))
 
 
 def nearest(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from gapwalk.bifurcation.branch_start import BranchStart, posed_for
-from gapwalk.bifurcation.kinds.defining_functions import Criticality, bounded_product, nearest, smallest_singular_value
+from gapwalk.bifurcation.kinds.defining_functions import (
+    Criticality,
+    bounded_product,
+    nearest,
+    offsets_from,
+    smallest_singular_value,
+)
 from gapwalk.bifurcation.special_point import REACH, SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.continuation.corrector import Corrector
@@ -75,6 +81,10 @@ class Flip(Kind):
     def function(self, point: BranchPoint) -> float:
         """Return the product of ``mu + 1``."""
         return bounded_product(nearest(point.orbit.free_multipliers + 1.0))
+
+    def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the distances of the multipliers from -1, positive below."""
+        return offsets_from(-1.0, multipliers)
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
         """Return the flip with `nature` and `judged`; unchanged if the criticality cannot be determined."""
@@ -496,7 +506,7 @@ class Doubled:
 
     def _doubled(self, orbit: Orbit) -> NDArray[np.float64]:
         equation = self.corrector.equation
-        unknowns = equation.unknowns(replace(orbit, period=2 * orbit.period))
+        unknowns = equation.unknowns(orbit.repeated(2))
         return np.append(unknowns, orbit.system[equation.parameter or ""])
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds.defining_functions import (
+    COMPLEX,
     Criticality,
     bounded_product,
     critical_pair,
@@ -14,8 +15,6 @@ from gapwalk.bifurcation.kinds.defining_functions import (
 )
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.continuation.point_on_branch import BranchPoint
-
-_COMPLEX = 1e-6  # relative imaginary part beyond which multipliers count as a complex pair
 
 
 class NeimarkSacker(Kind):
@@ -34,8 +33,12 @@ class NeimarkSacker(Kind):
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
         """Return True if a complex pair is on the unit circle: at a neutral saddle none is."""
         multipliers = point.orbit.free_multipliers
-        complex_ones = multipliers[np.abs(multipliers.imag) > _COMPLEX * np.abs(multipliers)]
+        complex_ones = multipliers[np.abs(multipliers.imag) > COMPLEX * np.abs(multipliers)]
         return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < near))
+
+    def offsets(self, multipliers: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the distances of the pairs from the unit circle, positive outside."""
+        return np.abs(multipliers[multipliers.imag > COMPLEX * np.abs(multipliers)]) - 1.0
 
     def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
         """Return the indices of the two multipliers nearest to the unit circle, larger imaginary part first."""
