@@ -51,6 +51,7 @@ _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
 _LARGE = 1e3  # multiplier that is stated where a walk gets stuck
+_LARGE = 1e4  # multiplier that is stated where a walk gets stuck, after it was tried in more segments
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -182,7 +183,8 @@ class BranchTracer(Iterator[Step]):
                     return step
                 if stuck and self._jumps(first):
                     raise
-                if stuck and self.walk.persist():
+                if stuck and (self._continues_in_segments(first, state.walk.count) or self.walk.persist()):
+                    before, first, state = self.walk.previous, self.walk.point, self.state
                     continue
                 if stuck:
                     self._end_stuck(before, first)
@@ -220,6 +222,18 @@ class BranchTracer(Iterator[Step]):
         if point.orbit.slips:
             point = self.walk.point = come_to_rest(self.beginning.corrector, first, point)
         return point
+
+    def _continues_in_segments(self, last: BranchPoint, count: int) -> bool:
+        """Continue in several segments if small changes grow so much that shooting in one may fail for that alone."""
+        structure, end = last.orbit.system.structure, self.end
+        is_dry, is_single = structure.reactions or structure.friction, len(last.x) == structure.state_size + 1
+        if not last.orbit.is_exact or not is_single or is_dry or abs(last.orbit.multipliers[0]) <= _LARGE:
+            return False
+        self.walk.finish(last, End(EndReason.COARSE, last.value))
+        if self._refine(count):
+            return True
+        self.walk.end = end
+        return False
 
     def _refine(self, count: int) -> bool:
         """Continue with a finer resolution if the walk ended for lack of it; return whether that was possible."""

@@ -202,7 +202,12 @@ class Search:
         del known[:-4]
         if not zeros:
             return zeros
-        return [each for each in self._resolved(kind, zeros) if not self._jumps(each)]
+        several = self.several(kind)
+        return [
+            each
+            for each in self._resolved(kind, zeros)
+            if not self._jumps(each) and not (several and each.multiplicity == 1 and _moves_as_one(kind, each.point))
+        ]
 
     def several(self, kind: Kind) -> list[Zero]:
         """Return the zeros of a kind at which several multipliers become critical at once, by the equality of parts.
@@ -213,12 +218,20 @@ class Search:
         if found is None:
             found = self.memo["several", kind] = []
             for a, b in pairwise(_apart(self.interval.points)):
-                first, last = sorted((kind.beyond(a), kind.beyond(b)))
-                zero = kind.locate_several(self, a, b, (first, last)) if last - first > 1 else None
-                if zero is not None:
-                    found.append(zero)
-                    self.recent(kind).extend([zero.point.arclength] * (last - first))
+                found += self._several_between(kind, a, b)
+            self.recent(kind).extend(zero.point.arclength for zero in found for _ in range(zero.multiplicity))
         return found
+
+    def _several_between(self, kind: Kind, a: BranchPoint, b: BranchPoint) -> list[Zero]:
+        """Return such zeros between two points, which are halved as long as those in it may not be at one place."""
+        first, last = sorted((kind.beyond(a), kind.beyond(b)))
+        if last - first < 2:
+            return []
+        zero = kind.locate_several(self, a, b, (first, last))
+        if zero is not None or b.arclength - a.arclength < self.interval.finest:
+            return [zero] if zero is not None else []
+        middle = self.interval.middle(a, b)
+        return self._several_between(kind, a, middle) + self._several_between(kind, middle, b)
 
     def bracketed_mean(self, kind: Kind, a: BranchPoint, b: BranchPoint, ranks: tuple[int, int]) -> Zero | None:
         """Return the zero of the mean offset of several multipliers between two points; None if they do not coincide.
@@ -352,6 +365,16 @@ def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
             kept.append(point)
     return [*kept, points[-1]]
+
+
+def _moves_as_one(kind: Kind, point: BranchPoint) -> bool:
+    """Return True if the two multipliers nearest to criticality are equally far from it.
+
+    Beside a point where they are critical at once, the test function is so small that rounding decides on its sign.
+    """
+    offsets = kind.offsets(point.orbit.free_multipliers)
+    nearest = offsets[np.argsort(np.abs(offsets), kind="stable")[:2]]
+    return len(nearest) == 2 and abs(nearest[1] - nearest[0]) < 0.5 * abs(nearest[0])
 
 
 def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:

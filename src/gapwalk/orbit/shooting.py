@@ -160,12 +160,14 @@ class ShootingEquation(OrbitEquation):
         return states[1:].copy() if not (self.begin or self.marks) else states[:0]
 
     def inaccuracy(self, orbit: Orbit) -> str:
-        """Return that more segments are needed if small changes grow too much in one, with the multiplier."""
+        """Return that more segments are needed if small changes grow too much in one of several, with the multiplier.
+
+        One segment serves as long as Newton's method converges: beside the graze of a stiff stop the multiplier grows
+        in one instant, where segments do not help.
+        """
         largest = abs(complex(orbit.multipliers[0]))
-        count, structure = self.options.segments, self.system.structure
-        if structure.reactions or structure.friction:
-            return ""  # beside a graze the multiplier grows in one instant, without a bound: segments do not help
-        if largest <= _GROWTH**count:
+        count = self.options.segments
+        if count == 1 or largest <= _GROWTH**count:
             return ""
         return (
             f"small changes of the motion grow by {largest:.3g} in a period (its largest multiplier), too much for "
