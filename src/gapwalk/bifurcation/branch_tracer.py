@@ -50,7 +50,6 @@ _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
 _AT_ONCE = 1e-7  # arclength between the onsets of slip in both directions that are one
-_LARGE = 1e3  # multiplier that is stated where a walk gets stuck
 _LARGE = 1e4  # multiplier that is stated where a walk gets stuck, after it was tried in more segments
 _FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 

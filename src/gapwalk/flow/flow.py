@@ -197,6 +197,7 @@ class Flow:
         direction: NDArray[np.float64] | None = None,
         *,
         keeps: int | None = None,
+        sums: bool = True,
     ) -> Arc:
         """Integrate a state from one theta to another.
 
@@ -213,13 +214,15 @@ class Flow:
             needs a flow compiled with as many.
         keeps
             Number of a contact whose friction keeps the mode of the start, even where it would slip or stick.
+        sums
+            False to follow each impact of a chatter, so that all are among the impacts of the arc.
 
         Raises
         ------
         FlowError
             If the motion diverges, chatters without end, or a contact event is missed.
         """
-        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps))
+        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction, keeps, sums))
 
     def sample(
         self,
@@ -322,7 +325,7 @@ class _Integrator:
         if self._width:
             self._identity[: self.size**2] = np.eye(self.size).ravel()
 
-    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None, *, sums=True) -> Arc:
+    def integrate(self, coefficients, state, start, stop, direction=None, keeps=None, sums=True) -> Arc:
         for longest_step, unseen in _TRIES:
             self._prepare(coefficients, state, start, stop, direction)
             self._switchboard.dry.keeps, self._switchboard.dry.unseen = keeps, unseen

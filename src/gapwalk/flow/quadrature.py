@@ -54,7 +54,7 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int, restart
     end = PERIOD * periods
     flow, coefficients = flow_of(system), coefficients_of(system)
     parts = pairwise([(0.0, state), *restarts, (end, state)])
-    arcs = [flow.integrate(coefficients, own, start, stop) for (start, own), (stop, _) in parts]
+    arcs = [flow.integrate(coefficients, own, start, stop, sums=False) for (start, own), (stop, _) in parts]
     logs = [[each for arc in arcs for each in log(arc)] for log in _LOGS]
     changes = [each.theta for log in logs[:3] for each in log]
     kinks = flow.kinks(coefficients, state, end)  # and jumps: it is not analytic there either
