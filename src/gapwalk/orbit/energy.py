@@ -229,7 +229,7 @@ def energy(orbit: Moving) -> Energy:
             "first: gw.find_orbit(orbit.system, orbit.period, start=orbit.state)"
         )
     system = orbit.system
-    along = quadrature(system, orbit.state, orbit.period, orbit.known_states)
+    along = quadrature(system, orbit.state, orbit.period, getattr(orbit, "known_states", ()))
     return _Book(system, along).closed(orbit.period)
 
 
