@@ -12,7 +12,7 @@ class GapwalkError(Exception):
     ...     gw.stop("wall", {"x": 1.0}, -1.0, 20.0)
     ... except gw.errors.GapwalkError as error:
     ...     print(error)
-    contact 'wall': clearance is -1.0; it must be a number >= 0
+    contact 'wall': clearance is -1.0; it must be a number >= 0...
     """
 
 
