@@ -101,7 +101,7 @@ def _market(path: str, size: int) -> NDArray[np.float64] | LabelledMatrix:
         raise UnusableError(f"which declares {entries:,} entries, but is too short for them")
     if field not in ("real", "integer", "double", "unsigned-integer"):
         raise UnusableError(f"which holds entries that are {field}; they must be real numbers")
-    matrix: Any = mmread(path)
+    matrix: Any = mmread(path, spmatrix=False)
     return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=float)
 
 
