@@ -20,7 +20,7 @@ def shown_measure(system: System, asked: object) -> str:
     if isinstance(measure := getattr(asked, "measure", None), str) and measure:
         return full_measure(measure, system.coordinates)
     coordinates, contacts = system.coordinates, [form.name for form in system.structure.contacts]
-    for name in _named(asked):
+    for name in filter(lambda each: isinstance(each, str), _named(asked)):  # a record may have a method of this name
         if (base := name.rstrip("'")) in coordinates:
             return f"half.{base}"
         owners = [each for each in contacts if f"{name}.".startswith(f"{each}.")]
