@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from tests.bifurcation.alike.comparison import Comparison, compare_ways
+from tests.bifurcation.alike.comparison import compare_ways
 from tests.bifurcation.alike.kinds import KINDS, machine_of
 from tests.bifurcation.campaign import arguments, compare_all
+from tests.bifurcation.ranges.comparison import Comparison
 
 
 def main() -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from gapwalk import Branch, Orbit, SpecialPoint, WalkOptions
 from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.continuation.walk import EndReason
 from tests.bifurcation.alike.machine import Machine
+from tests.bifurcation.ranges.comparison import Comparison
 
 FINE = WalkOptions(initial_step=2e-4, largest_step=2e-3, max_points=40_000)
 ANGLES = (1.0, 2.5, 4.0)
@@ -42,45 +42,6 @@ class Way(NamedTuple):
     def contact(self, special: SpecialPoint) -> str:
         """Return the contact of a special point in the words of the machine itself."""
         return special.contact[:-1] + special.contact[-1:].translate(_SIDES) if self.swaps else special.contact
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What came of walking one machine in several ways.
-
-    Attributes
-    ----------
-    name
-        Which machine.
-    faults
-        What differs, what is not explained, and what verification found, in sentences.
-    shared
-        Special points of the default walk.
-    walks
-        How many walks were compared.
-    stuck
-        How many of them ended with too small a step.
-    note
-        Why there is nothing to compare, if there is not.
-    """
-
-    name: str
-    faults: list[str] = field(default_factory=list)
-    shared: int = 0
-    walks: int = 0
-    stuck: int = 0
-    note: str = ""
-
-    @property
-    def agrees(self) -> bool:
-        """Whether there is no fault."""
-        return not self.faults
-
-    def __str__(self) -> str:
-        if self.note:
-            return self.note
-        faults = "".join(f"\n    {each}" for each in self.faults)
-        return f"{self.shared} special points in {self.walks} walks, {self.stuck} of them stuck{faults}"
 
 
 def compare_ways(name: str, machine: Machine, verified: bool = True, fine: WalkOptions = FINE) -> Comparison:

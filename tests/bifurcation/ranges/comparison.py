@@ -52,7 +52,7 @@ def random_system(seed: int) -> System:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of walking one system over several ranges.
+    """The faults found by walking one system in several ways.
 
     Attributes
     ----------
@@ -64,6 +64,8 @@ class Comparison:
         Special points that all walks have.
     walks
         How many walks were compared.
+    stuck
+        How many of them ended with too small a step, if that is counted.
     note
         Why there is nothing to compare, if there is not.
     """
@@ -72,6 +74,7 @@ class Comparison:
     faults: list[str] = field(default_factory=list)
     shared: int = 0
     walks: int = 0
+    stuck: int = 0
     note: str = ""
 
     @property
@@ -83,7 +86,8 @@ class Comparison:
         if self.note:
             return self.note
         faults = "".join(f"\n    {each}" for each in self.faults)
-        return f"{self.shared} special points in {self.walks} walks{faults}"
+        stuck = f", {self.stuck} of them stuck" if self.stuck else ""
+        return f"{self.shared} special points in {self.walks} walks{stuck}{faults}"
 
 
 def compare_ranges(name: str, system: System, verified: bool = True) -> Comparison:
