@@ -78,9 +78,9 @@ def amplitude(speed: float) -> float:
 
 
 def test_half_orders_of_a_train() -> None:
-    with pytest.raises(ModelError, match=r"mesh = Fraction\(1, 2\), which is no name of a gear; .* order=0.5"):
+    with pytest.raises(ModelError, match=r"mesh = Fraction\(1, 2\), which is not the name of a gear; .* order=0.5"):
         gw.train.Counted(gw.Harmonic(0.2, {"a": 1.0}), Fraction(1, 2))
-    with pytest.raises(ModelError, match=r"turns_of = 0.5, which is no name of an inertia"):
+    with pytest.raises(ModelError, match=r"turns_of = 0.5, which is not the name of an inertia"):
         gw.train.Counted(gw.Harmonic(0.2, {"a": 1.0}), turns_of=0.5)
     with pytest.raises(ModelError, match=r"write gw.train.Counted\(load, order=0.5\) with a load of order 1"):
         gw.Harmonic(0.2, {"a": 1.0}, order=0.5)

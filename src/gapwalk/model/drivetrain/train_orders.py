@@ -60,7 +60,7 @@ class Counted:
             if not isinstance(name := getattr(self, key), str):
                 what = "a gear" if key == "mesh" else "an inertia"
                 raise ModelError(
-                    f"{self.name} has {key} = {name!r}, which is no name of {what}; a fraction is written "
+                    f"{self.name} has {key} = {name!r}, which is not the name of {what}; a fraction is written "
                     "Counted(load, order=0.5)"
                 )
         if self.mesh and self.turns_of:
