@@ -217,7 +217,10 @@ class Search:
         found = self.memo.get(("several", kind))
         if found is None:
             found = self.memo["several", kind] = []
-            for a, b in pairwise(_apart(self.interval.points)):
+            points = self.interval.points
+            if all(point.orbit.instability.total < 2 for point in points):  # what is beyond criticality is unstable
+                return found
+            for a, b in pairwise(_apart(points)):
                 found += self._several_between(kind, a, b)
             self.recent(kind).extend(zero.point.arclength for zero in found for _ in range(zero.multiplicity))
         return found
