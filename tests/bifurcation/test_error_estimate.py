@@ -75,10 +75,11 @@ def test_the_rounding_of_a_residual_is_a_few_units_of_the_last_digit_and_the_sam
     system = preloaded_stop()
     equation, orbit = ShootingEquation(system, "frequency"), find_orbit(system)
     evaluation = equation.evaluate(orbit.state, system.frequency)
-    samples = roundings(equation, orbit.state, system.frequency, evaluation)
+    scales = np.append(equation.scales(1.0), 1.0)
+    samples = roundings(equation, orbit.state, system.frequency, evaluation, scales)
     assert samples.shape == (4, 2)
     assert 1e-17 < np.abs(samples).max() < 1e-13
-    assert np.array_equal(samples, roundings(equation, orbit.state, system.frequency, evaluation))
+    assert np.array_equal(samples, roundings(equation, orbit.state, system.frequency, evaluation, scales))
 
 
 @cache

@@ -131,6 +131,15 @@ def test_random_machines_have_one_list_of_special_points(seed):
     assert comparison.shared > 2
 
 
+def test_stated_errors_do_not_depend_on_the_units():
+    machine = machine_of("preload 12")
+    here = {way.name: way for way in ways(machine, gw.find_orbit(machine.system))}
+    plain, other = (here[name].walked().special("grazing") for name in ("default steps", "other units"))
+    assert len(plain) == len(other) == 1
+    for a, b in zip(plain, other, strict=True):
+        assert b.uncertainty / b.value == pytest.approx(a.uncertainty / a.value, rel=3.0)
+
+
 def test_a_comparison_names_what_only_one_walk_has():
     machine = machine_of("preload 12")
     plain = next(ways(machine, gw.find_orbit(machine.system)))

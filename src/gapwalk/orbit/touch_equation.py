@@ -309,7 +309,7 @@ class TouchEquation:
         """Return the largest change of the value of an orbit by rounding of the residual; see `roundings`."""
         unknowns = held.states.ravel()
         matrix = _bordered(held.evaluation, self._depths(np.append(unknowns, held.value))[1]) * self._scales
-        samples = roundings(self._posed, unknowns, held.value, held.evaluation)
+        samples = roundings(self._posed, unknowns, held.value, held.evaluation, self._scales)
         right = np.zeros((len(matrix), len(samples)))
         right[: len(unknowns)] = samples.T
         return float(np.abs(np.linalg.lstsq(matrix, right, rcond=None)[0][-1]).max() * self._scales[-1])
@@ -358,23 +358,25 @@ class TouchEquation:
         for _ in range(_ITERATIONS):
             value = float(unknowns[-1])
             evaluation = self._posed.evaluate(unknowns[:-1], value)
-            depths, rows = self._depths(unknowns)
-            matrix = _bordered(evaluation, rows)
+            depths, slopes = self._depths(unknowns)
+            matrix = _bordered(evaluation, slopes)
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths)
             right[len(unknowns) - 1 :, 1] = 1.0
-            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales, right, rcond=None)
+            rows = np.append(self._scales[:-1], np.full(len(depths), self._scales[0]))[:, np.newaxis]
+            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales / rows, right / rows, rcond=None)
             steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
             # a residual of rounding causes steps of this length: they are long if a coordinate is hardly restrained
-            rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
+            size = float(np.abs(unknowns[:-1] / self._scales[:-1]).max())
+            rounding = max(_ROUNDING, _EXACT * size / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 # all equations must be satisfied: there may be more of them than unknowns
-                slack = self._own.tolerance * float(np.abs(unknowns[:-1]).max())
-                uneven = np.abs(depth - depths).max() > _UNEVEN * abs(depth) + slack * 1e-3
-                if not uneven and np.abs(evaluation.residual).max() <= slack:
+                slack = self._own.tolerance * size
+                uneven = np.abs(depth - depths).max() > _UNEVEN * abs(depth) + slack * 1e-3 * self._scales[0]
+                if not uneven and np.abs(evaluation.residual / self._scales[:-1]).max() <= slack:
                     error = abs(float(steps[-1, 0]) * self._scales[-1])
                     return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
                 if length < _SETTLED:
