@@ -173,7 +173,9 @@ class Branch(Shown):
         """Numbers of points and special points in words."""
         stable = sum(point.stable for point in self.points)
         kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind.known() if self.special(kind))
-        return f"{len(self.points)} points, {stable} of them stable; {kinds or 'no special points'}"
+        neutral = sum(point.instability.label == "neutral" for point in self.points)
+        states = f"{stable} of them stable{f', {neutral} neutral' if neutral else ''}"
+        return f"{len(self.points)} points, {states}; {kinds or 'no special points'}"
 
     def plot(self, measure: str = "half", **options: Any):
         """Draw the branch and return the axes; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``).

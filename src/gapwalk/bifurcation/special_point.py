@@ -221,7 +221,7 @@ class SpecialPoint(Shown):
     @property
     def change(self) -> str:
         """Change of stability in the direction of the walk, in words."""
-        texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
+        texts = [f"unstable({side.total})" if side.total else side.label for side in (self.before, self.after)]
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
     def __repr__(self) -> str:

@@ -86,5 +86,4 @@ class BranchPoint:
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:
-        state = "stable" if self.stable else f"unstable ({self.instability.label})"
-        return f"BranchPoint({self.value:.10g}, {state}, contacts {self.orbit.pattern})"
+        return f"BranchPoint({self.value:.10g}, {self.instability.words}, contacts {self.orbit.pattern})"

@@ -18,7 +18,7 @@ from gapwalk.explorer.exploration import Line
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import CODIM2, locus_style, symbol_style
 
-_STABILITY = ("stable", "below", "above", "pair")
+_STABILITY = ("stable", "below", "above", "pair", "neutral")
 
 
 def labels() -> tuple[str, ...]:

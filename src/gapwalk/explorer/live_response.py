@@ -43,7 +43,7 @@ BALANCE = Balance(error=0.01)
 SHOOTING = Shooting(tolerance=1e-6)
 STEPS = WalkOptions(initial_step=0.01, largest_step=0.05, largest_turn=0.6, max_points=1000)
 _LONGEST = 15.0  # seconds that a walk may take
-_LABELS = ("stable", "below", "above", "pair")
+_LABELS = ("stable", "below", "above", "pair", "neutral")
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,8 +135,7 @@ def _sampled(motion: Orbit | Settled, most: int) -> Motion:
 def _text(motion: Orbit | Settled) -> str:
     if isinstance(motion, Settled):
         return "; ".join(motion.evidence) if motion.orbit is None else _text(motion.orbit)
-    state = "stable" if motion.stable else f"unstable ({motion.instability.label})"
-    return f"period {motion.period}, {state}, contacts {motion.pattern}"
+    return f"period {motion.period}, {motion.instability.words}, contacts {motion.pattern}"
 
 
 def _struck(sampled: Motion, names: Iterable[str]) -> dict[str, list[list[float]]]:

@@ -86,8 +86,7 @@ def verdict(motion: Orbit | Settled, finding: SettleFinding | None = None) -> st
     attractor = None if finding is None else finding.attractor
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     if orbit is not None:
-        state = "stable" if orbit.stable else f"unstable ({orbit.instability.label})"
-        return f"period {orbit.period}, {state}"
+        return f"period {orbit.period}, {orbit.instability.words}"
     if attractor is None:
         return "not periodic" if not isinstance(motion, Settled) or motion.converged else "not settled"
     words = "kind not known" if attractor.kind is AttractorKind.UNDECIDED else attractor.label

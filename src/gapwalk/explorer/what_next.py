@@ -32,6 +32,7 @@ _STAYS = {
     "above": "unstable: the machine leaves this motion to one side, as before a jump",
     "below": "unstable: the machine leaves this motion, to one side and to the other in turn",
     "pair": "unstable: the machine leaves this motion in growing beats",
+    "neutral": "neutral: a small disturbance neither grows nor decays",
 }
 
 

@@ -17,11 +17,12 @@ REAL = 1e-9
 
 _BORDER = 1e-6  # distance from the unit circle within which a multiplier may count on either side
 _FEW = 8  # number of multipliers up to which plain numbers are faster than arrays
+_ROUNDED = 1e-12  # rounding of a multiplier that is apart from the others, over the largest
 _SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
 
 
 class Instability(NamedTuple):
-    """Numbers of multipliers outside the unit circle, by where they left it.
+    """Numbers of multipliers outside the unit circle, by where they left it, and of those on it.
 
     Attributes
     ----------
@@ -31,6 +32,8 @@ class Instability(NamedTuple):
         Number of real ones below -1.
     pairs
         Number of complex conjugate pairs.
+    neutral
+        Number of multipliers that lie on the unit circle within their error, as of undamped motions.
 
     Examples
     --------
@@ -41,6 +44,7 @@ class Instability(NamedTuple):
     above: int
     below: int
     pairs: int
+    neutral: int = 0
 
     @property
     def total(self) -> int:
@@ -49,12 +53,19 @@ class Instability(NamedTuple):
 
     @property
     def label(self) -> str:
-        """``stable``, or the paper's kind of instability: ``below`` (-1), ``above`` (+1) or ``pair`` (Hopf)."""
+        """``stable``, ``neutral``, or the kind of instability: ``below`` (-1), ``above`` (+1), ``pair`` (Hopf)."""
         if self.below:
             return "below"
         if self.above:
             return "above"
-        return "pair" if self.pairs else "stable"
+        if self.pairs:
+            return "pair"
+        return "neutral" if self.neutral else "stable"
+
+    @property
+    def words(self) -> str:
+        """The label, after ``unstable`` if it is a kind of instability."""
+        return f"unstable ({self.label})" if self.total else self.label
 
 
 def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
@@ -80,12 +91,27 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
     return np.array(sorted(values, key=abs, reverse=True))
 
 
-def classify(values: NDArray[np.complex128]) -> Instability:
-    """Count the multipliers outside the unit circle."""
-    outside = [mu for mu in values.tolist() if abs(mu) > 1.0]
+def classify(values: NDArray[np.complex128], error: float = 0.0) -> Instability:
+    """Count the multipliers outside the unit circle, and those on it within rounding or a known error."""
+    plain = values.tolist()
+    neutral = [mu for mu in plain if abs(abs(mu) - 1.0) < max(_BORDER, error)]
+    if neutral:
+        largest = abs(plain[0])
+        neutral = [mu for mu in neutral if abs(abs(mu) - 1.0) <= max(_rounding(mu, plain, largest), error)]
+    outside = [mu for mu in plain if abs(mu) > 1.0 and mu not in neutral]
     real = [mu.real for mu in outside if abs(mu.imag) <= REAL * abs(mu)]
     above = sum(mu > 0 for mu in real)
-    return Instability(above, len(real) - above, (len(outside) - len(real)) // 2)
+    return Instability(above, len(real) - above, (len(outside) - len(real)) // 2, len(neutral))
+
+
+def _rounding(value: complex, values: Sequence[complex], largest: float) -> float:
+    """Return the rounding error of a multiplier's modulus: the nearer the next one, the larger, as of a double root.
+
+    Of a conjugate pair it is that of their product, which does not depend on their distance.
+    """
+    rounded = _ROUNDED * max(1.0, largest)
+    others = [abs(other - value) for other in values if other != value and other != value.conjugate()]
+    return rounded / min(1.0, max(min(others, default=1.0), math.sqrt(rounded)))
 
 
 def is_on_border(values: NDArray[np.complex128]) -> bool:

@@ -15,9 +15,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import NumericalError
 from gapwalk.flow.contact_events import ContactEvent
 from gapwalk.flow.dry_state import SlipEvent
-from gapwalk.flow.flow import PERIOD, Restarts, flow_of
+from gapwalk.flow.flow import PERIOD, Arc, Restarts, flow_of
 from gapwalk.flow.forces import contact_deflections
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import Motion, sample
@@ -33,6 +34,9 @@ from gapwalk.orbit.sticking import kept_words, without_kept
 _AT_STOP = 1e-9  # share of a clearance by which a motion that rests on it may differ from it
 _AT_IMPACT = 1e-4  # radians within which a turning point is that at an impact; logs are those of the last step but one
 _SIGNS = {1: "+", -1: "-"}
+_EXACTLY, _NEARLY = 1e-12, 1e-3  # distances of a multiplier from 1 between which rounding of the state may move it far
+_ROUNDINGS = 1e-15  # rounding of a state over one period, as a share of it
+_SAFETY = 4.0  # factor on the motion of a multiplier by rounding
 SAME = 1e-6
 """Distance of two states, relative to their size, within which they count as equal."""
 
@@ -116,8 +120,8 @@ class Orbit(Shown):
 
     @cached_property
     def instability(self) -> Instability:
-        """Numbers of multipliers outside the unit circle, by where they left it."""
-        return classify(self.free_multipliers)
+        """Numbers of multipliers outside the unit circle, by where they left it, and of those on it."""
+        return classify(self.free_multipliers, self.multiplier_error if self.is_exact else 0.0)
 
     @cached_property
     def free_multipliers(self) -> NDArray[np.complex128]:
@@ -142,12 +146,33 @@ class Orbit(Shown):
     @property
     def stable(self) -> bool:
         """True if all multipliers lie inside the unit circle."""
-        return self.instability.total == 0
+        return self.instability.label == "stable"
 
-    @property
+    @cached_property
     def multiplier_error(self) -> float:
-        """Approximate error of the multipliers; for shooting only rounding."""
-        return 0.0
+        """Approximate error of the multipliers: of the one nearest to 1 by rounding of the state; 0 if none is near it.
+
+        Where the motions are nearly a continuum, rounding moves the state far along it, and the multiplier with it.
+        """
+        near = min([abs(each - 1.0) for each in self.free_multipliers.tolist()], default=1.0)
+        if not _EXACTLY < near < _NEARLY or self.stuck or len(self.restarts) or self.own_method is not None:
+            return 0.0
+        flow, coefficients = flow_of(self.system, transition=True), coefficients_of(self.system)
+
+        def nearest(state: NDArray[np.float64]) -> tuple[Arc, NDArray[np.float64], NDArray[np.float64], complex]:
+            arc = flow.integrate(coefficients, state, 0.0, PERIOD * self.period)
+            assert arc.transition is not None
+            values, ways = np.linalg.eig(arc.transition)
+            place = int(np.argmin(np.abs(values - 1.0)))
+            return arc, ways[:, place].real, np.linalg.pinv(ways)[place].real, complex(values[place])
+
+        arc, way, left, value = nearest(self.state)
+        off = abs(float(left @ (arc.state - self.state))) + _ROUNDINGS * float(np.abs(left) @ np.abs(self.state))
+        try:
+            moved = [nearest(self.state + sign * off / near * way)[-1] for sign in (-1.0, 1.0)]
+        except NumericalError:
+            return 0.0
+        return _SAFETY * max(abs(each - value) for each in moved)
 
     @property
     def harmonics(self) -> int:
@@ -463,11 +488,10 @@ class Orbit(Shown):
         return measure(self, name)
 
     def __repr__(self) -> str:
-        stability = "stable" if self.stable else f"unstable ({self.instability.label})"
         state = ", ".join(f"{value:.6g}" for value in self.state[:4])
         kept = "".join(f", {words}" for words in kept_words(self.system.structure, self.stuck))
         return (
-            f"Orbit(period {self.period} at {pace_text(self.system)}, {stability}, "
+            f"Orbit(period {self.period} at {pace_text(self.system)}, {self.instability.words}, "
             f"contacts {self.pattern}{kept}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
         )
 

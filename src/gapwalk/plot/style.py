@@ -283,6 +283,7 @@ LINES = {
     "below": LineStyle("unstable, beyond −1", VERMILLION, (0, (4.5, 1.6)), 1.3, "^"),
     "above": LineStyle("unstable, beyond +1", BLUE, (0, (1.3, 1.3)), 1.5, "s"),
     "pair": LineStyle("unstable, complex pair", GREEN, (0, (6, 1.5, 1.3, 1.5)), 1.4, "o"),
+    "neutral": LineStyle("neutral", GREY, "-", 1.4, "d"),
 }
 """Line styles by the label of an instability, see `Instability.label`."""
 

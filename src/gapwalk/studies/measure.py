@@ -212,7 +212,7 @@ class Measured(Described):
         aligned, orbit = self.alignment, self.alignment.orbit
         sizes = f"{len(aligned.theta)} samples, {aligned.periods} periods"
         yield f"{aligned.record.name}: {sizes}, as {aligned.signal.name}"
-        stability = "stable" if orbit.stable else "unstable"
+        stability = orbit.instability.words
         yield f"motion of period {orbit.period} at {pace_words(orbit.system)}, {stability}, contacts {orbit.pattern}"
         if self.fit is not None:
             yield f"before the fit: {_agreement_words(self.fit.before)}"

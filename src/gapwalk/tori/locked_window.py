@@ -99,7 +99,7 @@ class LockedWindow:
     @property
     def words(self) -> str:
         """The range and the period, in words."""
-        what = f"period {self.orbit.period}, {'stable' if self.orbit.stable else 'unstable'}"
+        what = f"period {self.orbit.period}, {self.orbit.instability.words}"
         return f"{what}, over {'' if self.is_whole else 'at least '}{self.width:.2g} from {self.low:.9g}"
 
 

@@ -2,7 +2,7 @@
 
 import { drawPanel } from "./panels.js";
 
-const LOOKS = ["stable", "below", "above", "pair"];
+const LOOKS = ["stable", "below", "above", "pair", "neutral"];
 
 export class LiveChart {
   constructor(place, note) {
