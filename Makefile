@@ -15,7 +15,7 @@ TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovi
 
 .DEFAULT_GOAL := help
 .PHONY: help demo paper docs keys screenshots explore browser quick test tests kernels check lint types bench campaign slow \
-  dense ranges alike trials fuzz pythons lock clean
+  dense ranges alike exactly trials fuzz pythons lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -84,7 +84,7 @@ screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kep
 bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
 	$(PY) -m benchmarks --record
 
-campaign: slow fuzz dense ranges alike trials  ## all that make test leaves out (hours; each of the six can be made alone)
+campaign: slow fuzz dense ranges alike exactly trials  ## all that make test leaves out (hours; each of the seven can be made alone)
 
 slow: kernels  ## the tests that are marked as slow (GAPWALK_KILLS=50: kills of each kind of job)
 	$(TESTS) -m slow
@@ -99,6 +99,10 @@ dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times 
 ranges: $(STAMP)  ## walk 200 random systems over ranges up to 0.3 ... 1000, and compare; goes on where it stopped
 	@mkdir -p out
 	$(PY) -m tests.bifurcation.ranges out/ranges.jsonl
+
+exactly: $(STAMP)  ## compute special points of random machines again with 80-bit numbers; goes on where it stopped
+	@mkdir -p out
+	$(PY) -m tests.bifurcation.exactly out/exactly.jsonl --systems 60
 
 alike: $(STAMP)  ## walk random machines with other steps, mirrored, in other units and from other phases; goes on where it stopped
 	@mkdir -p out

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
@@ -29,6 +30,7 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import Instability, is_on_border, nearest_to_circle
 
+_BESIDE = 1e-4  # arclength between special points that may be one
 _SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch point
 
 
@@ -129,6 +131,61 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
         if not (number == 0 and branch.ends[0].reason is EndReason.BRANCHED)  # all test functions vanish there
         for text in unexplained(a, b, special, joining_points(branch))
     )
+
+
+def as_one(
+    points: Sequence[BranchPoint], special: Sequence[SpecialPoint]
+) -> tuple[tuple[BranchPoint, ...], tuple[SpecialPoint, ...]]:
+    """Return the points of a branch with special points of one kind and contact that lie within their errors as one.
+
+    Rounding may let the same change come and go several times. Of these, the fewest are kept that explain what changes
+    over all of them, and the points of the walk between them are left out.
+    """
+    kept, lost = list[SpecialPoint](), list[tuple[float, float]]()
+    for group in _groups(special):
+        ends = group[0].point.arclength, group[-1].point.arclength
+        before = max((each for each in points if each.arclength < ends[0]), key=_place, default=None)
+        after = min((each for each in points if each.arclength > ends[1]), key=_place, default=None)
+        few = _fewest(group)
+        if len(few) < len(group) and before and after and not any(unexplained(before, after, few)):
+            kept += few
+            lost.append((before.arclength, after.arclength))
+        else:
+            kept += group
+    inside = [each for each in points if not any(low < each.arclength < high for low, high in lost)]
+    return tuple(inside), tuple(kept)
+
+
+def _place(point: BranchPoint) -> float:
+    return point.arclength
+
+
+def _groups(special: Sequence[SpecialPoint]) -> list[list[SpecialPoint]]:
+    """Return successive special points in groups of those that lie within their errors."""
+    groups: list[list[SpecialPoint]] = []
+    for each in special:
+        if groups and any(_is_within(each, other) for other in groups[-1]):
+            groups[-1].append(each)
+        else:
+            groups.append([each])
+    return groups
+
+
+def _is_within(one: SpecialPoint, other: SpecialPoint) -> bool:
+    errors = sum(each.uncertainty for each in (one, other) if math.isfinite(each.uncertainty))
+    is_beside = abs(one.point.arclength - other.point.arclength) < _BESIDE
+    return is_beside and abs(one.value - other.value) <= errors
+
+
+def _fewest(group: Sequence[SpecialPoint]) -> list[SpecialPoint]:
+    """Return one of each odd number of alike special points, the surest, with the stabilities on both sides of all."""
+    alike: dict[tuple[Kind, str], list[SpecialPoint]] = {}
+    for each in group:
+        alike.setdefault((each.kind, each.contact), []).append(each)
+    odd = [min(each, key=lambda one: one.uncertainty) for each in alike.values() if len(each) % 2]
+    odd.sort(key=lambda each: each.point.arclength)
+    sides = [group[0].before] * len(odd) + [group[-1].after]
+    return [replace(each, before=sides[place], after=sides[place + 1]) for place, each in enumerate(odd)]
 
 
 def joining_points(branch: Branch) -> list[BranchPoint]:

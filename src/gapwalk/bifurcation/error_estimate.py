@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation, roundings
@@ -30,6 +30,8 @@ _NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points nea
 _REAL = 1e-6  # imaginary part below which a root counts as real
 _SAME = 1e-13  # distance in scaled variables, by rounding only, from a point to its correction
 _AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
+_NOTABLE, _FARTHEST = 1e-10, 1e-3  # scaled distances by rounding from and up to which it is asked how far it leads
+_FURTHER, _BENDS = 4.0, 2.0  # factor on the distance, and that on the rounding of a residual that it must exceed
 ROUNDING = 2e-14
 """Relative error of a parameter that both computations share, from the flow: about 1e-15 in each of its steps."""
 
@@ -119,9 +121,18 @@ class ErrorEstimator:
             moved = np.linalg.solve(np.vstack((jacobian, point.tangent)), right).T
         except np.linalg.LinAlgError:
             raise NumericalError(f"the branch is singular at {point.value:.12g}") from None
-        farthest = point.x + moved[int(np.argmax(np.linalg.norm(moved, axis=1)))]
-        aside = self._own.exact_point(farthest, point.tangent, point.arclength)
-        return _Blur(float(np.abs(moved[:, -1]).max()), aside, rounding)
+        farthest = moved[int(np.argmax(np.linalg.norm(moved, axis=1)))]
+        most, times = _BENDS * float(np.abs(rounding).max()), 1.0
+        # where motions are nearly a continuum, the equation bends: rounding leads farther than its derivatives tell
+        while _NOTABLE < times * length_of(farthest) < _FARTHEST:
+            ahead = (self._own.evaluate(point.x + way * times * farthest) for way in (-_FURTHER, _FURTHER))
+            if min(float(np.abs(each.residual - evaluation.residual).max()) for each in ahead) > most:
+                break
+            times *= _FURTHER
+        asides = [
+            self._own.exact_point(point.x + way * farthest, point.tangent, point.arclength) for way in (times, -times)
+        ]
+        return _Blur(times * float(np.abs(moved[:, -1]).max()), asides[: 1 if times == 1.0 else 2], rounding)
 
     def crossing(self, point: BranchPoint, reach: float, function: Callable[[BranchPoint], float]) -> float:
         """Return the parameter at which the second computation has a crossing, near a branch point.
@@ -157,14 +168,14 @@ class _Blur(NamedTuple):
     ----------
     off
         Largest change of the scaled parameter.
-    aside
-        The point displaced farthest.
+    asides
+        The point displaced farthest; to both sides, if that is farther than derivatives tell.
     rounding : shape (samples, N)
         Samples of the rounding errors of the residual.
     """
 
     off: float
-    aside: BranchPoint
+    asides: list[BranchPoint]
     rounding: NDArray[np.float64]
 
 
@@ -221,7 +232,7 @@ def location_error(
 
     def seen(point: BranchPoint, blur: _Blur) -> _Seen:
         value = zero.function(point)
-        return _Seen(point, value, blur.off, abs(zero.function(blur.aside) - value))
+        return _Seen(point, value, blur.off, max(abs(zero.function(each) - value) for each in blur.asides))
 
     here, other = seen(zero.point, blur), _Seen(there, zero.function(there))
     if not zero.contact:  # both sides are alike

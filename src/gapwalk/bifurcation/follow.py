@@ -9,6 +9,7 @@ from dataclasses import replace
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, Step
+from gapwalk.bifurcation.detector import as_one
 from gapwalk.bifurcation.kinds.user_event import Event, check_events
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.continuation.both_directions import Tracing, TracingState, in_one_direction
@@ -263,7 +264,7 @@ def join(tracers: Sequence[BranchTracer], walked: Sequence[Sequence[Step]]) -> B
         _reversed,
         lambda each: replace(each, point=_reversed(each.point), before=each.after, after=each.before),
     )
-    return Branch(equation.parameter or "", equation.period, points, special, tuple(ends))
+    return Branch(equation.parameter or "", equation.period, *as_one(points, special), tuple(ends))
 
 
 def _end(tracer: BranchTracer, steps: Sequence[Step]) -> End:

@@ -12,6 +12,7 @@ another one: a step of the size of the jump would reach it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.discontinuity import discontinuity_ahead
+from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.friction_changes import changes_between
 from gapwalk.bifurcation.kinds.sliding import Sliding, describe_friction
 from gapwalk.bifurcation.special_point import SpecialPoint
@@ -34,6 +36,7 @@ _PROBES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)  # distances beyond the corner at which
 _STEPS = (1e-6, 1e-5, 1e-7, 1e-4)  # lengths of the step over the corner
 _ASTRAY = 0.5  # distance of the corrected point from the guess, as a share of the step, beyond which it is astray
 _REACHED = 1e-12  # distance from the corner at which it is reached
+_FARTHEST = 1e-4  # distance within which rounding may place it
 _TURNED = 1e-3  # radians by which the direction on the other side must differ from going back
 
 
@@ -48,7 +51,7 @@ class Passage(NamedTuple):
 def pass_corner(corrector: Corrector, point: BranchPoint) -> Passage | None:
     """Return the step over a corner from a point just before it; None if there is none near."""
     here = sequence(point.orbit)
-    if not point.orbit.slips or not any(_differs(corrector, point, probe) for probe in _PROBES):
+    if not point.orbit.slips or not any(_sequence_at(corrector, point, probe) not in {(), here} for probe in _PROBES):
         return None
     if discontinuity_ahead(corrector, point) is not None:
         return None
@@ -89,15 +92,6 @@ def _first_beyond(
             return beyond
         first = nearer
     return first or beyond
-
-
-def _differs(corrector: Corrector, point: BranchPoint, probe: float) -> bool:
-    """Return True if the motion a little ahead of a point, which need not be periodic, has another sequence."""
-    try:
-        ahead = corrector.uncorrected(point.x + probe * point.tangent, point.tangent, point.arclength)
-    except NumericalError:
-        return False
-    return sequence(ahead.orbit) != sequence(point.orbit)
 
 
 def _corner(corrector: Corrector, point: BranchPoint) -> BranchPoint:
@@ -143,6 +137,34 @@ def _ways(corrector: Corrector, corner: BranchPoint) -> Iterator[tuple[NDArray[n
                 yield way, length
 
 
+def _error(corrector: Corrector, corner: BranchPoint) -> float:
+    """Estimate the error of the parameter at a corner: how far from it rounding decides on the sequence."""
+    reach, width = _REACHED, float(corrector.scales[-1])
+    try:
+        blur = ErrorEstimator(corrector).blur(corner)
+    except NumericalError:
+        return math.inf
+    motions = [corner, *blur.asides]
+    while True:
+        before, after = ({_sequence_at(corrector, each, way * reach) for each in motions} for way in (-1.0, 1.0))
+        if len(before) == len(after) == 1 and before != after:
+            break
+        reach *= 2.0
+        if reach > _FARTHEST:
+            return math.inf
+    across = width * (abs(float(corner.tangent[-1])) * reach + blur.off)
+    return SAFETY * across + ROUNDING * (abs(corner.value) + width)
+
+
+def _sequence_at(corrector: Corrector, point: BranchPoint, distance: float) -> tuple[object, ...]:
+    """Return the sequence of the motion, which need not be periodic, a little along the tangent; none if it fails."""
+    try:
+        ahead = corrector.uncorrected(point.x + distance * point.tangent, point.tangent, point.arclength)
+    except NumericalError:
+        return ()
+    return sequence(ahead.orbit)
+
+
 def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> list[SpecialPoint]:
     """Return the special points at the corner: one for each phase that appears or vanishes.
 
@@ -150,7 +172,7 @@ def _special(corrector: Corrector, corner: BranchPoint, point: BranchPoint) -> l
     """
     found: list[SpecialPoint] = []
     before = corner.orbit.instability
-    error, parameter = 4.0 * _REACHED * float(corrector.scales[-1]), corrector.equation.parameter or ""
+    error, parameter = _error(corrector, corner), corrector.equation.parameter or ""
     for change in changes_between(corner.orbit, point.orbit) or []:
         for kind in KINDS.values():
             if isinstance(kind, Sliding) and kind.owns(change):
