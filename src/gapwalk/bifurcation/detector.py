@@ -147,13 +147,19 @@ def as_one(
         before = max((each for each in points if each.arclength < ends[0]), key=_place, default=None)
         after = min((each for each in points if each.arclength > ends[1]), key=_place, default=None)
         few = _fewest(group)
-        if len(few) < len(group) and before and after and not any(unexplained(before, after, few)):
+        if len(few) < len(group) and before and after and _may_replace(few, before, after):
             kept += few
             lost.append((before.arclength, after.arclength))
         else:
             kept += group
     inside = [each for each in points if not any(low < each.arclength < high for low, high in lost)]
     return tuple(inside), tuple(kept)
+
+
+def _may_replace(few: Sequence[SpecialPoint], before: BranchPoint, after: BranchPoint) -> bool:
+    """Return True if a few special points say all that happens between two points; none cannot if the branch turns."""
+    turns = float(before.tangent @ after.tangent) < 0.0
+    return not any(unexplained(before, after, few)) and (bool(few) or not turns)
 
 
 def _place(point: BranchPoint) -> float:
