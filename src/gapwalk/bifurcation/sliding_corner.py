@@ -147,7 +147,7 @@ def _error(corrector: Corrector, corner: BranchPoint) -> float:
     motions = [corner, *blur.asides]
     while True:
         before, after = ({_sequence_at(corrector, each, way * reach) for each in motions} for way in (-1.0, 1.0))
-        if len(before) == len(after) == 1 and before != after:
+        if len(before) == 1 and before.isdisjoint(after):  # beyond it they may differ among each other
             break
         reach *= 2.0
         if reach > _FARTHEST:
