@@ -164,7 +164,7 @@ class Orbit(Shown):
             assert arc.transition is not None
             values, ways = np.linalg.eig(arc.transition)
             place = int(np.argmin(np.abs(values - 1.0)))
-            return arc, ways[:, place].real, np.linalg.pinv(ways)[place].real, complex(values[place])
+            return arc, np.real(ways[:, place]), np.real(np.linalg.pinv(ways)[place]), complex(values[place])
 
         arc, way, left, value = nearest(self.state)
         off = abs(float(left @ (arc.state - self.state))) + _ROUNDINGS * float(np.abs(left) @ np.abs(self.state))
