@@ -7,8 +7,8 @@ is zero. Newton's method needs their values in 80 bits, and a Jacobian in 64.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Mark(NamedTuple):
 
     angle: float
     rows: np.ndarray
-    mode: Hashable
+    mode: Any
     touches: bool = False
 
 
@@ -44,7 +44,7 @@ def exponential(matrix: np.ndarray) -> np.ndarray:
 
 
 def located(
-    generator: Callable[[Hashable, np.longdouble], np.ndarray],
+    generator: Callable[[Any, np.longdouble], np.ndarray],
     marks: Sequence[Mark],
     turns: int,
     state: np.ndarray,
