@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import ModelError
+from gapwalk.model.problems import did_you_mean
 from gapwalk.model.words import full_measure, parameter_words, state_words
 from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, extent_of, joined, unexplained_entries
@@ -170,6 +171,8 @@ def draw_strobes(
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     coordinates = diagram.branches[0].system.coordinates
     if measure and measure not in coordinates:
+        if "." not in full_measure(measure, coordinates):
+            raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
         return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
     strobes = Strobes(diagram, measure)
     strobes.draw(ax)
