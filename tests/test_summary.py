@@ -69,3 +69,13 @@ def test_a_summary_is_printed_as_the_terminal_shows_it() -> None:
     assert "kind" in text.splitlines()[3]
     assert len(text.splitlines()) > 4 + len(branch.special_points)
     assert text == repr(branch.summary())
+
+
+def test_a_branch_has_measures_states_and_multipliers_in_its_tables() -> None:
+    system = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=0.5)
+    branch = gw.follow(gw.find_orbit(system), "frequency", 0.6)
+    headings, first, *_ = branch.tables()["points"]()
+    assert {"parameter", "stable", "max.x", "half.x", "x(0)", "x'(0)", "modulus.multiplier1"} <= set(headings)
+    row = dict(zip(headings, first, strict=True))
+    assert row["half.x"] == branch.measure("half.x")[0]
+    assert [row["x(0)"], row["x'(0)"]] == branch.points[0].orbit.state.tolist()

@@ -146,6 +146,8 @@ def test_a_diagram_shows_its_states_in_axes_of_your_own() -> None:
     assert diagram.plot("q3", ax=ax, within=(0.68, 0.69)) is ax
     assert ax.get_ylabel() == "q3(0), once every forcing period"
     assert ax.get_xlim() == (0.68, 0.69)
+    other = diagram.plot("max.q3", ax=Figure(layout="constrained").add_subplot())
+    assert other.get_ylabel() == "maximum of q3"
     with pytest.raises(ModelError, match="is drawn in several panels: give figure"):
         gw.plot.draw(gw.analysis.contrast(*(member.branch.points[0].orbit for member in diagram.members[:2])), ax=ax)
 

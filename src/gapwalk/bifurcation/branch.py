@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
-from gapwalk.summary import SummaryParts, Table, summarizes
+from gapwalk.summary import Rows, SummaryParts, Table, Tables, rows_of, summarizes
 
 if TYPE_CHECKING:
     import pandas
@@ -218,9 +218,24 @@ class Branch(Shown):
         columns.update({name: self.measure(name) for name in names})
         return pd.DataFrame(columns)
 
+    def tables(self) -> Tables:
+        """Return the tables of the branch by name, with measures, states and multipliers of its points.
+
+        Returns
+        -------
+        mapping of str to callable
+            ``points``, ``special-points`` and ``ends``; each function returns the rows, the headings first.
+        """
+        found = {"points": self.points, "special-points": self.special_points}
+        return {**super().tables(), **{name: partial(_rows, points) for name, points in found.items() if points}}
+
     def __repr__(self) -> str:
         kinds = ", ".join(f"{len(self.special(kind))} {kind}" for kind in Kind.known() if self.special(kind))
         return (
             f"Branch(period {self.period}, {self.parameter} {self.points[0].value:.6g} ... "
             f"{self.points[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
         )
+
+
+def _rows(points: tuple[BranchPoint | SpecialPoint, ...]) -> Rows:
+    return rows_of({**point_row(point), **motion_row(point.orbit)} for point in points)

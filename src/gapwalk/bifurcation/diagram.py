@@ -310,22 +310,22 @@ class Diagram(Shown):
         special = self._special_at(origin)
         return f"{special.value:.10g}, a {special.kind.value.replace('-', ' ')} of {origin.parent}"
 
-    def plot(self, measure: str = "half", **options: Any):
+    def plot(self, measure: str = "", **options: Any):
         """Draw the diagram (`measure` over the parameter, and the stroboscopic states) and return the figure.
 
-        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only the
-        states are drawn.
+        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only
+        the states are drawn, or the measure if one is given.
 
         Parameters
         ----------
         measure
-            A coordinate, or a measure as in `Orbit.measure`.
+            A coordinate, or a measure as in `Orbit.measure`; by default half the peak to peak of the first coordinate.
         **options
             Options of the picture.
         """
         from gapwalk.plot import draw
 
-        return draw(self, measure, **options)
+        return draw(self, *([measure] if measure else []), **options)
 
     def __repr__(self) -> str:
         low, high = self.within

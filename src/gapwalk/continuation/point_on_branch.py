@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.measures import measure_names
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import row_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,3 +89,28 @@ class BranchPoint:
 
     def __repr__(self) -> str:
         return f"BranchPoint({self.value:.10g}, {self.instability.words}, contacts {self.orbit.pattern})"
+
+
+def method_values(orbit: Orbit) -> list[float]:
+    """Return the values under these headings; they are empty for an orbit that was found by shooting."""
+    return [getattr(orbit, name) for name in orbit.method.columns]
+
+
+def method_document(orbit: Orbit) -> dict[str, float]:
+    """Return the method-specific values as JSON values."""
+    return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
+
+
+def point_row(point: Any) -> dict[str, Any]:
+    """Return the row of a point, special or not, in a table: its numbers, measures, and the values of its method."""
+    orbit, names = point.orbit, measure_names(point.orbit.system.coordinates)
+    measures = {name: orbit.measure(name) for name in names}
+    return {**row_of(point), "measures": measures, **method_document(orbit)}
+
+
+def motion_row(orbit: Orbit) -> dict[str, float]:
+    """Return the state of an orbit at theta = 0, and its multipliers in polar form, by their headings."""
+    polar = np.column_stack((np.abs(orbit.multipliers), np.angle(orbit.multipliers))).ravel().tolist()
+    states = [f"{name}(0)" for name in orbit.system.state_names]
+    multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
+    return dict(zip((*states, *multipliers), (*orbit.state.tolist(), *polar), strict=True))

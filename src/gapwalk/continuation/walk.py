@@ -308,8 +308,8 @@ class Walk(Iterator[BranchPoint]):
         if self.point is self.origin or point.arclength < 4 * self._first_step:
             return None
         if point.tangent @ self.origin.tangent >= _SAME_WAY:
-            found = self._passed(point, self.origin.x, self.origin.tangent)
-            if found is not None:
+            place = self._beyond_branch_point(point) if self.branched else self.origin.x
+            if place is not None and self._passed(point, place, self.origin.tangent) is not None:
                 gap = length_of(self.origin.x - self.point.x)
                 return replace(self.origin, arclength=self.point.arclength + gap, memo={})
         if self._twins is None:
@@ -325,6 +325,13 @@ class Walk(Iterator[BranchPoint]):
                 ):  # a branch that ends in a flip comes back otherwise
                     return last
         return None
+
+    def _beyond_branch_point(self, point: BranchPoint) -> NDArray[np.float64] | None:
+        """Return the solution a little beyond the origin: at a branch point itself Newton's method is singular."""
+        ahead = 0.1 * length_of(point.x - self.point.x) * self.origin.tangent
+        near = float((self.origin.x - self.point.x) @ (point.x - self.point.x)) > 0.0
+        found = self.corrector.correct(self.origin.x + ahead, self.origin.tangent) if near else None
+        return None if found is None else found.x
 
     def _passed(
         self, point: BranchPoint, place: NDArray[np.float64], normal: NDArray[np.float64] | None

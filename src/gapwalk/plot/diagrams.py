@@ -146,20 +146,20 @@ def _finish(finish: Finish, strobes: Strobes, panels: Sequence[Axes], crowd: Ran
 def draw_strobes(
     diagram: Diagram,
     ax: Axes,
-    measure: str = "half",
+    measure: str = "",
     *,
     labels: bool = True,
     legend: bool = True,
     within: Range | None = None,
 ) -> Finish:
-    """Draw the states of all motions of a diagram in one panel, once per forcing period.
+    """Draw one panel of a diagram: the states of all motions once per forcing period, or a measure of them.
 
     Parameters
     ----------
     diagram, ax
         The diagram and the axes.
     measure
-        A coordinate, or a measure of one: the coordinate of the states. By default the first one.
+        A coordinate, whose states are drawn, by default the first one; or a measure, as in `draw_branches`.
     labels
         True to write names next to branches.
     legend
@@ -170,10 +170,11 @@ def draw_strobes(
     if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     coordinates = diagram.branches[0].system.coordinates
-    coordinate = full_measure(measure, coordinates).partition(".")[2] or measure
-    if coordinate not in coordinates:
-        raise ModelError(f"there is no coordinate {coordinate!r}; {did_you_mean(coordinate, coordinates)}")
-    strobes = Strobes(diagram, coordinate)
+    if measure and measure not in coordinates:
+        if "." not in full_measure(measure, coordinates):
+            raise ModelError(f"there is no coordinate {measure!r}; {did_you_mean(measure, coordinates)}")
+        return draw_branches(diagram.branches, ax, measure, labels=labels, legend=legend, within=within)
+    strobes = Strobes(diagram, measure)
     strobes.draw(ax)
     left, right = within or diagram.within
     pad = 0.0 if within else 0.02 * (right - left)

@@ -9,13 +9,11 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
-from gapwalk.bifurcation.special_point import SpecialPoint
-from gapwalk.continuation.point_on_branch import BranchPoint
+from gapwalk.continuation.point_on_branch import BranchPoint, point_row
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import measure_names, parameter_headings
-from gapwalk.orbit.orbit import Orbit
 from gapwalk.studies.options import BranchOptions
-from gapwalk.summary import Rows, row_of, rows_of
+from gapwalk.summary import Rows, rows_of
 
 
 def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
@@ -26,23 +24,6 @@ def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
 def method_names(options: BranchOptions) -> list[str]:
     """Return the headings of method-specific columns: for harmonic balance, harmonics and truncation error."""
     return list(options.method.columns)
-
-
-def method_values(orbit: Orbit) -> list[float]:
-    """Return the values under these headings; they are empty for an orbit that was found by shooting."""
-    return [getattr(orbit, name) for name in orbit.method.columns]
-
-
-def method_document(orbit: Orbit) -> dict[str, float]:
-    """Return the method-specific values as JSON values."""
-    return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
-
-
-def point_row(point: BranchPoint | SpecialPoint) -> dict[str, Any]:
-    """Return the row of a point in a table of points: its numbers, its measures, and the values of its method."""
-    orbit, names = point.orbit, measure_names(point.orbit.system.coordinates)
-    measures = {name: orbit.measure(name) for name in names}
-    return {**row_of(point), "measures": measures, **method_document(orbit)}
 
 
 def special_rows(branches: Iterable[tuple[str, Branch]], diagram: Diagram | None = None) -> Iterator[dict[str, Any]]:

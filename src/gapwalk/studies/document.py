@@ -8,11 +8,12 @@ from typing import Any
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.isolated import SearchResult, coverage
+from gapwalk.continuation.point_on_branch import point_row
 from gapwalk.continuation.walk import End
 from gapwalk.flow.motion import signal_names
 from gapwalk.results.plain import plain
 from gapwalk.results.records import parameters_of
-from gapwalk.studies.columns import COVERAGE, coverage_rows, point_row, special_rows
+from gapwalk.studies.columns import COVERAGE, coverage_rows, special_rows
 from gapwalk.studies.map import map_document
 from gapwalk.studies.result import Result
 

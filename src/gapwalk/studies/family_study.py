@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch_start import directions
 from gapwalk.bifurcation.special_point_kind import Kind
+from gapwalk.continuation.point_on_branch import point_row
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Number, Text
@@ -25,7 +26,7 @@ from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
-from gapwalk.studies.columns import point_row, table_rows
+from gapwalk.studies.columns import table_rows
 from gapwalk.studies.document import branch_document
 from gapwalk.studies.family import Family
 from gapwalk.studies.family_joining import FamilyOptions, FamilyWork

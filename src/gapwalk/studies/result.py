@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from gapwalk.answers.shown_measure import shown_measure
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.continuation.point_on_branch import motion_row, point_row
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
 from gapwalk.model.words import measure_symbol, parameter_symbol
 from gapwalk.notebook import Shown
-from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, point_row, special_rows, table_rows
+from gapwalk.studies.columns import COVERAGE, coverage_rows, method_names, special_rows, table_rows
 from gapwalk.studies.map import Map, codim2_rows, locus_rows
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.study_file import Study
@@ -285,16 +284,11 @@ class Result(Shown):
     def _point_rows(self) -> Iterator[dict[str, Any]]:
         chart = self.map
         second = [] if chart is None else [section.value for section in chart.sections for _ in section.branches]
-        states = [f"{name}(0)" for name in self.system.state_names]
-        multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
         for number, (name, branch) in enumerate(self.named, start=1):
             about = {"branch": number, "name": name, "period": branch.period, "parameter": 0.0}
             about |= {"second": second[number - 1]} if second else {}
             for point in branch.points:
-                found = point.orbit.multipliers
-                polar = np.column_stack((np.abs(found), np.angle(found))).ravel().tolist()
-                motion = dict(zip((*states, *multipliers), (*point.orbit.state.tolist(), *polar), strict=True))
-                yield {**about, **point_row(point), "motion": motion}
+                yield {**about, **point_row(point), "motion": motion_row(point.orbit)}
 
     @property
     def named(self) -> Iterable[tuple[str, Branch]]:
