@@ -307,7 +307,7 @@ def _leaving(cubic: float) -> float:
     return float(brentq(work, 0.5, 4.0, xtol=1e-13))
 
 
-@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e-6)])
+@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e3)])
 def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:
     law = "mu*((x/u)**2 - 1)*v + c*(x/u)**2*x"
     damper = gw.force("damper", {"x": 1.0}, law, mu=-0.5, c=cubic, u=unit)

@@ -105,7 +105,9 @@ def follow_self_excited(
                 if len(tracing.steps[-1]) == _MANY:
                     tracer.walk.finish(point, End(EndReason.CENTRE, point.value))
             if tracer.is_level:  # how far its points are from the one value is an error of theirs
-                special[:] = [replace(s, uncertainty=s.uncertainty + abs(s.value - tracer.first.value)) for s in special]
+                special[:] = [
+                    replace(s, uncertainty=s.uncertainty + abs(s.value - tracer.first.value)) for s in special
+                ]
             if report is not None:
                 report(point, special)
     except KeyboardInterrupt:

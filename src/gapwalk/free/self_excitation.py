@@ -42,7 +42,8 @@ class SelfExcited(Shown):
     rests
         The equilibria.
     cycles
-        Branches of periodic motions, from Hopf points and their centres; the frequency of each motion is that of its system.
+        Branches of periodic motions, from Hopf points and their centres; the frequency of each motion is that of its
+        system.
     failures
         What was not found, with the reasons, in sentences.
     complete

@@ -141,7 +141,7 @@ class SelfExcitedWork(Work):
             self._rests = tuple(lines)
             yield Found.part(LINE, self._rests)
         while (number := len(self._cycles)) < self._count:
-            before = self._so_far()
+            before = self._so_far(complete=False)
             after = with_cycle(before, before.beginnings[number], asked.walk)
             cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
             self._cycles.append((number, cycle, after.failures[len(before.failures) :]))
@@ -165,19 +165,19 @@ class SelfExcitedWork(Work):
     @property
     def record(self) -> SelfExcited | None:
         """What was found so far; None before the equilibria are."""
-        return self._so_far() if self._rests else None
+        return self._so_far(complete=self.complete) if self._rests else None
 
     @property
     def _count(self) -> int:
         """Number of places where motions begin, as far as it is known."""
-        return len(self._so_far().beginnings)
+        return len(self._so_far(complete=False).beginnings)
 
-    def _so_far(self) -> SelfExcited:
+    def _so_far(self, *, complete: bool) -> SelfExcited:
         cycles = tuple(cycle for _, cycle, _ in self._cycles if cycle is not None)
         failures = tuple(each for _, _, reasons in self._cycles for each in reasons)
         ends = tuple(each for line in self._rests for each in line.failures)
         asked = self.asked
-        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), self.complete)
+        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), complete)
 
     def finding(self) -> SelfExcitedFinding:
         """Return what was found so far as the finding of a study."""
