@@ -460,7 +460,8 @@ class BranchTracer(Iterator[Step]):
         if self._ended(EndReason.JOINED) or not self._is_doubled(first):
             return step
         value = value_between(first, point, self._scale)
-        if value is None or not has_parent(first, self.beginning.equation, value):
+        within, equation = self.beginning.within, self.beginning.equation
+        if value is None or value not in within or not has_parent(first, equation, value):
             return step
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
@@ -481,7 +482,8 @@ class BranchTracer(Iterator[Step]):
         ahead = discontinuity_ahead(self.beginning.corrector, last) if last.orbit.slips else None
         if ahead is None:
             return False
-        self.walk.finish(last, End(EndReason.JUMPS, ahead.value, ahead.words))
+        value = ahead.value if ahead.value in self.beginning.within else last.value
+        self.walk.finish(last, End(EndReason.JUMPS, value, ahead.words))
         return True
 
     def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:
