@@ -9,8 +9,8 @@ import pytest
 from scipy import stats
 
 import gapwalk as gw
-from gapwalk.answers.point_forms import Form, Met, Patterns
-from gapwalk.answers.point_prediction import Guess, Regression, Terms, polynomial
+from gapwalk.answers.point_forms import Form, Met, Patterns, Pool, _attached
+from gapwalk.answers.point_prediction import Guess, Regression, Regressions, Terms, polynomial
 from gapwalk.answers.spread import Spread, Spreads, measured_parts, spread_in_percent
 from gapwalk.answers.tolerance import chance_of
 from gapwalk.answers.tolerance_records import HowFound
@@ -167,6 +167,30 @@ def test_errors_of_predictions_bound_those_of_other_samples():
     assert fit.left_out(law(x))[:5] == pytest.approx(left_out, rel=1e-8)
     # the number of a part appears twice: nothing tells how its parameters act apart
     assert Regression(np.column_stack((x[:, 0], x[:, 0])), 2).unit_error(law(x)) == np.inf
+
+
+def test_the_distance_of_an_attached_point_has_a_bound_that_grows_beyond_its_samples():
+    random = np.random.default_rng(1)
+    x, other = random.standard_normal((40, 2)), random.standard_normal((4000, 2))
+
+    def apart(values):
+        return 1e-6 * np.exp(0.8 * values[:, 0]) / (1.3 + np.tanh(values[:, 1]))
+
+    met = [Met(k, kind, "", "", 1.0, "()", "()", 0, 1, np.zeros(1)) for k, kind in enumerate(("grazing", "fold"))]
+    forms = [Form(k, str(k), float(k), -1, each, None) for k, each in enumerate(met)]  # pyright: ignore
+    rows, nothing = np.arange(len(x)), np.zeros((len(x), 1, 1))
+    touch = 1.0 + 0.01 * x[:, 0]
+    values = (touch, touch - apart(x))
+    pools = [Pool(rows, each[:, None], nothing, np.zeros(len(x))) for each in values]
+    attached = _attached(forms[1], 1, forms, pools, Regressions(x))
+    assert attached.companion == 0
+    offsets, errors = attached.offset_at(Terms(other))
+    rest = np.abs(offsets + apart(other))
+    assert np.mean(np.isinf(errors)) < 0.2
+    assert np.mean(rest > errors) < 1e-3
+    # three times the most that a sample differs from the fit to all others is no bound everywhere
+    left_out = Regression(x, 2).left_out(values[1] - touch)
+    assert np.mean(rest > 3.0 * np.abs(left_out).max()) > 0.0
 
 
 def campaign() -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
@@ -293,3 +294,35 @@ def test_two_blocks_on_a_belt_repeat_after_half_of_what_was_given() -> None:
     once, twice = orbit.strobes(3)[1:]
     assert once == pytest.approx(orbit.state, abs=1e-9)
     assert twice == pytest.approx(orbit.state, abs=1e-9)
+
+
+def _leaving(cubic: float) -> float:
+    """Return the amplitude at which ``(x*x - 1)*v`` does no work over a period of ``x'' = -x - cubic*x**3``."""
+
+    def work(amplitude: float) -> float:
+        height = lambda x: 0.5 * x**2 + 0.25 * cubic * x**4  # noqa: E731
+        speed = lambda x: np.sqrt(2.0 * max(height(amplitude) - height(x), 0.0))  # noqa: E731
+        return quad(lambda x: (x**2 - 1.0) * speed(x), 0.0, amplitude, epsabs=1e-13, limit=200)[0]
+
+    return float(brentq(work, 0.5, 4.0, xtol=1e-13))
+
+
+@pytest.mark.parametrize(("cubic", "unit"), [(0.0, 1.0), (1.0, 1.0), (0.3, 1e3)])
+def test_motions_leave_a_centre_where_small_damping_does_no_work(cubic: float, unit: float) -> None:
+    law = "mu*((x/u)**2 - 1)*v + c*(x/u)**2*x"
+    damper = gw.force("damper", {"x": 1.0}, law, mu=-0.5, c=cubic, u=unit)
+    system = gw.System(["x"], [1.0], contacts=[damper])
+    found = gw.free.self_excited(system, "damper.mu", 1.0)
+    centre, cycle = found.cycles
+    assert centre.ends[-1].reason is EndReason.CENTRE
+    assert len(centre.points) == 201
+    (point,) = centre.special("branch-point")
+    amplitude = _leaving(cubic) * unit
+    assert point.orbit.measure("half.x") == pytest.approx(amplitude, rel=1e-8)
+    assert point.value == pytest.approx(0.0, abs=1e-12)
+    assert [end.reason for end in cycle.ends] == [EndReason.RANGE, EndReason.RANGE]
+    near = min(cycle.points, key=lambda each: abs(each.value - 1e-2))
+    assert near.measure("half.x") == pytest.approx(amplitude, rel=max(1e-6, near.value**2))
+    assert cycle.points[0 if cycle.points[0].value == 1.0 else -1].value == 1.0
+    if cubic == 0.0:
+        assert _duration(cycle.points[0].orbit) == pytest.approx(VAN_DER_POL, rel=1e-12)

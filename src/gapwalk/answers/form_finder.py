@@ -78,7 +78,7 @@ class FormFinder:
         guesses = [None if point.fit is None else point.fit.predicted(terms) for point in self.points]
         scores, nothing = self._scores(terms), np.zeros(0)
         trusted = None if exact else self._trusted(guesses)
-        offsets = {f: terms.of(form.offset_degree) @ form.offset for f, form in enumerate(forms) if form.companion >= 0}
+        offsets = {f: form.offset_at(terms) for f, form in enumerate(forms) if form.companion >= 0}
         left = 0.5 * self.asked.accuracy * (_EXACT if exact else 1.0)
         for k, sample in enumerate(samples):
             found = dict[int, Located]()
@@ -97,10 +97,10 @@ class FormFinder:
                 if each is not None and not self._is_double(f, each, found):
                     error = left * float(self.points[f].scales[-1])
                     found[f] = Located(each.value, error, each.unknowns, each)
-            for f, offset in offsets.items():
+            for f, (offset, errors) in offsets.items():
                 beside = found.get(forms[f].companion)
-                if beside is not None:
-                    error = beside.error + forms[f].offset_error
+                if beside is not None and np.isfinite(errors[k]):
+                    error = beside.error + float(errors[k])
                     found[f] = Located(beside.value + float(offset[k]), error, nothing)
             yield found
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.answers.near_misses import Miss
-from gapwalk.answers.point_prediction import Fit, Regressions, degree_for
+from gapwalk.answers.point_prediction import Cloud, Fit, Regressions, Terms, degree_for
 from gapwalk.answers.point_tracking import TrackedPoint
 from gapwalk.bifurcation.special_point import SpecialPoint
 from gapwalk.errors import ModelError, NumericalError
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 
 _ATTACHED = 3e-5  # share of its value within which a point beside a grazing point is taken from it
 _MOST = 2  # degree of the polynomials that tell where a form exists, and how far it is from its companion
-_CLOUD = 3.0  # a bound, as a multiple of what most solutions showed
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +141,8 @@ class Form:
         Number of the form of a grazing point to which it is attached; -1 if it is tracked by itself.
     offset : shape (terms,)
         Coefficients of its distance from the companion.
-    offset_degree, offset_error
-        Degree of this polynomial, and a bound for its error.
+    offset_cloud, offset_error
+        The samples of this fit, and a bound for its error at leverage 0; it grows like 1 + leverage.
     scores : shape (terms,)
         Coefficients of a polynomial that is about 1 where the form exists, and 0 elsewhere; empty if it always does.
     degree
@@ -159,10 +158,17 @@ class Form:
     fit: Fit | None = None
     companion: int = -1
     offset: Array = field(default_factory=lambda: np.zeros(0))
-    offset_degree: int = 0
+    offset_cloud: Cloud | None = None
     offset_error: float = np.inf
     scores: Array = field(default_factory=lambda: np.zeros(0))
     degree: int = 0
+
+    def offset_at(self, terms: Terms) -> tuple[Array, Array]:
+        """Return the distances from the companion in samples, and bounds of their errors: infinity beyond the fit."""
+        assert self.offset_cloud is not None
+        return terms.of(self.offset_cloud.degree) @ self.offset, self.offset_error * (
+            1.0 + terms.leverages(self.offset_cloud)
+        )
 
     def point(self, names: Sequence[str]) -> TrackedPoint:
         """Return the point to track."""
@@ -388,8 +394,9 @@ def _attached(form: Form, number: int, forms: Sequence[Form], pools: Sequence[Po
         apart = own.unknowns[mine, -1] - pool.unknowns[theirs, -1]
         if np.abs(apart).max() <= _ATTACHED * np.abs(own.unknowns[:, -1]).min():
             by = regressions.at(both, min(_MOST, degree_for(len(both), regressions.x.shape[1])))
-            error = _CLOUD * float(np.abs(by.left_out(apart)).max())
-            return replace(form, companion=other, offset=by.fit(apart), offset_degree=by.degree, offset_error=error)
+            error = by.unit_error(apart)
+            if np.isfinite(error):
+                return replace(form, companion=other, offset=by.fit(apart), offset_cloud=by.cloud, offset_error=error)
     return form
 
 

@@ -30,7 +30,7 @@ from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.errors import FlowError
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import parameter_symbol, told_apart
 from gapwalk.notebook import Shown
 from gapwalk.summary import Rows, SummaryParts, Table, TableRows, Tables, remarks, summarizes
 
@@ -222,7 +222,9 @@ class RattleBands(Shown):
         if not bands:
             states = {str(span.state) for sweep in self.sweeps for span in spans_of(sweep, gap)}
             return f"{gap} is quiet ({' or '.join(sorted(states))}) from {low} to {high}"
-        ranges = " and ".join(f"from {band.low.value:.6g} to {self._value(band.high.value)}" for band in bands)
+        ends = [told_apart(band.low.value, band.high.value) for band in bands]
+        unit = self.system.units.parameter(self.parameter) if self.system.units else ""
+        ranges = " and ".join(f"from {first} to {last} {unit}".rstrip() for first, last in ends)
         text = f"{gap} rattles {ranges}"
         worst = next((each for each in self.worst if each.severity.gap == gap), None)
         if worst is None:

@@ -14,7 +14,7 @@ from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.point_on_branch import BranchPoint, motion_row, point_row
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
-from gapwalk.model.words import parameter_symbol
+from gapwalk.model.words import parameter_symbol, told_apart
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.summary import Rows, SummaryParts, Table, Tables, rows_of, summarizes
@@ -158,10 +158,13 @@ class Branch(Shown):
             True to include the table of special points.
         """
         symbol = parameter_symbol(self.parameter, self.system.units)
-        yield (
-            f"period-{self.period} motions over {symbol} from {self.values[0]:.10g} to {self.values[-1]:.10g}: "
-            f"{self.counts}"
-        )
+        first, last = told_apart(float(self.values[0]), float(self.values[-1]), 10)
+        low, high = self.values.min(), self.values.max()
+        least = 1e-6 * (high - low) if self.ends[-1].reason is not EndReason.CENTRE else np.inf
+        ends = self.values[[0, -1]]
+        beyond = [each for each in (low, high) if np.abs(ends - each).min() > least]
+        by = f" by way of {' and '.join(f'{each:.10g}' for each in beyond)}" if beyond else ""
+        yield f"period-{self.period} motions over {symbol} from {first}{by} to {last}: {self.counts}"
         for end in self.ends:
             yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
         if points and self.special_points:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.special_point import SpecialPoint
 
 _MERGED = 1e-7  # relative difference between the parts of an orbit below which its period is that of a part
+_OWN = 1e-9  # share of the range from which the size of a value of the parameter is a unit of it
 _CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period
 _PARENT = 2.0  # distance of the parent from the mean of the halves, in their difference, up to which it is the parent
 
@@ -192,7 +193,9 @@ def switch(
             f"{special.value:.10g}, so that the directions of the other branches are not determined; make the parts a "
             "little unequal, or start on a motion of such a branch: gw.find_orbit with another start, or gw.search"
         )
-    within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
+    # slopes are infinite at a special point; a value that is zero but for its error is no unit of the parameter
+    own = abs(special.value)
+    within = replace(within, natural=own if own > _OWN * within.width else within.width)
     return special.kind.beginnings(special, parameter, within, chosen(method))
 
 

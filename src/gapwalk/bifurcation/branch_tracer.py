@@ -133,6 +133,7 @@ class BranchTracer(Iterator[Step]):
             beginning = finer
         self.beginning, self.first = beginning, beginning.first
         self._kinds = (*Kind.known(), *events)
+        self.is_level = False
         self.walk = self._walk_from(walk or WalkOptions(), state)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
         self.detector = Detector(beginning.corrector, self._kinds)
@@ -151,6 +152,11 @@ class BranchTracer(Iterator[Step]):
     def end(self) -> End | None:
         """End of the walk, with its reason; None while it continues."""
         return self.walk.end
+
+    def stay_level(self) -> None:
+        """Detect only what does not depend on changes of the parameter or on stability: both are rounding here."""
+        self.is_level, self._kinds = True, (Kind.BRANCH_POINT, Kind.GRAZING)
+        self.detector = Detector(self.beginning.corrector, self._kinds)
 
     @property
     def is_closed(self) -> bool:
@@ -317,7 +323,7 @@ class BranchTracer(Iterator[Step]):
             start, before = beside, None
         parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
         special = self.detector.inspect(start, point, before)
-        if point.arclength - first.arclength > _CERTAIN and not singular:
+        if point.arclength - first.arclength > _CERTAIN and not singular and not self.is_level:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
             for contact in point.orbit.friction:
@@ -454,7 +460,8 @@ class BranchTracer(Iterator[Step]):
         if self._ended(EndReason.JOINED) or not self._is_doubled(first):
             return step
         value = value_between(first, point, self._scale)
-        if value is None or not has_parent(first, self.beginning.equation, value):
+        within, equation = self.beginning.within, self.beginning.equation
+        if value is None or value not in within or not has_parent(first, equation, value):
             return step
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
@@ -475,7 +482,8 @@ class BranchTracer(Iterator[Step]):
         ahead = discontinuity_ahead(self.beginning.corrector, last) if last.orbit.slips else None
         if ahead is None:
             return False
-        self.walk.finish(last, End(EndReason.JUMPS, ahead.value, ahead.words))
+        value = ahead.value if ahead.value in self.beginning.within else last.value
+        self.walk.finish(last, End(EndReason.JUMPS, value, ahead.words))
         return True
 
     def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:

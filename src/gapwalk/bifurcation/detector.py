@@ -128,7 +128,8 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
     return tuple(
         Unexplained(a.value, b.value, text)
         for number, (a, b, special) in enumerate(steps_of(branch))
-        if not (number == 0 and branch.ends[0].reason is EndReason.BRANCHED)  # all test functions vanish there
+        if branch.ends[-1].reason is not EndReason.CENTRE  # changes of the parameter and multipliers are rounding
+        and not (number == 0 and branch.ends[0].reason is EndReason.BRANCHED)  # all test functions vanish there
         for text in unexplained(a, b, special, joining_points(branch))
     )
 

@@ -50,6 +50,7 @@ class EndReason(Enum):
     BRANCHED = "the branch begins here, at a special point of another branch"
     JOINED = "the branch joined the branch from which it had branched off"
     AT_REST = "the motion shrinks to an equilibrium"
+    CENTRE = "motions of all amplitudes exist at this one value, as about a centre"
     FLOATING = "a part floats freely within its clearance"
     GIVES_WAY = "friction that never slipped slips to one side, so that no motion remains at its position"
     JUMPS = "the motion jumps, so that the branch ends"

@@ -30,6 +30,8 @@ from gapwalk.model.system import System
 from gapwalk.notebook import shows_progress
 
 _OWN = 1e-3  # share of the range from which the size of a value of the parameter is a unit of it
+_FEW, _MANY = 5, 200  # motions at one value of the parameter after which it is known to stay, and the walk ends
+_ONE = 1e-10  # change of the parameter over them, as a share of the range, that is none but for rounding
 _SMALL = 0.2  # amplitude, as a share of the largest one of a branch, below which a turned motion has shrunk to a rest
 
 
@@ -67,7 +69,8 @@ def follow_self_excited(
     Returns
     -------
     Branch
-        Its points, special points and ends. It ends where the motion shrinks to an equilibrium, too.
+        Its points, special points and ends. It ends where the motion shrinks to an equilibrium, too; and after 200
+        motions if all exist at one value of the parameter, as about a centre. Other motions begin at its branch points.
 
     Raises
     ------
@@ -96,6 +99,15 @@ def follow_self_excited(
             if _has_turned(tracer, tracing.steps[-1]):
                 _end_at_rest(tracer, tracing.steps[-1])
                 continue
+            if len(tracing.steps[-1]) in (_FEW, _MANY) and _is_level(tracer, tracing.steps[-1]):
+                tracing.steps[-1][:] = [(each, [s for s in had if not s.turns]) for each, had in tracing.steps[-1]]
+                tracer.stay_level()
+                if len(tracing.steps[-1]) == _MANY:
+                    tracer.walk.finish(point, End(EndReason.CENTRE, point.value))
+            if tracer.is_level:  # how far its points are from the one value is an error of theirs
+                special[:] = [
+                    replace(s, uncertainty=s.uncertainty + abs(s.value - tracer.first.value)) for s in special
+                ]
             if report is not None:
                 report(point, special)
     except KeyboardInterrupt:
@@ -143,6 +155,12 @@ def _has_turned(tracer: BranchTracer, steps: Sequence[tuple[BranchPoint, list[Sp
         return False
     sizes = [swing(_cycle(each)) for each, _ in steps]
     return sizes[-1] < _SMALL * max(sizes) or len(sizes) < 2
+
+
+def _is_level(tracer: BranchTracer, steps: Sequence[tuple[BranchPoint, list[SpecialPoint]]]) -> bool:
+    """Return True if all motions since a Hopf point exist at one value of the parameter, as about a centre."""
+    values = [tracer.first.value, *(each.value for each, _ in steps)]
+    return tracer.beginning.singular and max(values) - min(values) <= _ONE * tracer.beginning.within.width
 
 
 def _end_at_rest(tracer: BranchTracer, steps: list[tuple[BranchPoint, list[SpecialPoint]]]) -> None:

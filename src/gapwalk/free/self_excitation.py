@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.special_point import SpecialPoint
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError, NumericalError
@@ -40,7 +42,8 @@ class SelfExcited(Shown):
     rests
         The equilibria.
     cycles
-        Branches of periodic motions, each from a Hopf point; the frequency of each motion is that of its system.
+        Branches of periodic motions, from Hopf points and their centres; the frequency of each motion is that of its
+        system.
     failures
         What was not found, with the reasons, in sentences.
     complete
@@ -69,6 +72,13 @@ class SelfExcited(Shown):
     def hopf_points(self) -> tuple[RestEvent, ...]:
         """The Hopf points of all equilibria."""
         return tuple(event for line in self.rests for event in line.hopf_points)
+
+    @property
+    def beginnings(self) -> tuple[RestEvent | SpecialPoint, ...]:
+        """Where branches of motions begin: the Hopf points, then branch points on families at one value of it."""
+        centres = [cycle for cycle in self.cycles if cycle.ends[-1].reason is EndReason.CENTRE]
+        points = [each for cycle in centres for each in cycle.special_points if each.kind is Kind.BRANCH_POINT]
+        return (*self.hopf_points, *points)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -204,8 +214,9 @@ def self_excited(
         if not is_known(rests, system[parameter], positions):
             rests.append(follow_rest(system, parameter, within, start=positions, walk=walk, report=report))
     found = SelfExcited(parameter, within, tuple(rests))
-    for hopf in found.hopf_points:
-        found = with_cycle(found, hopf, walk, report)
+    done = 0
+    while done < len(found.beginnings):
+        found, done = with_cycle(found, found.beginnings[done], walk, report), done + 1
     return found
 
 
@@ -252,17 +263,18 @@ def is_reached(found: SelfExcited, hopf: RestEvent) -> bool:
 
 def with_cycle(
     found: SelfExcited,
-    hopf: RestEvent,
+    start: RestEvent | SpecialPoint,
     walk: WalkOptions | None = None,
     report: Callable[[Any], None] | None = None,
 ) -> SelfExcited:
-    """Return what was found with the branch of motions from a Hopf point, or with the reason why there is none."""
-    if is_reached(found, hopf):
+    """Return what was found with the branch of motions from a beginning, or with the reason why there is none."""
+    if isinstance(start, RestEvent) and is_reached(found, start):
         return found
     told = None if report is None else lambda point, special: report(point)
     try:
-        cycle = follow_self_excited(hopf, found.system, found.parameter, found.within, walk=walk, report=told)
+        cycle = follow_self_excited(start, found.system, found.parameter, found.within, walk=walk, report=told)
     except NumericalError as error:
-        return replace(found, failures=(*found.failures, f"from the Hopf point at {hopf.value:.6g}: {error}"))
+        name = "Hopf point" if isinstance(start, RestEvent) else start.kind_words
+        return replace(found, failures=(*found.failures, f"from the {name} at {start.value:.6g}: {error}"))
     failures = [f"motions {len(found.cycles) + 1}: {end}" for end in cycle.ends if end.reason.is_failure]
     return replace(found, cycles=(*found.cycles, cycle), failures=(*found.failures, *failures))

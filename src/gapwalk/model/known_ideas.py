@@ -68,8 +68,12 @@ IDEAS = (
     ),
     Idea("delay|time_?delay|retard\\w*", "delays cannot be modelled: the state is that of now"),
     Idea(
-        "noise|random|psd|stochastic|sweep_?rate|run_?up|transient\\w*",
-        "loads repeat with the excitation; noise and run-ups cannot be modelled",
+        "sweep_?rate|run_?up|transient\\w*",
+        'loads repeat with the excitation, whose speed may change in a [[study]] of the kind "run-up"',
+    ),
+    Idea(
+        "noise|random|psd|stochastic",
+        "loads repeat with the excitation; noise cannot be modelled",
     ),
     Idea("gyroscopic|coriolis", "gyroscopic terms belong in the matrix damping, which need not be symmetric"),
     Idea(

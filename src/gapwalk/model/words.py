@@ -8,6 +8,8 @@ from gapwalk.model.laws import FRICTION, HYSTERESIS, law_parameters
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Units
 
+_ALL = 17  # digits that tell any two numbers apart
+
 _MEASURES = {
     "half": "amplitude of {} (half the peak to peak)",
     "max": "maximum of {}",
@@ -63,16 +65,25 @@ def value_words(value: float, name: str, units: Units | None = None, digits: int
     return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.{digits}g}", units and units.parameter(name))))
 
 
+def told_apart(low: float, high: float, digits: int = 6) -> tuple[str, str]:
+    """Write two numbers with some digits, or with so many more that they differ as the numbers do."""
+    while low != high and digits < _ALL and f"{low:.{digits}g}" == f"{high:.{digits}g}":
+        digits += 1
+    return f"{low:.{digits}g}", f"{high:.{digits}g}"
+
+
 def range_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
     """Write a range in a sentence: ``Ω from 0.7 to 1.3``, ``speed from 700 to 1100 rpm``."""
     unit = units.parameter(name) if units else ""
-    return " ".join(filter(None, (f"{_symbol(name, units)} from {ends[0]:.6g} to {ends[1]:.6g}", unit)))
+    low, high = told_apart(*ends)
+    return " ".join(filter(None, (f"{_symbol(name, units)} from {low} to {high}", unit)))
 
 
 def between_words(ends: tuple[float, float], name: str, units: Units | None = None) -> str:
     """Write a range in a sentence: ``between Ω = 0.6 and 0.66``, ``between speed = 750 and 1050 rpm``."""
+    low, high = told_apart(*ends)
     unit = units.parameter(name) if units else ""
-    return " ".join(filter(None, (f"between {_symbol(name, units)} = {ends[0]:g} and {ends[1]:g}", unit)))
+    return " ".join(filter(None, (f"between {_symbol(name, units)} = {low} and {high}", unit)))
 
 
 def pace_words(system: System) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.step_size import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.free.rest_record import RestEvent, Rests
+from gapwalk.free.rest_record import Rests
 from gapwalk.free.rest_walk import check_rest, follow_rest
 from gapwalk.free.self_excitation import SelfExcited, is_known, starts, with_cycle
 from gapwalk.free.undriven import without_excitation
@@ -66,7 +66,7 @@ class SelfExcitedStudy(RangeStudy):
 LINE = Part("equilibria", tuple[Rests, ...])
 """All branches of equilibria, once they are complete."""
 CYCLE = Part("motions", tuple[int, Branch | None, tuple[str, ...]], numbered=True)
-"""Number of a Hopf point, the branch from it, and the reasons if there is none or it is not complete."""
+"""Number of a beginning, the branch from it, and the reasons if there is none or it is not complete."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _plain(record: Any) -> dict[str, Any]:
 
 
 class SelfExcitedWork(Work):
-    """The work on self-excitation: all equilibria, then the motions from one Hopf point after the other."""
+    """The work on self-excitation: all equilibria, then the motions from one beginning after the other."""
 
     def __init__(self, system: System, asked: SelfExcitedStudy) -> None:
         self.system, self.asked = without_excitation(system), asked
@@ -125,8 +125,7 @@ class SelfExcitedWork(Work):
         """Read equilibria and motions of a file; raise a ValueError if they belong to another study."""
         self._rests = known.get(LINE) or ()
         self._cycles = [cycle for _, cycle in known.all(CYCLE)]
-        count = len(self._hopf_points)
-        if [number for number, _, _ in self._cycles] != [*range(len(self._cycles))] or len(self._cycles) > count:
+        if [number for number, _, _ in self._cycles] != [*range(len(self._cycles))] or len(self._cycles) > self._count:
             raise ValueError("the motions do not belong to the study")
 
     def parts(self, workers: Workers) -> Generator[Found]:
@@ -141,9 +140,9 @@ class SelfExcitedWork(Work):
                     )
             self._rests = tuple(lines)
             yield Found.part(LINE, self._rests)
-        for number in range(len(self._cycles), len(self._hopf_points)):
-            before = self._so_far()
-            after = with_cycle(before, before.hopf_points[number], asked.walk)
+        while (number := len(self._cycles)) < self._count:
+            before = self._so_far(complete=False)
+            after = with_cycle(before, before.beginnings[number], asked.walk)
             cycle = after.cycles[-1] if len(after.cycles) > len(before.cycles) else None
             self._cycles.append((number, cycle, after.failures[len(before.failures) :]))
             yield Found.part(CYCLE, self._cycles[-1], number)
@@ -151,7 +150,7 @@ class SelfExcitedWork(Work):
     @property
     def complete(self) -> bool:
         """True if no work is left."""
-        return bool(self._rests) and len(self._cycles) == len(self._hopf_points)
+        return bool(self._rests) and len(self._cycles) == self._count
 
     @property
     def done(self) -> int:
@@ -161,23 +160,24 @@ class SelfExcitedWork(Work):
     @property
     def total(self) -> int:
         """Number of all parts, as far as it is known."""
-        return 1 + len(self._hopf_points)
+        return 1 + self._count
 
     @property
     def record(self) -> SelfExcited | None:
         """What was found so far; None before the equilibria are."""
-        return self._so_far() if self._rests else None
+        return self._so_far(complete=self.complete) if self._rests else None
 
     @property
-    def _hopf_points(self) -> tuple[RestEvent, ...]:
-        return tuple(event for line in self._rests for event in line.hopf_points)
+    def _count(self) -> int:
+        """Number of places where motions begin, as far as it is known."""
+        return len(self._so_far(complete=False).beginnings)
 
-    def _so_far(self) -> SelfExcited:
+    def _so_far(self, *, complete: bool) -> SelfExcited:
         cycles = tuple(cycle for _, cycle, _ in self._cycles if cycle is not None)
         failures = tuple(each for _, _, reasons in self._cycles for each in reasons)
         ends = tuple(each for line in self._rests for each in line.failures)
         asked = self.asked
-        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), self.complete)
+        return SelfExcited(asked.parameter, asked.ends, self._rests, cycles, (*ends, *failures), complete)
 
     def finding(self) -> SelfExcitedFinding:
         """Return what was found so far as the finding of a study."""

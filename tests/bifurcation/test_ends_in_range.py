@@ -1,0 +1,27 @@
+"""Ends of branches lie in the range that was asked for."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from gapwalk.bifurcation import branch_tracer
+from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.continuation.walk import EndReason
+from gapwalk.continuation.walk_scales import Range
+
+
+@pytest.mark.parametrize(("value", "joins"), [(0.01009, False), (-0.03, True)])
+def test_a_branch_joins_another_only_in_its_range(monkeypatch: pytest.MonkeyPatch, value: float, joins: bool) -> None:
+    monkeypatch.setattr(branch_tracer, "value_between", lambda *_: value)
+    monkeypatch.setattr(branch_tracer, "has_parent", lambda *_: True)
+    ends: list[Any] = []
+    corrector = SimpleNamespace(scales=[1.0])
+    tracer = cast(Any, BranchTracer.__new__(BranchTracer))
+    tracer.beginning = SimpleNamespace(within=Range(-0.6, -0.02), equation=None, corrector=corrector, singular=False)
+    tracer.walk = SimpleNamespace(end=None, finish=lambda _, end: ends.append(end))
+    first, point = (SimpleNamespace(value=each, orbit=SimpleNamespace(period=2)) for each in (-0.04, -0.021))
+    tracer.first = None
+    step = (point, [])
+    assert (tracer._until_parent(first, step) is step) is not joins
+    assert [(end.reason, end.value) for end in ends] == ([(EndReason.JOINED, value)] if joins else [])
