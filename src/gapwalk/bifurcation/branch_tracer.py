@@ -27,7 +27,7 @@ from gapwalk.bifurcation.onset_of_slip import come_to_rest, directions_left, nev
 from gapwalk.bifurcation.sliding_corner import pass_corner
 from gapwalk.bifurcation.special_point import SpecialPoint, describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.bifurcation.start_of_period import AT_START, pass_start
+from gapwalk.bifurcation.start_of_period import AT_START, pass_start, starts_among_impacts
 from gapwalk.bifurcation.stiff_graze import pass_graze
 from gapwalk.continuation.point_on_branch import BranchPoint
 from gapwalk.continuation.step_size import WalkOptions
@@ -168,6 +168,10 @@ class BranchTracer(Iterator[Step]):
         state = self.state
         self.beginning.corrector.forget()
         before, first = self.walk.previous, self.walk.point
+        if self.end is None and state.walk.count < self.walk.options.max_points and starts_among_impacts(first.orbit):
+            step = self._pass_start(state.walk)
+            if step is not None:
+                return step
         while True:
             try:
                 point = next(self.walk)
@@ -368,8 +372,10 @@ class BranchTracer(Iterator[Step]):
         first, corrector = state.point, self.beginning.corrector
         if first is self.first and self.beginning.singular:
             return None
-        passage = pass_start(corrector, first, self.beginning.within, self.walk.options, self._kinds, _change)
+        passage = pass_start(corrector, self.walk, state, self._kinds)
         if passage is None or self._is_astray(first, passage.point) or has_merged(passage.point):
+            return None
+        if floats(passage.point.orbit, self._ways):
             return None
         self.walk.go_on(state, passage.point, passage.step)
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
