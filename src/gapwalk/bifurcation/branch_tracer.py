@@ -378,7 +378,8 @@ class BranchTracer(Iterator[Step]):
         if floats(passage.point.orbit, self._ways):
             return None
         self.walk.go_on(state, passage.point, passage.step)
-        self.walk.step = passage.step  # the state at the start may turn faster than the motion does
+        if starts_among_impacts(passage.point.orbit):
+            self.walk.step = passage.step  # of another section again: the state at the start turns much faster
         self.walk.previous = None  # a cubic from there would pass over the jump of the state
         self.detector = Detector(corrector, self._kinds)
         if passage.end is not None:

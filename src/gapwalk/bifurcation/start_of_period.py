@@ -68,6 +68,8 @@ def starts_at_event(orbit: Orbit) -> bool:
 def starts_among_impacts(orbit: Orbit) -> bool:
     """Return True if the start of the period lies between two impacts of a chatter: along a branch, many will pass."""
     rigid = {switch for _, switch in orbit.system.structure.reactions if switch >= 0}
+    if not rigid:
+        return False
     own = [event for event in orbit.events if event.switch in rigid and event.enters]
     if len(own) < 2 or own[0].switch != own[-1].switch:
         return False

@@ -120,7 +120,7 @@ class Impacts:
         return None
 
     def _lasting(self, number: int, theta: float) -> float:
-        """Return the angle in which all further impacts on a stop follow, under a constant force; inf if they do not."""
+        """Return the angle that all further impacts on a stop take under a constant force; inf if they do not end."""
         dry, sign = self._dry, self._dry.sign_of[number]
         contact = self._layout.structure.reactions[number][0]
         restitution = float(self._restitution(self._layout.contacts[contact], dry.base, theta))

@@ -238,9 +238,9 @@ class Orbit(Shown):
         """Count how much more often each switch closes in another orbit, which is near this one.
 
         A stop that is held has infinitely many impacts before, and how many more the log has says nothing. A graze
-        splits one flight between two of them in two. Where flights cannot be compared one by one, as where a stop is
-        held several times, those impacts are counted that precede a gap between two. If it is held in one of both motions only, nothing is
-        counted: between the two, infinitely many impacts graze.
+        splits a flight between two of them in two. Where flights cannot be compared one by one, as where a stop is held
+        several times, those impacts are counted that precede a gap between two. If it is held in one of both motions
+        only, nothing is counted: between the two, infinitely many impacts graze.
 
         Parameters
         ----------
