@@ -165,13 +165,19 @@ class BranchTracer(Iterator[Step]):
         self.walk.end = end
 
     def __next__(self) -> Step:
+        return self._pass_impacts() or self._step()
+
+    def _pass_impacts(self) -> Step | None:
+        """Return a step over many impacts at the start of the period; None if it does not lie among them."""
+        walk = self.walk
+        goes_on = walk.end is None and walk.count < walk.options.max_points
+        among = goes_on and starts_among_impacts(walk.point.orbit)
+        return self._pass_start(walk.state) if among else None
+
+    def _step(self) -> Step:
         state = self.state
         self.beginning.corrector.forget()
         before, first = self.walk.previous, self.walk.point
-        if self.end is None and state.walk.count < self.walk.options.max_points and starts_among_impacts(first.orbit):
-            step = self._pass_start(state.walk)
-            if step is not None:
-                return step
         while True:
             try:
                 point = next(self.walk)
