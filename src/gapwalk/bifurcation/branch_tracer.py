@@ -165,6 +165,7 @@ class BranchTracer(Iterator[Step]):
         self.walk.end = end
 
     def __next__(self) -> Step:
+        self.beginning.corrector.forget()
         return self._pass_impacts() or self._step()
 
     def _pass_impacts(self) -> Step | None:
@@ -176,7 +177,6 @@ class BranchTracer(Iterator[Step]):
 
     def _step(self) -> Step:
         state = self.state
-        self.beginning.corrector.forget()
         before, first = self.walk.previous, self.walk.point
         while True:
             try:
