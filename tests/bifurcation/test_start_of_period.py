@@ -42,9 +42,10 @@ def test_flights_of_a_chatter_are_compared_one_by_one() -> None:
     left = 0.9 ** np.arange(100.0)
     ours, drifted = left, 1.05 * left**1.02
     assert _more_flights([*ours], [*drifted]) == 0
-    split = np.insert(drifted, 40, 0.6 * drifted[39] + 0.4 * drifted[40])
-    assert _more_flights([*ours], [*split]) == 1
-    assert _more_flights([*split], [*ours]) == -1
+    for place in (1, 40):
+        split = np.insert(drifted, place, 0.6 * drifted[place - 1] + 0.4 * drifted[place])
+        assert _more_flights([*ours], [*split]) == 1
+        assert _more_flights([*split], [*ours]) == -1
     assert _more_flights([*ours], [*0.5 ** np.arange(20.0)]) is None  # other flights altogether
 
 

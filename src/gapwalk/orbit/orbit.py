@@ -191,15 +191,16 @@ class Orbit(Shown):
     def chatters(self) -> dict[int, list[float]]:
         """Angles from each impact on a rigid stop to the one from which the stop is held, by switches that are held.
 
-        There are infinitely many impacts before a stop is held, and the log has those that are not too close to that.
+        Those from where the stop lets go, before the first of these impacts, are among them. There are infinitely many
+        impacts before a stop is held, and the log has those that are not too close to that.
         """
         found, full = {}, PERIOD * self.period
         for switch in {switch for _, switch in self.system.structure.reactions if switch >= 0}:
             own = [event for event in self.events if event.switch == switch]
             begins = [own[place - 1].theta for place, event in enumerate(own) if not event.enters]
             if begins:
-                impacts = [event.theta for event in own if event.enters]
-                found[switch] = sorted(min((begin - theta) % full for begin in begins) for theta in impacts)
+                lasts = (min((begin - event.theta) % full for begin in begins) for event in own)
+                found[switch] = sorted(lasts)
         return found
 
     @cached_property
@@ -526,7 +527,7 @@ def repeats(system: System) -> int:
 def _more_flights(ours: list[float], theirs: list[float]) -> int | None:
     """Return in how many more flights a second chatter is divided, by its falling angles to its end; None if unclear.
 
-    Two flights that correspond are nearly as long as each other; their place near the end may differ by far more.
+    The first flight begins where the stop lets go. Two flights that correspond are nearly as long as each other; their place near the end may differ by far more.
     """
     mine, more, low = 0, 0, _SETTLES[0]
     while True:
