@@ -527,7 +527,8 @@ def repeats(system: System) -> int:
 def _more_flights(ours: list[float], theirs: list[float]) -> int | None:
     """Return in how many more flights a second chatter is divided, by its falling angles to its end; None if unclear.
 
-    The first flight begins where the stop lets go. Two flights that correspond are nearly as long as each other; their place near the end may differ by far more.
+    The first flight begins where the stop lets go. Two flights that correspond are nearly as long as each other; their
+    place near the end may differ by far more.
     """
     mine, more, low = 0, 0, _SETTLES[0]
     while True:
