@@ -69,7 +69,7 @@ def pass_event(
     states = state + step * np.vstack((changes, before))
     numbers, thetas = np.empty((rows + 1, len(coefficients)), dtype=complex), np.full(rows + 1, theta, dtype=complex)
     numbers[:rows], numbers[rows], thetas[rows] = coefficients + step * directions, coefficients, theta + step
-    resets, guards = (formula(states, numbers, thetas).imag / _STEP for formula in (reset, guard))
+    resets, guards = (np.imag(formula(states, numbers, thetas)) / _STEP for formula in (reset, guard))
     return resets[:rows] + np.outer(guards[:rows] / guards[rows], after - resets[rows])
 
 
